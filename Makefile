@@ -1,0 +1,46 @@
+# Everything sets itself up: `make dataset` and `make test` work on a fresh machine with Python >= 3.11 and make.
+SHELL := /bin/sh
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.PHONY: help system install dataset test check schema bench clean
+
+VENV := .venv
+PY := $(VENV)/bin/python
+STAMP := $(VENV)/installed.stamp
+SPEC ?= scene_specs/3df-lighting-mini.yaml
+OUT ?= datasets/$(basename $(notdir $(SPEC)))
+ARGS ?=
+
+help:  ## list what make can do
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):[^#]*## ?/  make \1\t/' | expand -t 18
+	@echo '  SPEC=FILE OUT=DIR ARGS="..." choose what `make dataset` builds; ARGS also go to pytest and the benchmarks'
+
+system:  ## the two system libraries that wheels do not carry: libLLVM and libusb-1.0
+	@sh tools/system_libs.sh
+
+install: $(STAMP)  ## the virtual environment in .venv, with locked packages
+
+# The stamp comes last, so that an interrupted installation is taken up again.
+$(STAMP): pyproject.toml constraints.txt tools/make_venv.sh dataset_builder/__init__.py | system
+	@sh tools/make_venv.sh $(VENV)
+	@touch $@
+
+dataset: $(STAMP)  ## build SPEC (the mini dataset) into OUT
+	@$(VENV)/bin/dataset-builder build $(SPEC) --out $(OUT) $(ARGS)
+
+test: $(STAMP)  ## all tests
+	@$(PY) -m pytest $(ARGS)
+
+check: $(STAMP)  ## lint and types
+	@$(PY) -m ruff check .
+	@$(PY) -m mypy
+
+schema: $(STAMP)  ## write the JSON Schemas that editors read, after a change of the models
+	@$(PY) tools/export_schema.py
+
+bench: $(STAMP)  ## the claims of the README, as ratios from one run each
+	@set -e; for file in benchmarks/*.py; do echo "== $$file"; $(PY) "$$file" $(ARGS); done
+
+clean:  ## remove the virtual environment and caches; datasets stay
+	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find dataset_builder tests benchmarks tools -name __pycache__ -type d -prune -exec rm -rf {} +

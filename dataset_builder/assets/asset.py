@@ -1,0 +1,54 @@
+"""An asset: one mesh, the materials its faces name, and where it comes from."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dataset_builder.geometry.mesh import TriangleMesh
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Texture:
+    """Texel values that multiply the factors of a material; repeats in both directions.
+
+    base_color: (H, W, 3) float32, linear Rec.709 in [0, 1]. roughness, metallic: (H, W) float32 in [0, 1], or None.
+    normal: (H, W, 3) float32 unit vectors in tangent space (x along u, y along v, z out), or None.
+    All maps share one H and W. Row 0 is at v = 1 (image order); texture coordinate (0, 0) is the lower left corner.
+    """
+
+    base_color: np.ndarray
+    roughness: np.ndarray | None = None
+    metallic: np.ndarray | None = None
+    normal: np.ndarray | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Material:
+    """Metallic-roughness surface, as glTF 2.0 (appendix B) means it, two-sided.
+
+    base_color: three factors in [0, 1], linear Rec.709. roughness: perceptual, in [0, 1] (alpha = roughness squared).
+    metallic: in [0, 1]. specular: reflectance at normal incidence of the dielectric part, in [0, 0.16]; 0.04 is an index
+    of refraction of 1.5, 0 switches the dielectric's specular lobe off and leaves a Lambertian surface.
+    """
+
+    name: str
+    base_color: tuple[float, float, float]
+    roughness: float = 1.0
+    metallic: float = 0.0
+    specular: float = 0.04
+    texture: Texture | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Asset:
+    """What a placed object is made of, in its own frame: metres, Z up, front towards -Y, on the floor (smallest z is 0)
+    unless it hangs, centred over the origin in x and y.
+
+    meta: strings for the record, among them `licence` and `source`.
+    """
+
+    name: str
+    category: str
+    mesh: TriangleMesh
+    materials: tuple[Material, ...]
+    meta: dict[str, str] = field(default_factory=dict)

@@ -1,0 +1,73 @@
+"""Materials of a mesh file -> Material: glTF's metallic-roughness, OBJ's MTL, or a mean of vertex colours."""
+
+from typing import Any
+
+import numpy as np
+
+from dataset_builder.assets.asset import Material
+from dataset_builder.assets.texture_maps import linear_from_srgb, make_texture
+from dataset_builder.errors import UserError
+
+ROUGHNESS = 0.8
+"""Where a file says nothing about it."""
+GREY = 0.6
+TEXTURES = ("baseColorTexture", "metallicRoughnessTexture")
+
+
+def file_material(visual: Any, *, name: str, factors: dict[str, Any], max_texture: int) -> Material:
+    """Material of a mesh's `visual` as trimesh gives it.
+
+    factors: glTF's own numbers of this material where known; trimesh rounds colours to 8 bits. max_texture: texels.
+    """
+    material = getattr(visual, "material", None)
+    if hasattr(material, "metallicFactor"):
+        return _metallic_roughness(material, name, factors, max_texture)
+    if hasattr(material, "kwargs"):
+        return _wavefront(material, name, max_texture)
+    return Material(name=name, base_color=_mean_color(visual), roughness=ROUGHNESS)
+
+
+def _metallic_roughness(material: Any, name: str, factors: dict[str, Any], max_texture: int) -> Material:
+    """glTF 2.0, section 3.9.2: factors are linear and default to 1."""
+    lost = [key for key in TEXTURES if key in factors and getattr(material, key) is None]
+    if lost:
+        raise UserError(f"material {name}: {', '.join(lost)}: expected PNG or JPEG images, got something else")
+    rounded = 1.0 if material.baseColorFactor is None else np.asarray(material.baseColorFactor) / 255
+    color = factors.get("baseColorFactor", np.broadcast_to(rounded, 4))
+    texture = make_texture(base_color=material.baseColorTexture, metallic_roughness=material.metallicRoughnessTexture,
+                           normal=material.normalTexture, max_size=max_texture)
+    return Material(name=name, base_color=_triple(color), texture=texture,
+                    roughness=_share(1.0 if material.roughnessFactor is None else material.roughnessFactor),
+                    metallic=_share(1.0 if material.metallicFactor is None else material.metallicFactor))
+
+
+def _wavefront(material: Any, name: str, max_texture: int) -> Material:
+    """MTL: Kd is linear; Ns is a Blinn-Phong exponent.
+
+    The lobe of equal width has alpha = sqrt(2 / (Ns + 2)) (B. Walter et al., "Microfacet Models for Refraction through
+    Rough Surfaces", EGSR 2007); roughness is the root of alpha.
+    """
+    extra = getattr(material, "kwargs", {}) or {}
+    diffuse = getattr(material, "diffuse", None)
+    color = extra.get("kd", (GREY,) * 3 if diffuse is None else np.asarray(diffuse) / 255)
+    exponent = extra.get("ns")
+    roughness = ROUGHNESS if exponent is None else (2 / (max(float(exponent), 0.0) + 2)) ** 0.25
+    texture = make_texture(base_color=getattr(material, "image", None), max_size=max_texture)
+    return Material(name=name, base_color=_triple(color), roughness=_share(roughness), texture=texture)
+
+
+def _mean_color(visual: Any) -> tuple[float, float, float]:
+    """Linear mean of sRGB vertex or face colours; grey where there are none."""
+    if getattr(visual, "kind", None) not in ("vertex", "face"):
+        return (GREY,) * 3
+    colors = visual.vertex_colors if visual.kind == "vertex" else visual.face_colors
+    return _triple(linear_from_srgb(np.asarray(colors)[:, :3] / 255).mean(axis=0))
+
+
+def _triple(color: Any) -> tuple[float, float, float]:
+    red, green, blue = (_share(value) for value in np.atleast_1d(color)[:3])
+    return red, green, blue
+
+
+def _share(value: Any) -> float:
+    return float(np.clip(value, 0, 1))

@@ -1,0 +1,57 @@
+"""Run units on this machine: in this process, or in several. Nobody else knows about processes."""
+
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from itertools import islice
+from typing import TypeVar
+
+from dataset_builder.errors import OutputError
+
+Unit = TypeVar("Unit")
+Result = TypeVar("Result")
+AHEAD = 2
+"""Units handed out per process before results come back."""
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def run(work: Callable[[Unit], Result], units: Iterable[Unit], *, workers: int) -> Iterator[Result]:
+    """Results of `work` on every unit, in order of completion. One worker means this process.
+
+    `work` must be picklable and derive everything from its unit. Raises what `work` raises, and OutputError where a
+    process dies (out of memory, say); units that were finished before keep whatever they wrote.
+    """
+    if workers <= 1:
+        yield from map(work, units)
+        return
+    # A forked child would inherit the state of Dr.Jit and of thread pools
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=_ignore_interrupts) as pool:
+        try:
+            yield from _drain(pool, work, iter(units), workers * AHEAD)
+        except BrokenProcessPool as error:
+            raise OutputError("a worker process died, perhaps for want of memory; finished examples are kept: run the "
+                              "build again, with fewer --workers") from error
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _drain(pool: ProcessPoolExecutor, work: Callable[[Unit], Result], units: Iterator[Unit], most: int) -> Iterator[Result]:
+    pending: set[Future[Result]] = {pool.submit(work, unit) for unit in islice(units, most)}
+    while pending:
+        done, pending = wait(pending, return_when=FIRST_COMPLETED)
+        for future in done:
+            pending |= {pool.submit(work, unit) for unit in islice(units, 1)}
+            yield future.result()
+
+
+def _ignore_interrupts() -> None:
+    """Leave Ctrl-C to the parent, which lets running units end and keeps what they made."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -1,0 +1,134 @@
+"""One unit of work, in whatever process: plan the examples of a view, render, gate, encode and stage them."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+from dataset_builder.digest import digest
+from dataset_builder.errors import PlanError
+from dataset_builder.planning.catalogue import ExampleRef
+from dataset_builder.planning.example_plan import ExamplePlan
+from dataset_builder.planning.plan import Planner
+from dataset_builder.planning.views import ViewUnit
+from dataset_builder.rendering.backend import activate, renderer_versions
+from dataset_builder.shards.example import Example, encode_members, preview
+from dataset_builder.shards.gates import check_gates
+from dataset_builder.shards.identities import Violation, check_layers, identity_table
+from dataset_builder.shards.manifest import Rejected
+from dataset_builder.shards.segment import segment
+from dataset_builder.shards.staging import Staging
+from dataset_builder.shards.writer import entry, writer_versions
+from dataset_builder.spec.dataset import DatasetSpec
+from dataset_builder.spec.load import load_dataset
+from dataset_builder.spec.loaded import LoadedSpec
+
+if TYPE_CHECKING:
+    from dataset_builder.rendering.examples import Rendered
+
+PLANNING = "planning"
+"""Gate that an example fails which cannot be planned."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
+    """What a worker needs to know to find the spec and the output; the same for every unit of a build."""
+
+    spec_path: Path
+    overrides: tuple[str, ...]
+    folder: Path
+    backend: str
+    threads: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What became of one example: digest it is staged under (empty where it could not be planned), or why it is rejected.
+
+    seconds: by pass and by stage (`plan`, `encode`); kept: True where it was staged already and nothing was rendered.
+    """
+
+    ref: ExampleRef
+    digest: str
+    rejected: Rejected | None
+    kept: bool
+    paths: int
+    seconds: dict[str, float]
+
+
+def versions(backend: str) -> dict[str, str]:
+    """Versions of whatever turns a plan into bytes: a change of any makes an example another one."""
+    return {**writer_versions(), **renderer_versions(backend)}
+
+
+def plan_digest(plan: ExamplePlan, spec: DatasetSpec, made_by: dict[str, str]) -> str:
+    """Key of a finished example: its plan, how it is stored and gated, and what made it."""
+    stored = {"dtype": spec.storage.dtype, "gates": spec.gates.model_dump(mode="json")}
+    return digest({"plan": plan.model_dump(mode="json"), "storage": stored, "versions": made_by})
+
+
+def run_unit(job: Job, unit: ViewUnit) -> list[Outcome]:
+    """Make the examples of one view; those that are staged already are kept. One outcome per example, in order."""
+    activate(job.backend, job.threads)
+    planner = _planner(job)
+    outcomes: list[Outcome] = []
+    planned: list[tuple[ExampleRef, ExamplePlan]] = []
+    for ref in unit.examples:
+        try:
+            planned.append((ref, planner.example(ref)))
+        except PlanError as error:
+            outcomes.append(_outcome(ref, rejected=_rejected(ref, PLANNING, str(error))))
+    outcomes += _make(planned, planner.loaded, job)
+    return sorted(outcomes, key=lambda outcome: outcome.ref.index)
+
+
+def _make(planned: Sequence[tuple[ExampleRef, ExamplePlan]], loaded: LoadedSpec, job: Job) -> Iterator[Outcome]:
+    from dataset_builder.rendering.examples import render_view
+
+    made_by, staging = versions(job.backend), Staging(job.folder)
+    digests = {ref.key: plan_digest(plan, loaded.dataset, made_by) for ref, plan in planned}
+    missing = [(ref, plan) for ref, plan in planned if not staging.has(ref.key, digests[ref.key])]
+    there = {ref.key for ref, _ in planned} - {ref.key for ref, _ in missing}
+    yield from (_outcome(ref, digest=digests[ref.key], kept=True) for ref, _ in planned if ref.key in there)
+    if missing:
+        rendered = render_view([plan for _, plan in missing], loaded.path.parent)
+        for (ref, _), example in zip(missing, rendered, strict=True):
+            yield _finish(ref, example, digests[ref.key], loaded.dataset, staging)
+
+
+def _finish(ref: ExampleRef, rendered: "Rendered", key_digest: str, spec: DatasetSpec, staging: Staging) -> Outcome:
+    """Gate, encode and stage one rendered example."""
+    start, plan = perf_counter(), rendered.plan
+    paths = sum(entry["paths"] for entry in rendered.record["passes"] if entry["name"] in rendered.seconds)
+    if violations := _violations(rendered, spec):
+        reason = "; ".join(violation.reason for violation in violations)
+        return _outcome(ref, rejected=_rejected(ref, violations[0].identity, reason), digest=key_digest, paths=paths,
+                        seconds=rendered.seconds)
+    example = Example(key=plan.key, plan=plan.model_dump(mode="json"), record=rendered.record, layers=rendered.layers)
+    members = encode_members(example, dtype=spec.storage.dtype, preview_png=preview(rendered.layers))
+    staging.put(ref.key, key_digest, segment(members), entry(key=ref.key, view=plan.view, members=members))
+    return _outcome(ref, digest=key_digest, paths=paths, seconds=rendered.seconds | {"encode": perf_counter() - start})
+
+
+def _violations(rendered: "Rendered", spec: DatasetSpec) -> list[Violation]:
+    tolerances = {name: tolerance for name, _, tolerance in identity_table(spec.storage.dtype)}
+    masks = {name: rendered.evidence[name] for name in ("mask", "mask_rough") if name in rendered.evidence}
+    found = check_layers({**masks, **rendered.layers}, dict(rendered.plan.render.layers), tolerances)
+    return [*found, *check_gates(rendered.layers, spec.gates, rendered.evidence, rendered.plan.render)]
+
+
+def _rejected(ref: ExampleRef, gate: str, reason: str) -> Rejected:
+    return Rejected(key=ref.key, view=ref.view.name, gate=gate, reason=reason)
+
+
+def _outcome(ref: ExampleRef, *, digest: str = "", rejected: Rejected | None = None, kept: bool = False, paths: int = 0,
+             seconds: dict[str, float] | None = None) -> Outcome:
+    return Outcome(ref=ref, digest=digest, rejected=rejected, kept=kept, paths=paths, seconds=seconds or {})
+
+
+@lru_cache(maxsize=2)
+def _planner(job: Job) -> Planner:
+    """The planner of a job, kept for the life of the process, so that neighbours share what they share."""
+    return Planner(load_dataset(job.spec_path, job.overrides))

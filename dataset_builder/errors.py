@@ -1,0 +1,49 @@
+"""Errors that a user can act on: where, which rule, which value, what to do.
+
+Whatever a user did wrong ends as a `UserError` and is printed without a traceback (exit code 2). Everything else is a
+bug of ours and keeps its traceback.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class Problem:
+    """One broken rule: `where` is `file:line` or a path, `path` the dotted key, `rule` the expectation with its value."""
+
+    where: str
+    path: str
+    rule: str
+    hint: str = ""
+
+    def __str__(self) -> str:
+        place = ": ".join(part for part in (self.where, self.path) if part)
+        text = f"{place}: {self.rule}" if place else self.rule
+        return f"{text} ({self.hint})" if self.hint else text
+
+
+class UserError(Exception):
+    """Something the user can mend. `problems` holds every broken rule that was found, in reading order."""
+
+    def __init__(self, problems: Iterable[Problem] | str):
+        if isinstance(problems, str):
+            problems = [Problem(where="", path="", rule=problems)]
+        self.problems = tuple(problems)
+        super().__init__("\n".join(map(str, self.problems)))
+
+
+class SpecError(UserError):
+    """A spec, or a file that it names, breaks its rules."""
+
+
+class PlanError(UserError):
+    """A valid spec asks for something that cannot be planned, such as a camera that never sees its object."""
+
+
+class OutputError(UserError):
+    """The output folder cannot be written, is full, is in use, or holds something else."""
+
+
+class ShardError(UserError):
+    """A shard or a manifest does not hold what it says it holds."""

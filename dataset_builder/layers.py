@@ -1,0 +1,85 @@
+"""The one table of layers: names, units, ranges and types. Everything else reads it.
+
+The definitions stand in `docs/layers.md`; the identifiers are the same in specs, in code and as members of a shard.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+Geometry = Literal["3dm", "r3dm"]
+Extent = Literal["object", "frame"]
+Pass = Literal["source", "target", "rough", "first_hit", "first_hit_rough"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Layer:
+    """One layer of an example.
+
+    name: identifier; symbol: the paper's; geometry: which mesh of the target object; render_pass: the pass that makes it;
+    channels: 3 (R, G, B) or 1 (Y); low, high: closed range of valid values; unit; meaning: one sentence.
+    """
+
+    name: str
+    symbol: str
+    geometry: Geometry
+    render_pass: Pass
+    channels: int
+    low: float
+    high: float
+    unit: str
+    meaning: str
+
+    @property
+    def radiometric(self) -> bool:
+        """True where the value needs light, so that it has Monte Carlo noise and a standard error."""
+        return self.render_pass in ("source", "target", "rough")
+
+
+INF = float("inf")
+RADIANCE = "W/(m^2 sr), scene-referred linear Rec.709"
+
+_TABLE = (
+    Layer(name="i_s", symbol="I_s", geometry="3dm", render_pass="source", channels=3, low=0, high=INF, unit=RADIANCE,
+          meaning="outgoing radiance of the clean mesh under the source illumination (uniform sunlight)"),
+    Layer(name="d", symbol="D-bar", geometry="3dm", render_pass="first_hit", channels=3, low=0, high=1, unit="1",
+          meaning="diffuse reflectance: integral of f_d cos over the hemisphere, seen from the camera"),
+    Layer(name="r", symbol="R-bar", geometry="3dm", render_pass="first_hit", channels=3, low=0, high=1, unit="1",
+          meaning="directional reflectance of the specular lobes: integral of f_s cos, seen from the camera"),
+    Layer(name="i_t", symbol="I_t-bar", geometry="3dm", render_pass="target", channels=3, low=0, high=INF, unit=RADIANCE,
+          meaning="outgoing radiance of the clean mesh under the target illumination"),
+    Layer(name="s_prime", symbol="S'", geometry="r3dm", render_pass="rough", channels=3, low=0, high=INF, unit=RADIANCE,
+          meaning="raw lighting on the rough mesh: what a white Lambertian first surface would send back"),
+    Layer(name="mask", symbol="M", geometry="3dm", render_pass="first_hit", channels=1, low=0, high=1, unit="1",
+          meaning="share of the pixel that the target object covers (box filter)"),
+    Layer(name="s", symbol="S", geometry="3dm", render_pass="target", channels=3, low=0, high=INF, unit=RADIANCE,
+          meaning="raw lighting on the clean mesh under the target illumination"),
+    Layer(name="spec", symbol="R R_l", geometry="3dm", render_pass="target", channels=3, low=0, high=INF, unit=RADIANCE,
+          meaning="the part of i_t that the specular lobes of the first surface and its emission send"),
+    Layer(name="mask_rough", symbol="M'", geometry="r3dm", render_pass="first_hit_rough", channels=1, low=0, high=1,
+          unit="1", meaning="share of the pixel that the rough mesh of the target object covers"),
+    Layer(name="depth", symbol="z", geometry="3dm", render_pass="first_hit", channels=1, low=0, high=INF, unit="m",
+          meaning="distance along the view axis to the first surface, mean over the samples that meet one; 0 where none does"),
+    Layer(name="normal", symbol="n", geometry="3dm", render_pass="first_hit", channels=3, low=-1, high=1, unit="1",
+          meaning="mean shading normal in world space, turned to the viewer; 0 where nothing is met"),
+    Layer(name="normal_rough", symbol="n'", geometry="r3dm", render_pass="first_hit_rough", channels=3, low=-1, high=1,
+          unit="1", meaning="as normal, on the rough mesh"),
+    Layer(name="instance", symbol="id", geometry="3dm", render_pass="first_hit", channels=1, low=0, high=65504, unit="id",
+          meaning="object at the pixel's centre: 0 none, 1 target, 2 room, 3.. furniture in plan order"),
+)
+
+_ERRORS = tuple(
+    Layer(name=f"{layer.name}_se", symbol=f"se({layer.symbol})", geometry=layer.geometry, render_pass=layer.render_pass,
+          channels=layer.channels, low=0, high=INF, unit=layer.unit, meaning=f"standard error of {layer.name}, per pixel")
+    for layer in _TABLE if layer.radiometric
+)
+
+LAYERS: dict[str, Layer] = {layer.name: layer for layer in (*_TABLE, *_ERRORS)}
+"""Every layer by name: the paper's six first, then the free ones, then the standard errors."""
+
+PAPER_LAYERS = ("i_s", "d", "r", "i_t", "s_prime", "mask")
+"""The tuple of the paper (section 5.1.1), which every dataset holds unless its spec says otherwise."""
+
+
+def layers_of(render_pass: Pass) -> tuple[str, ...]:
+    """Names of the layers that one pass can make, in table order."""
+    return tuple(name for name, layer in LAYERS.items() if layer.render_pass == render_pass)

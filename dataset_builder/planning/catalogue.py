@@ -1,0 +1,105 @@
+"""Which examples a dataset has: splits, pairs, views, lights and noise levels, counted without touching geometry."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+
+from dataset_builder.errors import PlanError
+from dataset_builder.seeding import rng
+from dataset_builder.spec.dataset import DatasetSpec, SplitSpec
+
+KEY_DIGITS = 8
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PairRef:
+    """A target object of a split standing in a scene of that split, both by their index in it."""
+
+    split: str
+    object: int
+    scene: int
+
+    @property
+    def path(self) -> tuple[str | int, ...]:
+        """Where this pair's random numbers come from, whatever else the dataset holds."""
+        return self.split, "pair", self.object, self.scene
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ViewRef:
+    """One camera of a pair. `number` counts the split's views in shuffled order, `camera` those of the pair."""
+
+    number: int
+    pair: PairRef
+    camera: int
+
+    @property
+    def name(self) -> str:
+        """`train/000003`."""
+        return f"{self.pair.split}/{self.number:06d}"
+
+    @property
+    def path(self) -> tuple[str | int, ...]:
+        """Where this view's random numbers come from."""
+        return *self.pair.path, "view", self.camera
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ExampleRef:
+    """One example: a view under its light number `light` at noise level `level`. `index` counts over all splits."""
+
+    index: int
+    view: ViewRef
+    light: int
+    level: int
+
+    @property
+    def key(self) -> str:
+        """Eight digits, unique over all splits."""
+        return f"{self.index:0{KEY_DIGITS}d}"
+
+
+def pairs_of(split: SplitSpec) -> tuple[PairRef, ...]:
+    """The (object, scene) pairs of a split; any number of them uses every object and every scene evenly.
+
+    Pair k takes object k mod O and scene (k + k div lcm(O, S)) mod S, which meets each of the O S pairs once
+    before any comes again (the spec asks for no more).
+    """
+    objects, scenes = split.objects.count, split.scenes.count
+    wanted = objects * scenes if split.pairs == "all" else split.pairs
+    turn = math.lcm(objects, scenes)
+    return tuple(PairRef(split=split.name, object=k % objects, scene=(k + k // turn) % scenes) for k in range(wanted))
+
+
+def views_of(spec: DatasetSpec, split: SplitSpec) -> tuple[ViewRef, ...]:
+    """All views of a split, shuffled so that neighbours in a shard differ in object and scene."""
+    cameras = list(product(pairs_of(split), range(split.views)))
+    order = rng(spec.seed, split.name, "order").permutation(len(cameras))
+    return tuple(ViewRef(number=number, pair=cameras[k][0], camera=cameras[k][1]) for number, k in enumerate(order))
+
+
+def _examples(spec: DatasetSpec) -> Iterator[ExampleRef]:
+    index = 0
+    for split in spec.splits:
+        variants = list(product(range(split.lights), range(len(spec.rough.levels))))
+        for view in views_of(spec, split):
+            for light, level in variants:
+                yield ExampleRef(index=index, view=view, light=light, level=level)
+                index += 1
+
+
+def examples(spec: DatasetSpec) -> tuple[ExampleRef, ...]:
+    """Every example of a dataset in order of index; the examples of one view are neighbours (light, then level).
+
+    Raises PlanError where eight digits do not suffice.
+    """
+    total = count_examples(spec)
+    if total > 10**KEY_DIGITS:
+        raise PlanError(f"expected at most {10**KEY_DIGITS} examples, got {total}")
+    return tuple(_examples(spec))
+
+
+def count_examples(spec: DatasetSpec) -> int:
+    """How many examples the dataset has, by arithmetic."""
+    return sum(len(pairs_of(split)) * split.views * split.lights for split in spec.splits) * len(spec.rough.levels)

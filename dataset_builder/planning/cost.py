@@ -1,0 +1,179 @@
+"""What a dataset will cost: passes, pixels, paths, seconds and bytes, by arithmetic on plans; nothing is rendered."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import astuple, dataclass, fields
+from math import sqrt
+from typing import get_args
+
+import numpy as np
+
+from dataset_builder.layers import LAYERS, Extent, Pass
+from dataset_builder.planning.catalogue import ExampleRef, ViewRef, count_examples, views_of
+from dataset_builder.planning.example_plan import ExamplePlan, RenderPlan
+from dataset_builder.planning.plan import Planner, layers_asked
+from dataset_builder.planning.sight import window_share
+from dataset_builder.seeding import rng
+from dataset_builder.spec.dataset import DatasetSpec
+
+PASSES: tuple[Pass, ...] = get_args(Pass)
+CHANNEL_BYTES = {"float32": 4, "float16": 2}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rates:
+    """How fast a machine is and how well layers compress; `make bench` measures them.
+
+    light_paths, free_paths: paths per second and core of passes with and without light. seconds_per_pass: building the
+    scene and launching. seconds_per_view: planning, meshes and textures. seconds_per_example: writing and verifying.
+    kept_share: stored bytes over raw bytes where a layer holds values; empty_share: where it is 0.
+    example_bytes: of the record and the preview.
+    """
+
+    light_paths: float = 4.0e5
+    free_paths: float = 2.0e6
+    seconds_per_pass: float = 0.05
+    seconds_per_view: float = 0.3
+    seconds_per_example: float = 0.1
+    kept_share: float = 0.85
+    empty_share: float = 0.002
+    example_bytes: float = 20_000.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cost:
+    """Totals. passes: launches. pixels: traced, summed over passes. paths: pixels times spp. seconds: wall time.
+    bytes: stored."""
+
+    passes: float = 0.0
+    pixels: float = 0.0
+    paths: float = 0.0
+    seconds: float = 0.0
+    bytes: float = 0.0
+
+    @classmethod
+    def of(cls, values: np.ndarray) -> "Cost":
+        """From the five figures (5,) in order."""
+        return cls(**dict(zip([field.name for field in fields(cls)], values.tolist(), strict=True)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """Cost of a dataset, its standard error from the views that were planned (0 where all were), and its sizes."""
+
+    total: Cost
+    error: Cost
+    examples: int
+    views: int
+    sampled: int
+    runs: Mapping[Pass, int]
+    """Launches of each pass."""
+
+
+def pass_runs(layers: Iterable[tuple[str, Extent]], lights: int, levels: int) -> dict[Pass, int]:
+    """How often each pass runs for one view: what nobody asked for never, what examples share once.
+
+    The object's pixels come from the light-free passes, so that the first always runs, and the rough one with any rough
+    layer.
+    """
+    times: dict[Pass, int] = {"source": 1, "target": lights, "rough": lights * levels, "first_hit": 1,
+                              "first_hit_rough": levels}
+    asked = {LAYERS[name].render_pass for name, _ in layers} | {"first_hit"}
+    if "rough" in asked:
+        asked.add("first_hit_rough")
+    return {name: times[name] if name in asked else 0 for name in PASSES}
+
+
+def pass_share(name: Pass, plan: ExamplePlan, window: float) -> float:
+    """Share of the frame that a pass traces: all of it where a layer wants the frame, else the object's pixels.
+
+    Light-free passes look for these pixels in the rectangle about the object, which takes the share `window`.
+    """
+    extents = [extent for layer, extent in plan.render.layers if LAYERS[layer].render_pass == name]
+    if "frame" in extents:
+        return 1.0
+    return window if name.startswith("first_hit") else plan.camera.coverage
+
+
+def _spp(render: RenderPlan, name: Pass) -> int:
+    return {"source": render.spp_source, "target": render.spp_target, "rough": render.spp_rough}.get(
+        name, render.spp_first_hit)
+
+
+def example_bytes(plan: ExamplePlan, dtype: str, rates: Rates) -> float:
+    """Stored bytes of one example: values where a layer has them, next to nothing elsewhere, and its record."""
+    frame, total = plan.render.width * plan.render.height, rates.example_bytes
+    for name, extent in plan.render.layers:
+        full = 1.0 if extent == "frame" else plan.camera.coverage
+        share = full * rates.kept_share + (1 - full) * rates.empty_share
+        total += frame * LAYERS[name].channels * CHANNEL_BYTES[dtype] * share
+    return total
+
+
+def view_cost(plan: ExamplePlan, lights: int, levels: int, window: float, dtype: str, rates: Rates,
+              cores: int = 1) -> Cost:
+    """Cost of the `lights` x `levels` examples of the view that `plan` belongs to.
+
+    window: share of the frame in the rectangle about the object. Paths share the cores, everything else uses one.
+    """
+    frame, examples = plan.render.width * plan.render.height, lights * levels
+    seconds, pixels, paths = rates.seconds_per_view + rates.seconds_per_example * examples, 0.0, 0.0
+    runs = pass_runs(plan.render.layers, lights, levels)
+    for name, times in runs.items():
+        traced = times * pass_share(name, plan, window) * frame
+        rate = rates.free_paths if name.startswith("first_hit") else rates.light_paths
+        pixels += traced
+        paths += traced * _spp(plan.render, name)
+        seconds += traced * _spp(plan.render, name) / (rate * cores)
+    passes = sum(runs.values())
+    return Cost(passes=passes, pixels=pixels, paths=paths, seconds=seconds + passes * rates.seconds_per_pass,
+                bytes=examples * example_bytes(plan, dtype, rates))
+
+
+def extrapolate(costs: Sequence[Cost], views: int) -> tuple[Cost, Cost]:
+    """Total over `views` views, and its standard error, from the costs of some of them drawn without replacement.
+
+    Cochran, Sampling Techniques, 3rd ed., eq. 2.20: N sqrt((1 - n/N) s^2 / n). One view says nothing about the spread:
+    its error is given as 0.
+    """
+    table = np.array([astuple(cost) for cost in costs])
+    count = len(table)
+    spread = table.std(axis=0, ddof=1) if count > 1 else np.zeros(table.shape[1])
+    return Cost.of(views * table.mean(axis=0)), Cost.of(views * spread * sqrt(max(1 - count / views, 0.0) / count))
+
+
+def _sampled(spec: DatasetSpec, views: Sequence[ViewRef], share: float) -> list[ViewRef]:
+    """Views of one split drawn without replacement, at least two where there are two."""
+    count = min(max(round(share * len(views)), 2), len(views))
+    picked = rng(spec.seed, views[0].pair.split, "cost").choice(len(views), count, replace=False)
+    return [views[k] for k in sorted(picked)]
+
+
+def _split_cost(planner: Planner, views: Sequence[ViewRef], lights: int, rates: Rates, cores: int) -> list[Cost]:
+    """Cost of each of some views of one split, planned for real under their first light."""
+    spec = planner.loaded.dataset
+    costs = []
+    for ref in views:
+        plan = planner.example(ExampleRef(index=0, view=ref, light=0, level=0))
+        window = window_share(planner.stage(ref.pair), plan.camera, spec.image.height / spec.image.width)
+        costs.append(view_cost(plan, lights, len(spec.rough.levels), window, spec.storage.dtype, rates, cores))
+    return costs
+
+
+def estimate(planner: Planner, sample: int = 24, rates: Rates | None = None, cores: int = 1) -> Estimate:
+    """Cost of the whole dataset from about `sample` views, drawn in every split in proportion and planned for real.
+
+    Raises PlanError where a sampled view cannot be planned.
+    """
+    spec = planner.loaded.dataset
+    total, variance, sampled, runs = np.zeros(5), np.zeros(5), 0, dict.fromkeys(PASSES, 0)
+    views = {split.name: views_of(spec, split) for split in spec.splits}
+    count = sum(map(len, views.values()))
+    for split in spec.splits:
+        own = views[split.name]
+        costs = _split_cost(planner, _sampled(spec, own, sample / count), split.lights, rates or Rates(), cores)
+        whole, error = extrapolate(costs, len(own))
+        total, variance, sampled = total + astuple(whole), variance + np.square(astuple(error)), sampled + len(costs)
+        for name, times in pass_runs(layers_asked(spec), split.lights, len(spec.rough.levels)).items():
+            runs[name] += times * len(own)
+    return Estimate(total=Cost.of(total), error=Cost.of(np.sqrt(variance)), examples=count_examples(spec), views=count,
+                    sampled=sampled, runs=runs)

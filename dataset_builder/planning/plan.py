@@ -1,0 +1,158 @@
+"""Spec to ExamplePlan: every number drawn, each from a path of its own, so that one example can be planned alone."""
+
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Iterator
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Generic, TypeVar
+
+from dataset_builder.errors import PlanError, Problem
+from dataset_builder.layers import LAYERS, Extent
+from dataset_builder.planning.cameras import View, place_camera
+from dataset_builder.planning.catalogue import ExampleRef, PairRef, ViewRef, examples
+from dataset_builder.planning.contents import SplitContents, contents
+from dataset_builder.planning.example_plan import ExamplePlan, IlluminationPlan, RenderPlan, RoughPlan
+from dataset_builder.planning.lights import LitView, sky_share, source_light, target_light, unit_irradiance
+from dataset_builder.planning.stage import Stage
+from dataset_builder.planning.staging import set_stage
+from dataset_builder.seeding import derive_seed, rng
+from dataset_builder.spec.dataset import DatasetSpec
+from dataset_builder.spec.loaded import LoadedSpec
+from dataset_builder.spec.numbers import draw
+
+SCHEMA_VERSION = "1.0.0"
+"""Of the ExamplePlan that is written beside the pixels."""
+Value = TypeVar("Value")
+
+
+class _Recent(Generic[Value]):
+    """The last few values made, by key."""
+
+    def __init__(self, most: int):
+        self._most, self._kept = most, OrderedDict[Hashable, Value]()
+
+    def get(self, key: Hashable, make: Callable[[], Value]) -> Value:
+        """The value of `key`, made where it is not kept."""
+        if key not in self._kept:
+            self._kept[key] = make()
+        self._kept.move_to_end(key)
+        if len(self._kept) > self._most:
+            self._kept.popitem(last=False)
+        return self._kept[key]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ViewPlan:
+    """What the examples of one view share: the stage, the camera with what it sees, the source light."""
+
+    stage: Stage
+    view: View
+    source: IlluminationPlan
+
+
+class Planner:
+    """Plans the examples of one spec. It keeps what neighbours share; no plan depends on what it keeps."""
+
+    def __init__(self, loaded: LoadedSpec):
+        self.loaded = loaded
+        self._stages = _Recent[Stage](4)
+        self._views = _Recent[ViewPlan](4)
+        self._lights = _Recent[tuple[IlluminationPlan, str]](64)
+
+    @cached_property
+    def examples(self) -> tuple[ExampleRef, ...]:
+        """Every example of the dataset, in order of index."""
+        return examples(self.loaded.dataset)
+
+    @cached_property
+    def contents(self) -> dict[str, SplitContents]:
+        """Objects and scenes of every split. Raises PlanError where splits share one."""
+        return contents(self.loaded)
+
+    def stage(self, pair: PairRef) -> Stage:
+        """The stage of a pair. Raises PlanError where the target does not fit its room."""
+        return self._stages.get(pair, lambda: set_stage(pair, self.contents[pair.split], self.loaded.dataset.seed,
+                                                        self.loaded.path.parent))
+
+    def view(self, ref: ViewRef) -> ViewPlan:
+        """Stage, camera and source light of a view. Raises PlanError where no camera sees the target."""
+        return self._views.get(ref, lambda: self._view(ref))
+
+    def _view(self, ref: ViewRef) -> ViewPlan:
+        spec, stage = self.loaded.dataset, self.stage(ref.pair)
+        where = _where(ref, stage)
+        view = place_camera(stage, spec.camera, spec.image, rng(spec.seed, *ref.path, "camera"), where)
+        source = source_light(spec.source, partial(rng, spec.seed, *ref.path, "source"))
+        return ViewPlan(stage=stage, view=view, source=source)
+
+    def light(self, ref: ViewRef, number: int) -> tuple[IlluminationPlan, str]:
+        """Target light `number` of a view and its note. Raises PlanError where none lights the target as asked."""
+        return self._lights.get((ref, number), lambda: self._light(ref, number))
+
+    def _light(self, ref: ViewRef, number: int) -> tuple[IlluminationPlan, str]:
+        spec, plan = self.loaded.dataset, self.view(ref)
+        lit = LitView(stage=plan.stage, camera=plan.view.camera, sight=plan.view.sight,
+                      unit=unit_irradiance(plan.source), sky=sky_share(plan.stage, plan.view.sight))
+        stream = partial(rng, spec.seed, *ref.path, "light", number)
+        return target_light(lit, spec.target, stream, f"{_where(ref, plan.stage)}, light {number}")
+
+    def example(self, ref: ExampleRef) -> ExamplePlan:
+        """The plan of one example. Raises PlanError where the spec asks for what cannot be."""
+        spec, shared = self.loaded.dataset, self.view(ref.view)
+        light, note = self.light(ref.view, ref.light)
+        return ExamplePlan(
+            schema_version=SCHEMA_VERSION, key=ref.key, index=ref.index, split=ref.view.pair.split, view=ref.view.name,
+            light=ref.light, room=shared.stage.room, target=shared.stage.target, furniture=shared.stage.furniture,
+            camera=shared.view.camera, source_light=shared.source, target_light=light,
+            rough=rough_plan(spec, ref), render=render_plan(spec, ref.view),
+            notes=(*shared.stage.notes, shared.view.note, note))
+
+
+def _where(ref: ViewRef, stage: Stage) -> str:
+    return f"{ref.name} ({stage.target.object.name} in {stage.room.name})"
+
+
+def rough_plan(spec: DatasetSpec, ref: ExampleRef) -> RoughPlan:
+    """How the rough mesh is made. Edge length is drawn per object, sigma and noise per view and level."""
+    pair, rough, path = ref.view.pair, spec.rough, (*ref.view.path, "rough", ref.level)
+    edge_length = draw(rough.edge_length, rng(spec.seed, pair.split, "object", pair.object, "edge_length"))
+    return RoughPlan(edge_length=edge_length, rounds=rough.rounds, crease_angle=rough.crease_angle,
+                     sigma=draw(rough.levels[ref.level], rng(spec.seed, *path, "sigma")), level=ref.level,
+                     direction=rough.direction, seed=str(derive_seed(spec.seed, *path, "noise")))
+
+
+def layers_asked(spec: DatasetSpec) -> tuple[tuple[str, Extent], ...]:
+    """Layers and their extents in the order of the spec, with standard errors after them where storage wants them."""
+    asked: dict[str, Extent] = dict(spec.layers)
+    if spec.storage.standard_errors:
+        for name, extent in spec.layers.items():
+            if f"{name}_se" in LAYERS:
+                asked.setdefault(f"{name}_se", extent)
+    return tuple(asked.items())
+
+
+def render_plan(spec: DatasetSpec, view: ViewRef) -> RenderPlan:
+    """How the pixels of a view are computed."""
+    render = spec.render
+    return RenderPlan(width=spec.image.width, height=spec.image.height, layers=layers_asked(spec),
+                      spp_first_hit=render.spp.first_hit, spp_source=render.spp.source, spp_target=render.spp.target,
+                      spp_rough=render.spp.rough, batches=render.batches, max_depth=render.max_depth,
+                      rr_depth=render.rr_depth, seed=str(derive_seed(spec.seed, *view.path, "render")))
+
+
+def plan_example(loaded: LoadedSpec, index: int, planner: Planner | None = None) -> ExamplePlan:
+    """The plan of example `index`, equal to the one in the whole; a planner of the same spec saves repeated work.
+
+    Raises PlanError where there is no such example or where it cannot be planned.
+    """
+    planner = planner or Planner(loaded)
+    if not 0 <= index < len(planner.examples):
+        rule = f"expected an example in [0, {len(planner.examples)}), got {index}"
+        raise PlanError([Problem(where="", path="example", rule=rule)])
+    return planner.example(planner.examples[index])
+
+
+def plan_all(loaded: LoadedSpec) -> Iterator[ExamplePlan]:
+    """The plans of all examples in order of index. Raises PlanError at the first that cannot be planned."""
+    planner = Planner(loaded)
+    return map(planner.example, planner.examples)

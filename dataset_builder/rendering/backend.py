@@ -1,0 +1,100 @@
+"""Choose the Dr.Jit backend before Mitsuba is imported: CUDA where it runs, else LLVM with a library that works.
+
+Dr.Jit 1.5 loads the first libLLVM it finds and aborts the process on some old ones, so the choice is made here.
+"""
+
+import ctypes
+import glob
+import importlib.metadata
+import os
+import re
+from dataclasses import dataclass
+from functools import cache
+
+from dataset_builder.errors import UserError
+
+GOOD_LLVM = range(17, 22)
+"""Major versions that Dr.Jit 1.5 runs with; 14 is refused by it, 15 and 16 abort the process."""
+
+PREFERRED_LLVM = 19
+PATTERNS = (
+    "/usr/lib/*-linux-gnu/libLLVM*.so*",
+    "/usr/lib64/libLLVM*.so*",
+    "/usr/lib/libLLVM*.so*",
+    "/usr/lib/llvm-*/lib/libLLVM*.so*",
+    "/opt/homebrew/opt/llvm*/lib/libLLVM*.dylib",
+    "/usr/local/opt/llvm*/lib/libLLVM*.dylib",
+)
+INSTALL_LLVM = "apt-get install -y libllvm19"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Backend:
+    """What renders: Mitsuba variant, the libLLVM in use (empty on CUDA), and one line that says so."""
+
+    variant: str
+    llvm: str
+    summary: str
+
+
+def llvm_version(path: str) -> int | None:
+    """Major version of a libLLVM asked from the library itself, or None where it does not load or does not tell."""
+    if match := re.search(r"libLLVM(?:-|\.so\.)(\d+)", path):
+        return int(match.group(1))
+    return None
+
+
+def find_llvm() -> str | None:
+    """Path of the best libLLVM: the one in DRJIT_LIBLLVM_PATH if set, else the good version nearest the preferred."""
+    if chosen := os.environ.get("DRJIT_LIBLLVM_PATH"):
+        return chosen
+    found = sorted({path for pattern in PATTERNS for path in glob.glob(pattern)})
+    good = [(abs(version - PREFERRED_LLVM), path) for path in found if (version := llvm_version(path)) in GOOD_LLVM]
+    return min(good)[1] if good else None
+
+
+def cuda_available() -> bool:
+    """True where the NVIDIA driver library loads and reports at least one device."""
+    try:
+        driver = ctypes.CDLL("libcuda.so.1")
+    except OSError:
+        return False
+    count = ctypes.c_int(0)
+    return driver.cuInit(0) == 0 and driver.cuDeviceGetCount(ctypes.byref(count)) == 0 and count.value > 0
+
+
+def choose(wanted: str = "auto") -> Backend:
+    """Backend for `wanted` in auto | cuda | llvm. Raises UserError where it cannot run, with the command that mends it."""
+    if wanted not in ("auto", "cuda", "llvm"):
+        raise UserError(f"backend: expected auto, cuda or llvm, got {wanted!r}")
+    if wanted != "llvm" and cuda_available():
+        return Backend(variant="cuda_ad_rgb", llvm="", summary="cuda_ad_rgb on the NVIDIA GPU")
+    if wanted == "cuda":
+        raise UserError("backend: expected an NVIDIA GPU for cuda, but its driver reports none; use --backend llvm")
+    llvm = find_llvm()
+    if llvm is None:
+        raise UserError(f"backend: no libLLVM of version {GOOD_LLVM[0]} to {GOOD_LLVM[-1]} found; install one "
+                        f"(Debian, Ubuntu: {INSTALL_LLVM}) or set DRJIT_LIBLLVM_PATH to its file")
+    return Backend(variant="llvm_ad_rgb", llvm=llvm, summary=f"llvm_ad_rgb with {llvm}")
+
+
+def renderer_versions(wanted: str = "auto") -> dict[str, str]:
+    """Versions and variant that pixels depend on; raises UserError as `choose` does. Mitsuba is not imported."""
+    packages = {name: importlib.metadata.version(name) for name in ("mitsuba", "drjit")}
+    return {**packages, "variant": choose(wanted).variant}
+
+
+@cache
+def activate(wanted: str = "auto", threads: int = 0) -> Backend:
+    """Set the Mitsuba variant of this process; threads = 0 keeps Dr.Jit's choice (all cores). Call before rendering."""
+    backend = choose(wanted)
+    if backend.llvm:
+        os.environ["DRJIT_LIBLLVM_PATH"] = backend.llvm
+    import drjit as dr
+    import mitsuba as mi
+
+    mi.set_variant(backend.variant)
+    mi.set_log_level(mi.LogLevel.Error)
+    if threads:
+        dr.set_thread_count(threads)
+    return backend

@@ -1,0 +1,121 @@
+"""Lights of a plan -> Mitsuba emitters, padded to constant slots.
+
+Dr.Jit compiles a kernel per scene structure, so every scene holds a dome, a sun and at least one light of each other kind.
+The spare ones are dark, tiny, under the floor, and never sampled.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from dataset_builder.errors import PlanError
+from dataset_builder.planning.example_plan import IlluminationPlan, LightPlan
+
+SPARE_DEPTH = -0.05
+"""Height of spare lights in metres: inside the floor."""
+
+SPARE_SIZE = 1e-4
+BEAM_SHARE = 0.75
+"""Share of a spot's half angle that has full intensity; it falls off linearly from there to the edge."""
+
+
+def emitters(illumination: IlluminationPlan) -> dict[str, Any]:
+    """Entries of a Mitsuba scene dict. Raises PlanError for more than one dome or sun, or no light at all.
+
+    Lights are sampled in proportion to the irradiance that planning expects from each of them at the target object.
+    """
+    entries: dict[str, Any] = {}
+    for kind, (make, slots) in _KINDS.items():
+        lights = [light for light in illumination.lights if light.kind == kind]
+        if slots and len(lights) > slots:
+            raise PlanError(f"lights: expected at most {slots} of kind {kind}, got {len(lights)}")
+        spares = [_spare(kind)] * ((slots or _power_of_two(len(lights))) - len(lights))
+        for index, light in enumerate([*lights, *spares]):
+            entries[f"{kind}_{index}"] = make(light)
+    if not any(light.weight > 0 and any(light.radiance) for light in illumination.lights):
+        raise PlanError("lights: expected at least one that shines, got none")
+    return entries
+
+
+def _power_of_two(count: int) -> int:
+    """Slots for `count` lights of a kind: few different numbers make few different kernels."""
+    return 1 << max(count - 1, 0).bit_length()
+
+
+def _spare(kind: str) -> LightPlan:
+    return LightPlan(kind=kind, position=(0, 0, SPARE_DEPTH), direction=(0, 0, -1), size=SPARE_SIZE, cutoff=30,  # type: ignore[arg-type]
+                     radiance=(0, 0, 0), temperature=0, weight=0)
+
+
+def _dome(light: LightPlan) -> dict[str, Any]:
+    return {"type": "constant", "radiance": _rgb(light), "sampling_weight": light.weight}
+
+
+def _sun(light: LightPlan) -> dict[str, Any]:
+    return {"type": "directional", "direction": light.direction, "irradiance": _rgb(light), "sampling_weight": light.weight}
+
+
+def _area(light: LightPlan) -> mi.Shape:
+    half = light.size / 2
+    to_world = _facing(light) @ mi.ScalarTransform4f().scale([half, half, 1])
+    area = mi.load_dict({"type": "rectangle", "bsdf": _black(), "emitter": _surface_emitter(light)})
+    return _with_opaque(area, to_world=mi.AffineTransform4f(to_world))
+
+
+def _sphere(light: LightPlan) -> dict[str, Any]:
+    return {"type": "sphere", "center": light.position, "radius": light.size, "bsdf": _black(),
+            "emitter": _surface_emitter(light)}
+
+
+def _point(light: LightPlan) -> dict[str, Any]:
+    return {"type": "point", "position": light.position, "intensity": _rgb(light), "sampling_weight": light.weight}
+
+
+def _spot(light: LightPlan) -> mi.Emitter:
+    spot = mi.load_dict({"type": "spot", "to_world": _facing(light), "intensity": _rgb(light),
+                         "sampling_weight": light.weight})
+    return _with_opaque(spot, cutoff_angle=mi.Float(light.cutoff), beam_width=mi.Float(BEAM_SHARE * light.cutoff))
+
+
+def _with_opaque(plugin: mi.Object, **values: Any) -> Any:
+    """The plugin with some of its parameters as device values; given in its dict they would be literals of the kernel."""
+    params = mi.traverse(plugin)
+    for name, value in values.items():
+        dr.make_opaque(value)
+        params[name] = value
+    params.update()
+    return plugin
+
+
+def _facing(light: LightPlan) -> mi.ScalarTransform4f:
+    """Transform whose +Z is the light's direction."""
+    position, direction = np.array(light.position), np.array(light.direction)
+    up = [1.0, 0.0, 0.0] if abs(direction[2]) > 0.9 * np.linalg.norm(direction) else [0.0, 0.0, 1.0]
+    return mi.ScalarTransform4f().look_at(list(position), list(position + direction), up)
+
+
+def _surface_emitter(light: LightPlan) -> dict[str, Any]:
+    return {"type": "area", "radiance": _rgb(light), "sampling_weight": light.weight}
+
+
+def _black() -> dict[str, Any]:
+    return {"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.0, 0.0, 0.0]}}
+
+
+def _rgb(light: LightPlan) -> dict[str, Any]:
+    return {"type": "rgb", "value": list(light.radiance)}
+
+
+_KINDS: dict[str, tuple[Callable[[LightPlan], Any], int]] = {
+    "dome": (_dome, 1), "sun": (_sun, 1), "area": (_area, 0), "sphere": (_sphere, 0), "point": (_point, 0),
+    "spot": (_spot, 0),
+}
+"""Maker of each kind, and its number of slots; 0 is as many as needed."""
+
+
+def kinds() -> Sequence[str]:
+    """Kinds of light, in scene order."""
+    return tuple(_KINDS)

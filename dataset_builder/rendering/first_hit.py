@@ -1,0 +1,79 @@
+"""What happens at the first surface that a camera ray meets, for any Mitsuba BSDF.
+
+`Surface` answers these questions itself, from one look at its textures; for every other BSDF they are put together from
+Mitsuba's own interface: D from `eval_diffuse_reflectance`, no specular reflectance, the geometric shading normal.
+"""
+
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+
+COSINE_SHARE = 0.25
+"""Probability of the cosine lobe for the scattered direction; the rest goes to the BSDF."""
+
+
+@dataclass
+class FirstHit:
+    """At one point: D; for the sampled light direction and for the scattered direction `wo` (both local), f cos, the
+    BSDF's sampling density, and cos / pi, which is both a white Lambertian surface and the density of a cosine lobe.
+    """
+
+    diffuse: mi.Color3f
+    em_value: mi.Color3f
+    em_density: mi.Float
+    em_cosine: mi.Float
+    wo: mi.Vector3f
+    value: mi.Color3f
+    density: mi.Float
+    cosine: mi.Float
+
+
+def white_lambert(normal, si, wo):
+    """cos / pi about a local shading normal, on the viewer's side of the surface."""
+    above = mi.Frame3f.cos_theta(si.wi) * mi.Frame3f.cos_theta(wo) > 0
+    return dr.select(above, dr.maximum(dr.dot(normal, wo), 0) * dr.inv_pi, 0)
+
+
+def cosine_direction(normal, sample):
+    """A local direction about a local normal, with density cos / pi."""
+    return mi.Frame3f(normal).to_world(mi.warp.square_to_cosine_hemisphere(sample))
+
+
+def mixture(density, cosine):
+    """Density of the scattered direction: BSDF and cosine lobe, so that it is positive on the whole hemisphere."""
+    return dr.lerp(density, cosine, COSINE_SHARE)
+
+
+def first_hit(bsdf, si, light, take_cosine, sample1, sample2, active):
+    """`FirstHit` of any BSDF pointer; `light` is the local direction of a light sample."""
+    return dr.dispatch(bsdf, _first_hit, si, light, take_cosine, sample1, sample2, active)
+
+
+def reflectance(bsdf, si, active):
+    """(D, R, local shading normal turned to the viewer) of any BSDF pointer."""
+    return dr.dispatch(bsdf, _reflectance, si, active)
+
+
+def _first_hit(bsdf, si, light, take_cosine, sample1, sample2, active):
+    if hasattr(bsdf, "first_hit"):
+        return bsdf.first_hit(si, light, take_cosine, sample1, sample2, active)
+    ctx = mi.BSDFContext()
+    normal = _viewer_normal(si)
+    bs, _ = bsdf.sample(ctx, si, sample1, sample2, active & ~take_cosine)
+    wo = dr.select(take_cosine, cosine_direction(normal, sample2), bs.wo)
+    em_value, em_density = bsdf.eval_pdf(ctx, si, light, active)
+    value, density = bsdf.eval_pdf(ctx, si, wo, active)
+    return FirstHit(diffuse=mi.Color3f(bsdf.eval_diffuse_reflectance(si, active)), em_value=mi.Color3f(em_value),
+                    em_density=em_density, em_cosine=white_lambert(normal, si, light), wo=wo,
+                    value=mi.Color3f(value), density=density, cosine=white_lambert(normal, si, wo))
+
+
+def _reflectance(bsdf, si, active):
+    if hasattr(bsdf, "reflectance"):
+        return bsdf.reflectance(si, active)
+    return mi.Color3f(bsdf.eval_diffuse_reflectance(si, active)), mi.Color3f(0), _viewer_normal(si)
+
+
+def _viewer_normal(si):
+    return mi.Normal3f(0, 0, dr.select(mi.Frame3f.cos_theta(si.wi) < 0, mi.Float(-1), mi.Float(1)))

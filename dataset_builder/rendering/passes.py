@@ -1,0 +1,105 @@
+"""The passes: each an integrand over a scene, and the layers its channels mean."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from dataset_builder.planning.example_plan import CameraPlan, RenderPlan
+from dataset_builder.rendering.estimate import Estimate, estimate
+from dataset_builder.rendering.first_hit import reflectance
+from dataset_builder.rendering.integrator import trace
+from dataset_builder.rendering.scene import Stage, sensor_of
+
+TARGET_INSTANCE = 1
+RADIANCE_CHANNELS = {"image": slice(0, 3), "shading": slice(3, 6), "specular": slice(6, 9),
+                     "shading_squared": slice(9, 12)}
+FIRST_HIT_CHANNELS = {"mask": slice(0, 1), "d": slice(1, 4), "r": slice(4, 7), "normal": slice(7, 10),
+                      "depth": slice(10, 11), "met": slice(11, 12), "d_squared": slice(12, 15)}
+CENTRE = 0.5
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class View:
+    """What all passes of one view share: the camera, and how pixels are computed."""
+
+    camera: CameraPlan
+    render: RenderPlan
+
+    def sensor(self) -> mi.Sensor:
+        """The camera, as Mitsuba's."""
+        return sensor_of(self.camera, self.render.width, self.render.height)
+
+    def estimate(self, integrand, pixels: np.ndarray, spp: int, seed: int, batches: int | None = None) -> Estimate:
+        """`rendering.estimate.estimate` with this view's size and batches."""
+        return estimate(integrand, pixels, width=self.render.width, height=self.render.height, spp=spp,
+                        batches=batches or self.render.batches, seed=seed)
+
+
+def radiance(view: View, stage: Stage, pixels: np.ndarray, *, spp: int, seed: int) -> Estimate:
+    """Image, shading, specular part and squared shading, channels as `RADIANCE_CHANNELS` cuts them."""
+    sensor = view.sensor()
+    max_depth, rr_depth = (dr.opaque(mi.UInt32, depth) for depth in (view.render.max_depth, view.render.rr_depth))
+
+    def integrand(sampler, position):
+        found = trace(stage.scene, sampler, _primary(sensor, position), max_depth, rr_depth)
+        return [*found.image, *found.shading, *found.specular, *(found.shading * found.shading)]
+
+    return view.estimate(integrand, pixels, spp, seed)
+
+
+def first_hit(view: View, stage: Stage, pixels: np.ndarray, *, spp: int, seed: int) -> Estimate:
+    """The light-free layers, channels as `FIRST_HIT_CHANNELS` cuts them: means over all samples, hits or not."""
+    sensor = view.sensor()
+    forward = mi.Vector3f(sensor.world_transform() @ mi.Vector3f(0, 0, 1))
+    origin = mi.Point3f(sensor.world_transform() @ mi.Point3f(0, 0, 0))
+    dr.make_opaque(forward, origin)
+
+    def integrand(sampler, position):
+        ray = _primary(sensor, position)
+        si = stage.scene.ray_intersect(ray, mi.RayFlags.All, coherent=True)
+        met = si.is_valid()
+        diffuse, specular, normal = reflectance(si.bsdf(ray), si, met)
+        target = met & (_instance(stage, si) == TARGET_INSTANCE)
+        depth = dr.dot(si.p - origin, forward)
+        channels = [dr.select(target, mi.Float(1), 0), *diffuse, *specular, *si.to_world(normal), depth, mi.Float(1),
+                    *(diffuse * diffuse)]
+        return [channels[0], *(dr.select(met, channel, 0) for channel in channels[1:])]
+
+    return view.estimate(integrand, pixels, spp, seed)
+
+
+def instances(view: View, stage: Stage, pixels: np.ndarray) -> np.ndarray:
+    """(P,) instance that the ray through each pixel's centre meets; 0 for none."""
+    sensor = view.sensor()
+    size = mi.Vector2f(dr.opaque(mi.Float, view.render.width), dr.opaque(mi.Float, view.render.height))
+    row, column = np.divmod(pixels, view.render.width)
+    centre = mi.Vector2f(mi.Float(column + CENTRE), mi.Float(row + CENTRE)) / size
+    si = stage.scene.ray_intersect(_primary(sensor, centre))
+    return np.array(dr.select(si.is_valid(), _instance(stage, si), 0))
+
+
+def first_hit_layers(found: Estimate) -> Mapping[str, np.ndarray]:
+    """(P, C) layers of a first-hit pass: depth is the mean over samples that met something."""
+    mean = {name: found.mean[:, channels] for name, channels in FIRST_HIT_CHANNELS.items()}
+    met = np.maximum(mean["met"], 1e-12)
+    return {name: mean[name] for name in ("mask", "d", "r", "normal")} | {"depth": mean["depth"] / met}
+
+
+def deviation(found: Estimate, channels: Mapping[str, slice], name: str) -> np.ndarray:
+    """(P, 3) deviation over the samples of each pixel of `name`, of which the pass also has the mean of squares."""
+    mean, squared = found.mean[:, channels[name]], found.mean[:, channels[f"{name}_squared"]]
+    return np.sqrt(np.maximum(squared - mean**2, 0))
+
+
+def _primary(sensor: mi.Sensor, position: mi.Vector2f) -> mi.Ray3f:
+    ray, _ = sensor.sample_ray(0, CENTRE, position, mi.Point2f(CENTRE), True)
+    return ray
+
+
+def _instance(stage: Stage, si: mi.SurfaceInteraction3f) -> mi.UInt32:
+    """Instance of the face that was met; lamps are no instance."""
+    own = si.shape == mi.ShapePtr(stage.shape)
+    return dr.select(own, dr.gather(mi.UInt32, stage.body.instance, si.prim_index, own), 0)

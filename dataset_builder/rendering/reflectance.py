@@ -1,0 +1,68 @@
+"""Directional reflectance of the GGX lobe, tabulated once: how much light a rough mirror sends back, seen from above.
+
+With Schlick's Fresnel term F = F0 + (F90 - F0) (1 - c)^5 the reflectance is linear in F0 and F90,
+E(mu, alpha) = F0 * A(mu, alpha) + F90 * B(mu, alpha), the split sum of Karis, "Real shading in Unreal Engine 4"
+(SIGGRAPH 2013 course notes). Single scattering: energy lost between microfacets is lost, so E <= 1.
+"""
+
+from functools import cache
+
+import numpy as np
+
+COSINES = 64
+ROUGHNESSES = 32
+STRATA = 32
+MIN_ALPHA = 1e-3
+"""Smallest GGX alpha: below it, single precision cannot resolve the lobe."""
+
+
+def alpha_of(roughness: np.ndarray) -> np.ndarray:
+    """GGX alpha of a perceptual roughness in [0, 1] (glTF 2.0, appendix B.2.3: alpha = roughness squared)."""
+    return np.maximum(roughness**2, MIN_ALPHA)
+
+
+@cache
+def split_sum_table() -> np.ndarray:
+    """(ROUGHNESSES, COSINES, 2) float32: A and B at roughness i / (ROUGHNESSES - 1) and cosine j / (COSINES - 1)."""
+    mu = np.maximum(np.linspace(0, 1, COSINES), 1e-4)
+    alpha = alpha_of(np.linspace(0, 1, ROUGHNESSES))
+    table = np.stack([np.stack(_split_sum(mu, a), axis=-1) for a in alpha])
+    table.flags.writeable = False
+    return table
+
+
+def _split_sum(mu: np.ndarray, alpha: float) -> tuple[np.ndarray, np.ndarray]:
+    """A and B, each (M,), for one alpha: means over visible normals on a midpoint grid of STRATA x STRATA."""
+    grid = (np.arange(STRATA) + 0.5) / STRATA
+    u, v = (axis.ravel() for axis in np.meshgrid(grid, grid, indexing="ij"))
+    wi = np.stack([np.sqrt(1 - mu**2), np.zeros_like(mu), mu], axis=-1)[:, None]
+    normal = _visible_normals(wi, alpha, u, v)
+    cosine = np.sum(wi * normal, axis=-1)
+    wo_z = 2 * cosine * normal[..., 2] - wi[..., 2]
+    weight = np.where(wo_z > 0, _g2_over_g1(wi[..., 2], np.maximum(wo_z, 1e-7), alpha), 0)
+    schlick = np.clip(1 - cosine, 0, 1) ** 5
+    return np.mean(weight * (1 - schlick), axis=1).astype(np.float32), np.mean(weight * schlick, axis=1).astype(np.float32)
+
+
+def _visible_normals(wi: np.ndarray, alpha: float, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Microfacet normals seen from wi, by Heitz, "Sampling the GGX distribution of visible normals" (JCGT 2018)."""
+    stretched = wi * np.array([alpha, alpha, 1.0])
+    stretched /= np.linalg.norm(stretched, axis=-1, keepdims=True)
+    side = np.array([0.0, 1.0, 0.0])
+    other = np.cross(stretched, side)
+    other /= np.linalg.norm(other, axis=-1, keepdims=True)
+    radius, phi = np.sqrt(u), 2 * np.pi * v
+    x, y = radius * np.cos(phi), radius * np.sin(phi)
+    s = 0.5 * (1 + stretched[..., 2])
+    y = (1 - s) * np.sqrt(1 - x**2) + s * y
+    z = np.sqrt(np.maximum(0, 1 - x**2 - y**2))
+    normal = x[..., None] * side - y[..., None] * other + z[..., None] * stretched
+    normal = normal * np.array([alpha, alpha, 1.0])
+    normal[..., 2] = np.maximum(normal[..., 2], 1e-9)
+    return normal / np.linalg.norm(normal, axis=-1, keepdims=True)
+
+
+def _g2_over_g1(cos_i: np.ndarray, cos_o: np.ndarray, alpha: float) -> np.ndarray:
+    """Separable Smith shadowing G2 / G1(wi) = G1(wo), the form that Mitsuba's MicrofacetDistribution uses."""
+    tan2 = (1 - cos_o**2) / cos_o**2
+    return 2 / (1 + np.sqrt(1 + alpha**2 * tan2)) + 0 * cos_i

@@ -1,0 +1,87 @@
+"""Triangles, lights and a camera -> a Mitsuba scene of constant structure, one at a time.
+
+Dr.Jit compiles a call of a method for every object that is alive, so the kernel of one scene is the kernel of the next
+only if nothing of another scene is about: bodies are kept as bare arrays, and a scene lives as long as its pass.
+"""
+
+import gc
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+
+from dataset_builder.planning.example_plan import CameraPlan, IlluminationPlan
+from dataset_builder.rendering import surface
+from dataset_builder.rendering.buffers import owned
+from dataset_builder.rendering.emitters import emitters
+from dataset_builder.rendering.shapes import Triangles, mesh_of, upload
+from dataset_builder.rendering.soup import Soup
+from dataset_builder.rendering.surface import MaterialTable, Surface
+from dataset_builder.rendering.texels import pack
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Body:
+    """Geometry and materials on the device; instance: value in the `instance` layer of each face."""
+
+    triangles: Triangles
+    materials: MaterialTable
+    instance: mi.UInt32
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Stage:
+    """A scene that can be traced, the body in it, and the shape that the body is."""
+
+    scene: mi.Scene
+    body: Body
+    shape: mi.Mesh
+
+
+def body_of(soup: Soup) -> Body:
+    """Upload a soup."""
+    return Body(triangles=upload(soup.corners, soup.normals, soup.uvs),
+                materials=MaterialTable.upload(pack(soup.materials, soup.material)),
+                instance=owned(mi.UInt32, soup.instance.astype(np.uint32)))
+
+
+@contextmanager
+def staged(body: Body, illumination: IlluminationPlan | None) -> Iterator[Stage]:
+    """A scene of one body under an illumination, or without any light. Nothing of it may be kept.
+
+    Garbage is not collected meanwhile: an object that died during tracing would renumber those that are called.
+    """
+    lights = emitters(illumination) if illumination is not None else {}
+    surface_plugin = _surface(mi.variant())
+    surface_plugin.bind(body.materials)
+    shape = mesh_of(body.triangles, surface_plugin)
+    collecting = gc.isenabled()
+    gc.disable()
+    try:
+        # Loading in parallel would number the objects anew each time.
+        scene = mi.load_dict({"type": "scene", "body": shape, **lights}, parallel=False)
+        yield Stage(scene=scene, body=body, shape=shape)
+    finally:
+        del lights
+        if collecting:
+            gc.enable()
+
+
+@cache
+def _surface(variant: str) -> Surface:
+    """The one surface of the process: it is bound to each body in turn."""
+    return mi.load_dict({"type": surface.PLUGIN})
+
+
+def sensor_of(camera: CameraPlan, width: int, height: int) -> mi.Sensor:
+    """A perspective sensor; film of width x height pixels with a box filter."""
+    film = {"type": "hdrfilm", "width": width, "height": height, "rfilter": {"type": "box"}, "pixel_format": "rgb",
+            "component_format": "float32"}
+    sensor: dict[str, Any] = {"type": "perspective", "fov": camera.fov, "fov_axis": "x", "film": film,
+                              "near_clip": 1e-3, "far_clip": 1e4,
+                              "to_world": mi.ScalarTransform4f().look_at(camera.position, camera.target, camera.up)}
+    return mi.load_dict(sensor)

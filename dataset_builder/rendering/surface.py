@@ -1,0 +1,243 @@
+"""The surface of everything in a scene: one Mitsuba BSDF plugin that looks its material up by triangle.
+
+A scene is one mesh with one BSDF, whatever it holds: face -> material row -> texels. The kernel that Dr.Jit compiles for
+it is therefore the same for every scene, so it is compiled once and found in the cache ever after (`docs/design.md`).
+
+The model is metallic-roughness: f = f_d + f_s with
+    f_s = F D G / (4 cos cos), GGX with Schlick's Fresnel term, F0 = mix(specular, base_color, metallic),
+    f_d = base_color (1 - metallic) (1 - E(wi)) / pi,
+where E is the directional reflectance of f_s seen from wi. Scaling the base by what the layer above leaves over, from the
+viewer's side alone, is the albedo scaling of OpenPBR and of Cycles. It makes f_d Lambertian in the other direction, so
+that outgoing radiance is exactly D * S + specular part with D = pi f_d and R = E, and D + R <= 1.
+"""
+
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+
+from dataset_builder.rendering.buffers import owned
+from dataset_builder.rendering.first_hit import FirstHit, cosine_direction, white_lambert
+from dataset_builder.rendering.reflectance import COSINES, MIN_ALPHA, ROUGHNESSES, split_sum_table
+from dataset_builder.rendering.texels import MaterialArrays
+
+PLUGIN = "threedf_surface"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MaterialTable:
+    """`MaterialArrays` on the device."""
+
+    face_material: mi.UInt32
+    factors: mi.Float
+    extents: mi.UInt32
+    texels: mi.Float
+
+    @classmethod
+    def upload(cls, arrays: MaterialArrays) -> "MaterialTable":
+        """Copy the arrays."""
+        return cls(face_material=owned(mi.UInt32, arrays.face_material), factors=owned(mi.Float, arrays.factors),
+                   extents=owned(mi.UInt32, arrays.extents), texels=owned(dr.float16_array_t(mi.Float), arrays.texels))
+
+
+@dataclass
+class Lobes:
+    """Both lobes at a point: D, R, Schlick's F0 and F90, GGX alpha, and the local shading normal turned to the viewer."""
+
+    diffuse: mi.Color3f
+    specular: mi.Color3f
+    f0: mi.Color3f
+    f90: mi.Float
+    alpha: mi.Float
+    normal: mi.Normal3f
+
+
+class Surface(mi.BSDF):
+    """Two-sided metallic-roughness surfaces of one merged mesh; `bind` the arrays before use."""
+
+    def __init__(self, props: mi.Properties):
+        mi.BSDF.__init__(self, props)
+        glossy = mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide
+        diffuse = mi.BSDFFlags.DiffuseReflection | mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide
+        self.m_components = [diffuse, glossy]
+        self.m_flags = diffuse | glossy
+        self.split_sum = owned(mi.Float, split_sum_table())
+
+    def bind(self, table: MaterialTable) -> None:
+        """Take the materials of the mesh that is rendered next."""
+        self.table = table
+
+    # Layers of the first hit
+
+    def first_hit(self, si, light, take_cosine, sample1, sample2, active):
+        """See `first_hit.FirstHit`; one look at the textures."""
+        lobes = self._lobes(si, active)
+        bs, _ = _sample(lobes, si, sample1, sample2, active & ~take_cosine)
+        wo = dr.select(take_cosine, cosine_direction(lobes.normal, sample2), bs.wo)
+        em_value, em_density = _evaluate(lobes, si, light)
+        value, density = _evaluate(lobes, si, wo)
+        return FirstHit(diffuse=lobes.diffuse, em_value=em_value, em_density=em_density,
+                        em_cosine=white_lambert(lobes.normal, si, light), wo=wo, value=value, density=density,
+                        cosine=white_lambert(lobes.normal, si, wo))
+
+    def reflectance(self, si, active):
+        """(D, R, local shading normal) at a surface point."""
+        lobes = self._lobes(si, active)
+        return lobes.diffuse, lobes.specular, lobes.normal
+
+    def eval_diffuse_reflectance(self, si, active):
+        """D: integral of f_d cos over the hemisphere, seen from si.wi."""
+        return dr.select(active, self._lobes(si, active).diffuse, 0)
+
+    # Scattering
+
+    def eval(self, ctx, si, wo, active):
+        """f cos, both lobes."""
+        return self.eval_pdf(ctx, si, wo, active)[0]
+
+    def pdf(self, ctx, si, wo, active):
+        """Solid-angle density of `sample`."""
+        return self.eval_pdf(ctx, si, wo, active)[1]
+
+    def eval_pdf(self, ctx, si, wo, active):
+        """f cos and the density of `sample`."""
+        value, density = _evaluate(self._lobes(si, active), si, wo)
+        return dr.select(active, value, 0), dr.select(active, density, 0)
+
+    def sample(self, ctx, si, sample1, sample2, active):
+        """A direction of the diffuse or the GGX lobe, picked in proportion to their reflectance."""
+        return _sample(self._lobes(si, active), si, sample1, sample2, active)
+
+    def eval_pdf_sample(self, ctx, si, wo, sample1, sample2, active):
+        """`eval_pdf` and `sample` at once, as path integrators ask."""
+        lobes = self._lobes(si, active)
+        value, density = _evaluate(lobes, si, wo)
+        return (dr.select(active, value, 0), dr.select(active, density, 0),
+                *_sample(lobes, si, sample1, sample2, active))
+
+    def _lobes(self, si, active):
+        """The two lobes at a surface point."""
+        base, roughness, metallic, reflectance, normal = self._texels(si, active)
+        viewer = dr.sign(mi.Frame3f.cos_theta(si.wi))
+        normal = _facing(normal, viewer, si.wi)
+        f0 = dr.lerp(mi.Color3f(reflectance), base, metallic)
+        f90 = dr.minimum(dr.max(f0) * 50, 1)
+        a, b = self._split_sum(dr.abs(dr.dot(si.wi, normal)), roughness, active)
+        specular = f0 * a + f90 * b
+        diffuse = base * (1 - metallic) * (1 - specular)
+        return Lobes(diffuse=diffuse, specular=specular, f0=f0, f90=f90, normal=normal,
+                     alpha=dr.maximum(roughness * roughness, MIN_ALPHA))
+
+    def _texels(self, si, active):
+        """Material factors times bilinearly interpolated texels, repeating, at si.uv."""
+        row = dr.gather(mi.UInt32, self.table.face_material, si.prim_index, active)
+        colour = dr.gather(mi.Vector4f, self.table.factors, 2 * row, active)
+        scalar = dr.gather(mi.Vector4f, self.table.factors, 2 * row + 1, active)
+        extent = dr.gather(mi.Vector4u, self.table.extents, row, active)
+        low, high = self._bilinear(si.uv, extent, active)
+        base = mi.Color3f(colour.x, colour.y, colour.z) * mi.Color3f(low.x, low.y, low.z)
+        slope = mi.Vector2f(high.y, high.z)
+        tilt = mi.Normal3f(slope.x, _handedness(si) * slope.y, dr.safe_sqrt(1 - dr.squared_norm(slope)))
+        return base, colour.w * low.w, scalar.x * high.x, scalar.y, dr.normalize(tilt)
+
+    def _bilinear(self, uv, extent, active):
+        """Eight interpolated texel channels as two vectors. extent = (first texel, width, height, 0)."""
+        width, height = extent.y, extent.z
+        x = uv.x * mi.Float(width) - 0.5
+        y = (1 - uv.y) * mi.Float(height) - 0.5
+        x0, y0 = dr.floor(x), dr.floor(y)
+        column, line = _wrap(x0, width), _wrap(y0, height)
+        next_column = dr.select(column + 1 == width, 0, column + 1)
+        next_line = dr.select(line + 1 == height, 0, line + 1)
+        fx, fy = x - x0, y - y0
+        low, high = mi.Vector4f(0), mi.Vector4f(0)
+        for i, j, weight in ((column, line, (1 - fx) * (1 - fy)), (next_column, line, fx * (1 - fy)),
+                             (column, next_line, (1 - fx) * fy), (next_column, next_line, fx * fy)):
+            texel = 2 * (extent.x + j * width + i)
+            half4 = dr.float16_array_t(mi.Vector4f)
+            low += weight * mi.Vector4f(dr.gather(half4, self.table.texels, texel, active))
+            high += weight * mi.Vector4f(dr.gather(half4, self.table.texels, texel + 1, active))
+        return low, high
+
+    def _split_sum(self, cosine, roughness, active):
+        """A and B of `reflectance.split_sum_table`, bilinear."""
+        x = dr.clip(cosine, 0, 1) * (COSINES - 1)
+        y = dr.clip(roughness, 0, 1) * (ROUGHNESSES - 1)
+        column = dr.minimum(mi.UInt32(x), COSINES - 2)
+        line = dr.minimum(mi.UInt32(y), ROUGHNESSES - 2)
+        fx, fy = x - mi.Float(column), y - mi.Float(line)
+        first = line * COSINES + column
+        corners = [dr.gather(mi.Vector2f, self.split_sum, first + step, active) for step in (0, 1, COSINES, COSINES + 1)]
+        low, high = dr.lerp(corners[0], corners[1], fx), dr.lerp(corners[2], corners[3], fx)
+        both = dr.lerp(low, high, fy)
+        return both.x, both.y
+
+    def to_string(self):
+        """One line for logs."""
+        return "Surface[]"
+
+
+def _wrap(coordinate, size):
+    """Integer texel of a floored coordinate, repeating; safe for negative and huge values."""
+    share = coordinate / mi.Float(size)
+    return dr.minimum(mi.UInt32((share - dr.floor(share)) * mi.Float(size) + 0.5), size - 1)
+
+
+def _handedness(si):
+    """-1 where the texture is mirrored on the surface, so that its v axis runs against the shading frame's."""
+    return dr.select(dr.dot(si.dp_dv, si.sh_frame.t) < 0, mi.Float(-1), mi.Float(1))
+
+
+def _facing(normal, viewer, wi):
+    """The normal on the viewer's side; the unperturbed one where a normal map would tilt it out of sight."""
+    turned = mi.Normal3f(normal.x, normal.y, normal.z * viewer)
+    return dr.select(dr.dot(turned, wi) > 1e-3, turned, mi.Normal3f(0, 0, viewer))
+
+
+def _ggx(lobes):
+    return mi.MicrofacetDistribution(mi.MicrofacetType.GGX, lobes.alpha, sample_visible=True)
+
+
+def _glossy_share(lobes):
+    """Probability of sampling the GGX lobe; both lobes keep a share wherever they send light."""
+    diffuse, specular = dr.mean(lobes.diffuse), dr.mean(lobes.specular)
+    return dr.select(diffuse + specular > 0, specular / (diffuse + specular), 0)
+
+
+def _evaluate(lobes, si, wo):
+    """f cos and its sampling density; zero where wo is not on the viewer's side."""
+    frame = mi.Frame3f(lobes.normal)
+    wi, wo_facing = frame.to_local(si.wi), frame.to_local(wo)
+    cos_i, cos_o = mi.Frame3f.cos_theta(wi), mi.Frame3f.cos_theta(wo_facing)
+    above = mi.Frame3f.cos_theta(si.wi) * mi.Frame3f.cos_theta(wo) > 0
+    valid = (cos_i > 0) & (cos_o > 0) & above
+    half = dr.normalize(wi + wo_facing)
+    ggx = _ggx(lobes)
+    schlick = lobes.f0 + (lobes.f90 - lobes.f0) * (dr.maximum(1 - dr.dot(wi, half), 0) ** 5)
+    mirror = schlick * ggx.eval(half) * ggx.G(wi, wo_facing, half) / (4 * cos_i)
+    glossy = _glossy_share(lobes)
+    density = dr.lerp(cos_o * dr.inv_pi, ggx.pdf(wi, half) / (4 * dr.dot(wo_facing, half)), glossy)
+    value = lobes.diffuse * (cos_o * dr.inv_pi) + mirror
+    return dr.select(valid, value, 0), dr.select(valid, density, 0)
+
+
+def _sample(lobes, si, sample1, sample2, active):
+    frame = mi.Frame3f(lobes.normal)
+    wi = frame.to_local(si.wi)
+    take_glossy = sample1 < _glossy_share(lobes)
+    facet, _ = _ggx(lobes).sample(wi, sample2)
+    wo = dr.select(take_glossy, mi.reflect(wi, facet), mi.warp.square_to_cosine_hemisphere(sample2))
+    bs = dr.zeros(mi.BSDFSample3f)
+    bs.wo = frame.to_world(wo)
+    value, density = _evaluate(lobes, si, bs.wo)
+    active = active & (density > 0)
+    bs.pdf, bs.eta = dr.select(active, density, 0), 1
+    bs.sampled_component = dr.select(take_glossy, mi.UInt32(1), mi.UInt32(0))
+    bs.sampled_type = dr.select(take_glossy, mi.UInt32(+mi.BSDFFlags.GlossyReflection),
+                                mi.UInt32(+mi.BSDFFlags.DiffuseReflection))
+    return bs, dr.select(active, value / density, 0)
+
+
+def register() -> None:
+    """Make the plugin known to Mitsuba under `PLUGIN`; once per variant."""
+    mi.register_bsdf(PLUGIN, lambda props: Surface(props))

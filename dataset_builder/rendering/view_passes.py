@@ -1,0 +1,178 @@
+"""The passes of one view, shared: light-free layers once, source light once, target light once per light, S' once per level.
+
+A pass runs when it is first asked for, on the pixels that its layers are wanted on, and is kept for the other examples of
+the view.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+from dataset_builder.layers import LAYERS
+from dataset_builder.planning.example_plan import ExamplePlan, RoughPlan
+from dataset_builder.rendering import passes
+from dataset_builder.rendering.estimate import Estimate
+from dataset_builder.rendering.passes import FIRST_HIT_CHANNELS, View
+from dataset_builder.rendering.rough_mesh import RoughTwin, rough_twin
+from dataset_builder.rendering.scene import Body, body_of, staged
+from dataset_builder.rendering.soup import Soup, clean, merge, surroundings
+from dataset_builder.rendering.window import covered_window
+from dataset_builder.seeding import derive_seed
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PassResult:
+    """What one pass found. pixels: (P,) indices row * width + column, in rising order; seconds: scene building included."""
+
+    pixels: np.ndarray
+    found: Estimate
+    seconds: float
+
+
+@dataclass(kw_only=True)
+class ViewPasses:
+    """Geometry, scenes and passes of the view that `plan` belongs to. spent: seconds of passes run since it was cleared."""
+
+    plan: ExamplePlan
+    mesh_root: Path
+    spent: dict[str, float] = field(default_factory=dict)
+    _results: dict[tuple[str, ...], PassResult] = field(default_factory=dict)
+    _twins: dict[RoughPlan, RoughTwin] = field(default_factory=dict)
+    _rough_bodies: dict[RoughPlan, Body] = field(default_factory=dict)
+    """The body of the last noise level only: they are large."""
+
+    # Geometry
+
+    @cached_property
+    def view(self) -> View:
+        """Camera and resolution."""
+        return View(camera=self.plan.camera, render=self.plan.render)
+
+    @cached_property
+    def _target(self) -> Soup:
+        return clean(self.plan.target, self.mesh_root)
+
+    @cached_property
+    def _room(self) -> Soup:
+        return surroundings(self.plan, (), self.mesh_root)
+
+    @cached_property
+    def _clean_body(self) -> Body:
+        return body_of(merge([self._target, self._room]))
+
+    @cached_property
+    def _open_body(self) -> Body:
+        """The clean scene without the parts that block the source light."""
+        opened = self.plan.source_light.open
+        if not opened:
+            return self._clean_body
+        return body_of(merge([self._target, surroundings(self.plan, opened, self.mesh_root)]))
+
+    def _rough_body(self, rough: RoughPlan) -> Body:
+        if rough not in self._rough_bodies:
+            self._rough_bodies = {rough: body_of(merge([self.twin(rough).soup, self._room]))}
+        return self._rough_bodies[rough]
+
+    def twin(self, rough: RoughPlan) -> RoughTwin:
+        """The R3DM of one noise level."""
+        if rough not in self._twins:
+            self._twins[rough] = rough_twin(self.plan.target, rough, self.mesh_root)
+        return self._twins[rough]
+
+    # Passes
+
+    def first_hit(self) -> PassResult:
+        """Light-free layers of the 3DM."""
+        def make(pixels: np.ndarray) -> Estimate:
+            with staged(self._clean_body, None) as stage:
+                return passes.first_hit(self.view, stage, pixels, spp=self._render.spp_first_hit,
+                                        seed=self._seed("first_hit"))
+        return self._once(("first_hit",), lambda: self._wanted("first_hit", self._window(self._target)), make)
+
+    def first_hit_rough(self, plan: ExamplePlan) -> PassResult:
+        """Light-free layers of the R3DM."""
+        def make(pixels: np.ndarray) -> Estimate:
+            with staged(self._rough_body(plan.rough), None) as stage:
+                return passes.first_hit(self.view, stage, pixels, spp=self._render.spp_first_hit,
+                                        seed=self._seed("first_hit"))
+        return self._once(("first_hit_rough", plan.rough.model_dump_json()),
+                          lambda: self._wanted("first_hit_rough", self._window(self.twin(plan.rough).soup)), make)
+
+    def instances(self) -> PassResult:
+        """Instance at every pixel's centre."""
+        def make(pixels: np.ndarray) -> Estimate:
+            with staged(self._clean_body, None) as stage:
+                found = passes.instances(self.view, stage, pixels)
+            return Estimate(mean=found[:, None], error=np.zeros((len(found), 1)), spp=1)
+        return self._once(("instance",), lambda: np.arange(self._render.width * self._render.height), make)
+
+    def source(self) -> PassResult:
+        """The 3DM under the source illumination, with what blocks it out of the way."""
+        def make(pixels: np.ndarray) -> Estimate:
+            with staged(self._open_body, self.plan.source_light) as stage:
+                return passes.radiance(self.view, stage, pixels, spp=self._render.spp_source, seed=self._seed("source"))
+        return self._once(("source",), lambda: self._wanted("source", self.covered()), make)
+
+    def target(self, plan: ExamplePlan) -> PassResult:
+        """The 3DM under one target illumination."""
+        def make(pixels: np.ndarray) -> Estimate:
+            with staged(self._clean_body, plan.target_light) as stage:
+                return passes.radiance(self.view, stage, pixels, spp=self._render.spp_target,
+                                       seed=self._seed("target", plan.light))
+        return self._once(("target", str(plan.light)), lambda: self._wanted("target", self.covered()), make)
+
+    def rough(self, plan: ExamplePlan) -> PassResult:
+        """The R3DM of one noise level under one target illumination."""
+        def make(pixels: np.ndarray) -> Estimate:
+            with staged(self._rough_body(plan.rough), plan.target_light) as stage:
+                return passes.radiance(self.view, stage, pixels, spp=self._render.spp_rough,
+                                       seed=self._seed("rough", plan.light, plan.rough.level))
+        return self._once(("rough", str(plan.light), plan.rough.model_dump_json()),
+                          lambda: self._wanted("rough", self.covered_by_either(plan)), make)
+
+    # Pixels
+
+    def covered(self) -> np.ndarray:
+        """Pixels of which the 3DM covers some."""
+        return _with_mask(self.first_hit())
+
+    def covered_by_either(self, plan: ExamplePlan) -> np.ndarray:
+        """Pixels of which the 3DM or the R3DM covers some."""
+        return np.union1d(self.covered(), _with_mask(self.first_hit_rough(plan)))
+
+    def _window(self, soup: Soup) -> np.ndarray:
+        points = soup.corners[soup.instance == self.plan.target.instance].reshape(-1, 3)
+        return covered_window(self.plan.camera, points, self._render.width, self._render.height)
+
+    def _wanted(self, render_pass: str, pixels: np.ndarray) -> np.ndarray:
+        """The frame if a layer of the pass is wanted there, else `pixels`."""
+        on_frame = any(extent == "frame" and LAYERS[name].render_pass == render_pass and name not in ("mask", "mask_rough")
+                       for name, extent in self._render.layers)
+        return np.arange(self._render.width * self._render.height) if on_frame else pixels
+
+    # Bookkeeping
+
+    @property
+    def _render(self):
+        return self.plan.render
+
+    def _seed(self, *path: str | int) -> int:
+        return derive_seed(int(self._render.seed), *path)
+
+    def _once(self, key: tuple[str, ...], where: Callable[[], np.ndarray],
+              make: Callable[[np.ndarray], Estimate]) -> PassResult:
+        if key not in self._results:
+            pixels = where()
+            start = perf_counter()
+            found = make(pixels) if len(pixels) else Estimate.empty()
+            self._results[key] = PassResult(pixels=pixels, found=found, seconds=perf_counter() - start)
+            self.spent[key[0]] = self.spent.get(key[0], 0.0) + self._results[key].seconds
+        return self._results[key]
+
+
+def _with_mask(result: PassResult) -> np.ndarray:
+    return result.pixels[result.found.mean[:, FIRST_HIT_CHANNELS["mask"]][:, 0] > 0]

@@ -1,0 +1,88 @@
+"""What the terminal shows: progress with rate and time left, tables, and errors without tracebacks."""
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from dataset_builder.build import Event
+from dataset_builder.engine.unit import Outcome
+from dataset_builder.planning.cost import Estimate
+from dataset_builder.report.doctor import Finding
+from dataset_builder.shards.manifest import Manifest
+
+MIB = 2**20
+
+
+def follow(events: Iterable[Event], total: int, console: Console) -> Iterator[Event]:
+    """Pass events on while a progress bar shows them."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]}"),
+               TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn())
+    with Progress(*columns, console=console) as progress:
+        bar = progress.add_task("examples", total=total, rate="")
+        for event in events:
+            task = progress.tasks[0]
+            speed = task.finished_speed or task.speed
+            progress.update(bar, advance=len(event.outcomes), rate=f"{speed:.2f}/s" if speed else "")
+            yield event
+
+
+def finding_table(findings: Sequence[Finding]) -> Table:
+    """The doctor's report."""
+    table = Table("what", "found", "to mend")
+    for finding in findings:
+        table.add_row(finding.what, finding.value, finding.mend, style="red" if finding.mend else None)
+    return table
+
+
+def estimate_table(estimate: Estimate, cores: int) -> Table:
+    """The cost of a dataset, with its standard error where it was extrapolated."""
+    table = Table("what", "planned", title=f"{estimate.examples} examples in {estimate.views} views, "
+                                           f"{estimate.sampled} of them planned in full", title_justify="left")
+    for name, count in estimate.runs.items():
+        table.add_row(f"passes: {name}", f"{count}")
+    total, error = estimate.total, estimate.error
+    for label, unit, value, deviation in (("passes", "", total.passes, error.passes), ("pixels", "", total.pixels, error.pixels),
+                                          ("paths", "", total.paths, error.paths)):
+        table.add_row(label, f"{value:,.4g}{unit}{_plus_minus(deviation)}")
+    table.add_row(f"time on {cores} cores", f"{duration(total.seconds)}{_plus_minus(error.seconds, ' s')}")
+    table.add_row("size", f"{total.bytes / MIB:,.1f} MiB{_plus_minus(error.bytes / MIB, ' MiB')}")
+    return table
+
+
+def build_table(manifest: Manifest, outcomes: Sequence[Outcome], seconds: float) -> Table:
+    """What a build made, and what its time went into."""
+    table = Table("split", "examples", "shards", title=manifest.name, title_justify="left")
+    for split in manifest.splits:
+        table.add_row(split.name, str(split.examples), str(len(split.shards)))
+    table.add_row("all", f"{manifest.totals.examples}", f"{manifest.totals.shards}", end_section=True)
+    table.add_row("size", f"{manifest.totals.bytes / MIB:.1f} MiB", "")
+    paths = sum(outcome.paths for outcome in outcomes)
+    table.add_row("time", duration(seconds), f"{paths / max(seconds, 1e-9) / 1e6:.2f} M paths/s")
+    for name, spent in pass_seconds(outcomes).most_common():
+        table.add_row(f"  {name}", f"{spent:.1f} s", "")
+    return table
+
+
+def pass_seconds(outcomes: Iterable[Outcome]) -> Counter[str]:
+    """Seconds per pass over all outcomes, summed over processes."""
+    total: Counter[str] = Counter()
+    for outcome in outcomes:
+        total.update(outcome.seconds)
+    return total
+
+
+def duration(seconds: float) -> str:
+    """Seconds for people: `42 s`, `3 min 05 s`, `7 h 30 min`."""
+    if seconds < 60:
+        return f"{seconds:.0f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    if minutes < 60:
+        return f"{minutes} min {rest:02d} s"
+    return f"{minutes // 60} h {minutes % 60:02d} min"
+
+
+def _plus_minus(deviation: float, unit: str = "") -> str:
+    return f" ± {deviation:,.2g}{unit}" if deviation else ""

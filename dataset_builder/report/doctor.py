@@ -1,0 +1,81 @@
+"""What this machine has: versions, backend, cores, memory, disk, and what is missing with the command that mends it."""
+
+import importlib.metadata
+import platform
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+import psutil
+
+from dataset_builder import __version__
+from dataset_builder.engine.local import cores
+from dataset_builder.errors import UserError
+from dataset_builder.geometry.raycast import RayScene
+from dataset_builder.rendering.backend import INSTALL_LLVM, choose, cuda_available, find_llvm
+
+PACKAGES = ("mitsuba", "drjit", "open3d", "trimesh", "OpenEXR", "numpy", "scipy", "pydantic", "ruamel.yaml", "pillow")
+GIB = 2**30
+LEAST_MEMORY, LEAST_DISK = 4 * GIB, 2 * GIB
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """One line of the report. mend: command or advice where something is missing, else empty."""
+
+    what: str
+    value: str
+    mend: str = ""
+
+
+def examine(folder: Path) -> list[Finding]:
+    """Everything a build needs, in reading order; `folder` is where datasets will be written."""
+    return [Finding(what="dataset-builder", value=__version__), Finding(what="Python", value=platform.python_version()),
+            *map(_package, PACKAGES), _llvm(), _cuda(), _backend(), _open3d(), *_machine(folder)]
+
+
+def _package(name: str) -> Finding:
+    try:
+        return Finding(what=name, value=importlib.metadata.version(name))
+    except importlib.metadata.PackageNotFoundError:
+        return Finding(what=name, value="missing", mend="make install")
+
+
+def _llvm() -> Finding:
+    path = find_llvm()
+    if path is None:
+        return Finding(what="libLLVM", value="none that works", mend="" if cuda_available() else INSTALL_LLVM)
+    return Finding(what="libLLVM", value=path)
+
+
+def _cuda() -> Finding:
+    return Finding(what="CUDA", value="available" if cuda_available() else "no NVIDIA driver or no device")
+
+
+def _backend() -> Finding:
+    try:
+        return Finding(what="backend", value=choose().summary)
+    except UserError as error:
+        return Finding(what="backend", value="none", mend=str(error))
+
+
+def _open3d() -> Finding:
+    """Open3D imports only where the system has libusb; ask it to build an empty scene."""
+    try:
+        RayScene([])
+    except UserError as error:
+        return Finding(what="Open3D loads", value="no", mend=str(error))
+    return Finding(what="Open3D loads", value="yes")
+
+
+def _machine(folder: Path) -> list[Finding]:
+    memory = psutil.virtual_memory().available
+    place = next(path for path in (folder.resolve(), *folder.resolve().parents) if path.exists())
+    disk = shutil.disk_usage(place).free
+    return [
+        Finding(what="cores", value=str(cores())),
+        Finding(what="memory free", value=f"{memory / GIB:.1f} GiB",
+                mend="" if memory > LEAST_MEMORY else f"expected {LEAST_MEMORY // GIB} GiB: close other programs"),
+        Finding(what="disk free", value=f"{disk / GIB:.1f} GiB at {place}",
+                mend="" if disk > LEAST_DISK else f"expected {LEAST_DISK // GIB} GiB: choose another --out"),
+    ]

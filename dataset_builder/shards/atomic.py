@@ -1,0 +1,100 @@
+"""Files that are there whole or not at all: written aside, flushed to the disk, renamed."""
+
+import errno
+import hashlib
+import os
+import shutil
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from dataset_builder.errors import OutputError, Problem
+
+PARTIAL = ".partial"
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+_FORBIDDEN = (errno.EACCES, errno.EPERM, errno.EROFS)
+
+
+@contextmanager
+def output_errors(path: Path) -> Iterator[None]:
+    """Turn what the system says about writing `path` into an OutputError that a user can act on."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno in _FULL:
+            rule, hint = f"the disk is full ({error.strerror})", "free some space and run the same command again"
+        elif error.errno in _FORBIDDEN:
+            rule, hint = f"cannot be written ({error.strerror})", "choose another output folder or mend its permissions"
+        else:
+            rule, hint = f"cannot be written ({error.strerror or error})", "choose another output folder"
+        raise OutputError([Problem(where=str(path), path="", rule=rule, hint=hint)]) from error
+
+
+def partial_of(path: Path) -> Path:
+    """Where `path` is written before it is whole."""
+    return path.with_name(path.name + PARTIAL)
+
+
+def write_partial(path: Path, chunks: Iterable[bytes]) -> tuple[int, str]:
+    """Write `path`'s partial file and flush it to the disk; its size in bytes and SHA-256.
+
+    Raises OutputError where that fails; then no partial file is left.
+    """
+    partial, size, hasher = partial_of(path), 0, hashlib.sha256()
+    with output_errors(path):
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with partial.open("wb") as stream:
+                for chunk in chunks:
+                    stream.write(chunk)
+                    hasher.update(chunk)
+                    size += len(chunk)
+                stream.flush()
+                os.fsync(stream.fileno())
+        except OSError:
+            discard_partial(path)
+            raise
+    return size, hasher.hexdigest()
+
+
+def discard_partial(path: Path) -> None:
+    """Remove `path`'s partial file, if there is one that can be removed."""
+    partial = partial_of(path)
+    if partial.is_file():
+        partial.unlink()
+
+
+def commit(path: Path) -> None:
+    """Give `path`'s partial file its name, and flush the folder. Raises OutputError where that fails."""
+    with output_errors(path):
+        try:
+            os.replace(partial_of(path), path)
+        except OSError:
+            discard_partial(path)
+            raise
+        flush_folder(path.parent)
+
+
+def write_atomic(path: Path, data: bytes) -> None:
+    """Write a whole file: aside, flushed, renamed. Raises OutputError where that fails."""
+    write_partial(path, [data])
+    commit(path)
+
+
+def flush_folder(folder: Path) -> None:
+    """Flush a folder's entries to the disk, so that a rename outlives a power cut."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def require_space(folder: Path, size: int) -> None:
+    """Raise OutputError where the disk that holds (or will hold) `folder` has fewer than `size` bytes free."""
+    existing = next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
+    with output_errors(folder):
+        free = shutil.disk_usage(existing).free
+    if free < size:
+        rule, hint = f"expected {size / 1e9:.3f} GB free, got {free / 1e9:.3f} GB", "choose another disk"
+        raise OutputError([Problem(where=str(folder), path="", rule=rule, hint=hint)])

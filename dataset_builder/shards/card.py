@@ -1,0 +1,108 @@
+"""The dataset's card: README.md with the YAML that Hugging Face needs, and the sections of a datasheet."""
+
+import json
+from collections.abc import Iterable, Sequence
+
+from dataset_builder.shards.manifest import Manifest
+
+_SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
+
+
+def card(manifest: Manifest) -> str:
+    """Text of README.md. `configs` is never left out: without it the Hub may take an index for the data."""
+    return f"""---
+license: {manifest.licence.lower()}
+pretty_name: {json.dumps(manifest.title, ensure_ascii=False)}
+tags: [webdataset, openexr, synthetic]
+task_categories: [image-to-image]
+size_categories: [{_size(manifest.totals.examples)}]
+configs:
+- config_name: default
+  data_files:
+{_data_files(manifest)}---
+
+# {manifest.title} {manifest.version}
+
+{manifest.description or "Image tuples for transferring light from clean to rough meshes of objects in rooms."}
+
+## Motivation
+
+Lighting transfer learns what a rough mesh of an object looks like under a light from what its clean mesh looks like.
+Every example pairs both: one view of one object in one scene, under one change of light, at one noise level.
+
+## Composition
+
+{manifest.totals.examples} examples of {manifest.width}x{manifest.height} pixels in {manifest.totals.shards} shards,
+{manifest.totals.bytes} bytes.
+
+| split | examples | shards |
+|---|---|---|
+{_rows((split.name, split.examples, len(split.shards)) for split in manifest.splits)}
+Each example is a set of files with one key of eight digits: an EXR per layer, `.json` (its whole plan, what happened
+while it was rendered, least, largest and mean value of every layer) and `.preview.png` (tone-mapped, for people only).
+
+| member | symbol | pixels | channels | type | range | unit | meaning |
+|---|---|---|---|---|---|---|---|
+{_rows((f"`.{layer.name}.exr`", layer.symbol, layer.extent, layer.channels, layer.dtype, layer.range, layer.unit,
+        layer.meaning) for layer in manifest.layers)}
+Colours are linear, scene-referred Rec.709: no tone mapping, no gamma, no clipping. Lengths are metres, Z is up.
+
+## Generation
+
+Synthetic, by path tracing; generator {manifest.generator}. Every number of an example follows from its plan and every
+plan from the spec and its seed: the same spec and versions give the same bytes. Spec digest `{manifest.spec_digest}`.
+
+Every example keeps these rules; `dataset-builder verify` checks them again:
+
+| rule | statement | tolerance |
+|---|---|---|
+{_rows((f"`{identity.name}`", identity.rule, f"{identity.tolerance:g}") for identity in manifest.identities)}
+## Excluded examples
+
+{_rejected(manifest)}
+## Known artefacts
+
+Layers that need light carry Monte Carlo noise; their standard errors are in the label, or are layers of their own.
+Values above 1 are normal in radiance layers.
+
+## Reading
+
+Shards are plain tar files after webdataset's rule. `dataset.json` lists them with sizes and SHA-256, `index/` says
+where in a shard every file is, and `sha256sum -c SHA256SUMS` checks a download.
+
+```python
+from dataset_builder.shards.reader import open_dataset
+
+example = open_dataset("{manifest.name}", layers=["{manifest.layers[0].name}"])["{manifest.splits[0].name}", 0]
+```
+
+## Maintenance
+
+Version {manifest.version}: a new major version changes data, a new minor version adds some, a patch repacks the same.
+Licence: {manifest.licence}. Made by {manifest.creator}.
+"""
+
+
+def _size(examples: int) -> str:
+    return next((name for limit, name in _SIZES if examples < limit), "n>1M")
+
+
+def _data_files(manifest: Manifest) -> str:
+    lines = []
+    for split in manifest.splits:
+        if split.shards:
+            pattern = split.shards[0].removesuffix("000000.tar") + "*.tar"
+            lines.append(f"  - split: {split.name}\n    path: shards/{pattern}\n")
+    return "".join(lines)
+
+
+def _rows(rows: Iterable[Sequence[object]]) -> str:
+    return "".join("| " + " | ".join(str(cell).replace("|", "\\|") for cell in row) + " |\n" for row in rows)
+
+
+def _rejected(manifest: Manifest) -> str:
+    if not manifest.rejected:
+        return "None: every planned example passed every gate.\n"
+    head = "These were planned and rendered, failed a gate, and are not shipped:\n\n"
+    return head + "| key | gate | reason |\n|---|---|---|\n" + _rows(
+        (item.key, item.gate, item.reason) for item in manifest.rejected)

@@ -1,0 +1,104 @@
+"""An example as the members of a shard: one EXR per layer, a label, and a preview."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from dataset_builder.digest import pixel_digest, sha256_bytes
+from dataset_builder.errors import Problem, ShardError
+from dataset_builder.layers import LAYERS
+from dataset_builder.shards import exr
+from dataset_builder.shards.label import SCHEMA_VERSION, encode_label, statistics
+from dataset_builder.shards.tonemap import exposure, to_8bit
+
+PREVIEW_LAYERS = ("i_s", "i_t")
+LABEL, PREVIEW = "json", "preview.png"
+PNG_LEVEL = 6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Example:
+    """One finished example. key: eight digits; plan: an `ExamplePlan` as plain data; record: what happened while it was
+    rendered (plain data, the same keys in every example); layers: name -> (H, W, C) float32."""
+
+    key: str
+    plan: Mapping[str, Any]
+    record: Mapping[str, Any]
+    layers: Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Member:
+    """One file of a shard. pixel_digest: digest of the decoded pixels, empty where there are none."""
+
+    name: str
+    data: bytes
+    pixel_digest: str
+
+    def record(self) -> dict[str, Any]:
+        """Name, size, SHA-256 and pixel digest, as the index of a shard lists them."""
+        return {"name": self.name, "size": len(self.data), "sha256": sha256_bytes(self.data),
+                "pixel_digest": self.pixel_digest}
+
+
+def encode_members(example: Example, *, dtype: exr.DType, preview_png: bytes) -> list[Member]:
+    """Every member of an example, sorted by name; the set of names depends on the example's layers alone.
+
+    Raises ShardError where a layer is unknown, differs in size from the others or cannot be stored as it is, and where
+    the label holds what JSON readers would change.
+    """
+    _check_layers(example)
+    kept = {name: exr.stored(array, layer=name, key=example.key, dtype=dtype) for name, array in example.layers.items()}
+    members = [Member(name=f"{example.key}.{name}.exr", pixel_digest=pixel_digest(array),
+                      data=exr.encode(array, layer=name, key=example.key, dtype=dtype)) for name, array in kept.items()]
+    members.append(Member(name=f"{example.key}.{LABEL}", data=encode_label(label(example, kept)), pixel_digest=""))
+    members.append(Member(name=f"{example.key}.{PREVIEW}", data=preview_png,
+                          pixel_digest=pixel_digest(decode_png(preview_png))))
+    return sorted(members, key=lambda member: member.name)
+
+
+def label(example: Example, kept: Mapping[str, np.ndarray]) -> dict[str, Any]:
+    """The label of an example whose layers read as `kept` after storage."""
+    return {
+        "schema_version": SCHEMA_VERSION, "key": example.key, "index": example.plan["index"],
+        "split": example.plan["split"], "plan": example.plan, "record": example.record,
+        "layers": {name: statistics(array) for name, array in kept.items()},
+    }
+
+
+def preview(layers: Mapping[str, np.ndarray]) -> bytes:
+    """PNG of i_s and i_t side by side, or of whichever there is, else of the first layer; one exposure for both."""
+    shown = [layers[name] for name in PREVIEW_LAYERS if name in layers] or [next(iter(layers.values()))]
+    factor = exposure(shown)
+    pixels = np.concatenate([to_8bit(image, factor) for image in shown], axis=1)
+    stream = BytesIO()
+    Image.fromarray(pixels).save(stream, "PNG", compress_level=PNG_LEVEL)
+    return stream.getvalue()
+
+
+def decode_png(data: bytes, *, where: str = "preview") -> np.ndarray:
+    """Pixels of an 8-bit RGB PNG, (H, W, 3) uint8. Raises ShardError where it does not decode to that."""
+    try:
+        with Image.open(BytesIO(data), formats=["PNG"]) as image:
+            pixels = np.asarray(image)
+    except (OSError, SyntaxError, ValueError) as error:
+        raise ShardError([Problem(where=where, path="", rule=f"expected a PNG file, got {error}")]) from error
+    if pixels.ndim != 3 or pixels.shape[2] != 3:
+        raise ShardError([Problem(where=where, path="", rule=f"expected 8-bit RGB, got shape {pixels.shape}")])
+    return pixels
+
+
+def _check_layers(example: Example) -> None:
+    where = f"example {example.key}"
+    if not example.layers or (unknown := sorted(set(example.layers) - set(LAYERS))):
+        rule = f"expected layers among {', '.join(LAYERS)}, got {', '.join(unknown) if example.layers else 'none'}"
+        raise ShardError([Problem(where=where, path="layers", rule=rule)])
+    if len(sizes := {array.shape[:2] for array in example.layers.values()}) > 1:
+        raise ShardError([Problem(where=where, path="layers", rule=f"expected one size, got {sorted(sizes)}")])
+    if example.key != example.plan["key"]:
+        rule = f"expected the same key, got {example.plan['key']}"
+        raise ShardError([Problem(where=where, path="plan.key", rule=rule)])

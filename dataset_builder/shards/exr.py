@@ -1,0 +1,132 @@
+"""One layer as one EXR file: single part, scanline, ZIP, lossless; root R, G, B (three channels) or Y (one).
+
+OpenEXR is trusted with nothing. Its Python binding writes wrong pixels, without an error, for arrays that are not
+contiguous, reads past the buffer of (H, W, 1) arrays, and opens truncated files as files without parts. So shapes and
+types are checked before, every channel is copied, and whatever was encoded is decoded and compared before it is used.
+"""
+
+from dataclasses import dataclass
+from io import BytesIO
+from typing import Any, Literal
+
+import numpy as np
+import OpenEXR
+
+from dataset_builder.errors import Problem, ShardError
+from dataset_builder.layers import LAYERS
+
+DType = Literal["float32", "float16"]
+DTYPES: tuple[DType, ...] = ("float32", "float16")
+
+VERSION: str = OpenEXR.__version__
+SCHEMA = "1"
+NAMESPACE = "3df-lighting"
+HALF_MAX = 65504.0
+LARGEST_SIDE = 16384
+CHANNELS = {1: ("Y",), 3: ("R", "G", "B")}
+REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExrImage:
+    """A decoded file. pixels: (H, W, C) float32; dtype: as stored; layer, key: what its header says it holds."""
+
+    pixels: np.ndarray
+    dtype: DType
+    layer: str
+    key: str
+
+
+def colour_space(layer: str) -> str:
+    """`lin_rec709_scene` for colours, `data` for everything else: identifiers of the Color Interop Forum."""
+    return "lin_rec709_scene" if LAYERS[layer].channels == 3 and not layer.startswith("normal") else "data"
+
+
+def stored(array: np.ndarray, *, layer: str, key: str, dtype: DType) -> np.ndarray:
+    """What `array` reads as after storage: (H, W, C) float32, C-contiguous, rounded to `dtype`.
+
+    Raises ShardError where the array is not (H, W, C) float32 with the layer's channels, is empty, holds NaN or Inf, or
+    (float16) a value beyond +-65504. Nothing is ever clipped.
+    """
+    where, channels = f"example {key}, layer {layer}", LAYERS[layer].channels
+    if array.dtype != np.float32:
+        raise _wrong(where, f"expected float32 pixels, got {array.dtype}")
+    if array.ndim != 3 or array.shape[2] != channels or not all(0 < side <= LARGEST_SIDE for side in array.shape[:2]):
+        raise _wrong(where, f"expected shape (H, W, {channels}), got {array.shape}")
+    if bad := int(np.count_nonzero(~np.isfinite(array))):
+        raise _wrong(where, f"expected finite values, got {bad} that are NaN or Inf")
+    if dtype == "float16" and (largest := float(np.abs(array).max())) > HALF_MAX:
+        raise _wrong(where, f"expected |x| <= {HALF_MAX:g} to store as float16, got {largest:g}")
+    return np.ascontiguousarray(array.astype(dtype).astype(np.float32))
+
+
+def encode(array: np.ndarray, *, layer: str, key: str, dtype: DType) -> bytes:
+    """The file of one layer of example `key`: (H, W, C) float32 in, bytes out, the same bytes every time.
+
+    Raises ShardError as `stored` does, and where the encoded file does not decode to the same bits.
+    """
+    pixels = stored(array, layer=layer, key=key, dtype=dtype)
+    planes = {name: np.ascontiguousarray(pixels[:, :, i].astype(dtype))
+              for i, name in enumerate(CHANNELS[pixels.shape[2]])}
+    stream = BytesIO()
+    OpenEXR.File(_header(layer, key), planes).write(stream)
+    data = stream.getvalue()
+    if decode(data, where=f"example {key}, layer {layer}").tobytes() != pixels.tobytes():
+        raise _wrong(f"example {key}, layer {layer}", "expected the encoded file to decode to the same pixels")
+    return data
+
+
+def decode(data: bytes, *, where: str = "EXR") -> np.ndarray:
+    """Pixels of a file, (H, W, C) float32 with C = 3 (R, G, B) or 1 (Y). Raises ShardError as `read` does."""
+    return read(data, where=where).pixels
+
+
+def read(data: bytes, *, where: str = "EXR") -> ExrImage:
+    """Pixels and labels of a file.
+
+    Raises ShardError that names `where` and what is wrong: unreadable, cut short, more than one part, other channels
+    than R, G, B or Y, another type than float32 or float16, or channels that differ in type or from the window's shape.
+    """
+    header, planes = _open(data, where)
+    names = next((names for names in CHANNELS.values() if set(names) == set(planes)), None)
+    if names is None:
+        raise _wrong(where, f"expected channels R, G, B or Y, got {', '.join(sorted(planes)) or 'none'}")
+    (left, top), (right, bottom) = (tuple(map(int, corner)) for corner in header["dataWindow"])
+    shape = (bottom - top + 1, right - left + 1)
+    if wrong := [name for name in names if planes[name].shape != shape]:
+        raise _wrong(where, f"expected shape {shape}, got {planes[wrong[0]].shape} in channel {wrong[0]}")
+    types = {planes[name].dtype.name for name in names}
+    dtype = next((dtype for dtype in DTYPES if types == {dtype}), None)
+    if dtype is None:
+        raise _wrong(where, f"expected float32 or float16 in every channel, got {', '.join(sorted(types))}")
+    return ExrImage(
+        pixels=np.stack([planes[name].astype(np.float32) for name in names], axis=-1), dtype=dtype,
+        layer=str(header.get(f"{NAMESPACE}:layer", "")), key=str(header.get(f"{NAMESPACE}:key", "")),
+    )
+
+
+def _header(layer: str, key: str) -> dict[str, Any]:
+    header: dict[str, Any] = {
+        "compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, "colorInteropID": colour_space(layer),
+        f"{NAMESPACE}:schema": SCHEMA, f"{NAMESPACE}:layer": layer, f"{NAMESPACE}:key": key,
+    }
+    return header if header["colorInteropID"] == "data" else {**header, "chromaticities": REC709}
+
+
+def _open(data: bytes, where: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    try:
+        # A damaged window could ask for all memory: look at the header first
+        header = OpenEXR.File(BytesIO(data), separate_channels=True, header_only=True).header(0)
+        low, high = header["dataWindow"]
+        if not all(0 <= int(b) - int(a) < LARGEST_SIDE for a, b in zip(low, high, strict=True)):
+            raise _wrong(where, f"expected sides of at most {LARGEST_SIDE}, got the window {low} to {high}")
+        file = OpenEXR.File(BytesIO(data), separate_channels=True)
+        if len(file.parts) != 1:
+            raise _wrong(where, f"expected one part, got {len(file.parts)}: the file is cut short or not ours")
+        return file.header(0), {name: channel.pixels for name, channel in file.channels(0).items()}
+    except (RuntimeError, ValueError, TypeError, IndexError, KeyError, MemoryError) as error:
+        raise _wrong(where, f"expected an EXR file, got {len(data)} bytes that do not decode ({error})") from error
+
+
+def _wrong(where: str, rule: str) -> ShardError:
+    return ShardError([Problem(where=where, path="", rule=rule)])

@@ -1,0 +1,109 @@
+"""What must hold inside every example, as functions of arrays: each returns the violations it finds, with figures.
+
+The same functions gate examples before they are written and verify them afterwards. Arrays are (H, W, C) float32 as
+they read after storage; all tolerances stand here and in `dataset.json`.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from dataset_builder.layers import LAYERS, Extent, layers_of
+
+RANGE, REFLECTANCE, MASK, OUTSIDE, SHARED = "range", "reflectance", "mask", "outside", "shared"
+SHARED_LAYERS = layers_of("first_hit")
+"""Layers that need no light: rendered once per view, so bit-identical in all of its examples."""
+
+EVERYWHERE = ("mask", "mask_rough", "instance")
+"""Layers that say by themselves where the object is."""
+
+_TOLERANCES = {"float32": {RANGE: 1e-5, REFLECTANCE: 1e-3}, "float16": {RANGE: 1e-3, REFLECTANCE: 2e-3}}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Violation:
+    """A rule that does not hold: the rule's name, and the figures in one sentence."""
+
+    identity: str
+    reason: str
+
+
+def identity_table(dtype: str) -> tuple[tuple[str, str, float], ...]:
+    """(name, rule, tolerance) of every identity that can be checked from the files, for layers stored as `dtype`."""
+    tolerance = _TOLERANCES[dtype]
+    return (
+        (RANGE, "every value is finite and in its layer's range, to tolerance", tolerance[RANGE]),
+        (REFLECTANCE, "d + r <= 1 + tolerance in every channel", tolerance[REFLECTANCE]),
+        (MASK, "mask is not empty", 0.0),
+        (OUTSIDE, "layers of extent object are exactly 0 where the object covers nothing of the pixel", 0.0),
+        (SHARED, f"examples of one view share {', '.join(SHARED_LAYERS)}, bit by bit", 0.0),
+    )
+
+
+def check_layers(layers: Mapping[str, np.ndarray], extents: Mapping[str, Extent],
+                 tolerances: Mapping[str, float]) -> list[Violation]:
+    """Every identity inside one example; `tolerances` by name as `identity_table` gives them."""
+    found = [violation for name, array in layers.items() for violation in in_range(name, array, tolerances[RANGE])]
+    if "d" in layers and "r" in layers:
+        found += reflectance_sum(layers["d"], layers["r"], tolerances[REFLECTANCE])
+    if "mask" in layers:
+        found += mask_not_empty(layers["mask"])
+        found += outside_object(layers, extents)
+    return found
+
+
+def in_range(name: str, array: np.ndarray, tolerance: float) -> list[Violation]:
+    """Finite, and low - tolerance <= x <= high + tolerance with the layer's own bounds; radiance is never below 0."""
+    if bad := int(np.count_nonzero(~np.isfinite(array))):
+        return [Violation(identity=RANGE, reason=f"{name}: expected finite values, got {bad} that are NaN or Inf")]
+    layer = LAYERS[name]
+    least, largest = float(array.min()), float(array.max())
+    low = layer.low - tolerance if layer.low else 0.0
+    if low <= least and largest <= layer.high + tolerance:
+        return []
+    reason = f"{name}: expected values in [{layer.low:g}, {layer.high:g}], got [{least:g}, {largest:g}]"
+    return [Violation(identity=RANGE, reason=reason)]
+
+
+def reflectance_sum(d: np.ndarray, r: np.ndarray, tolerance: float) -> list[Violation]:
+    """Energy: no surface sends back more than it receives, D + R <= 1 + tolerance per pixel and channel."""
+    total = d.astype(np.float64) + r
+    if (largest := float(total.max())) <= 1 + tolerance:
+        return []
+    row, column = (int(i) for i in np.unravel_index(total.argmax(), total.shape)[:2])
+    count = int(np.count_nonzero(total.max(axis=2) > 1 + tolerance))
+    place = f"at row {row}, column {column}, {count} pixels in all"
+    reason = f"expected d + r <= {1 + tolerance:g}, got {largest:g} {place}"
+    return [Violation(identity=REFLECTANCE, reason=reason)]
+
+
+def mask_not_empty(mask: np.ndarray) -> list[Violation]:
+    """The target object covers something."""
+    return [] if mask.any() else [Violation(identity=MASK, reason="expected an object in the picture, mask is empty")]
+
+
+def outside_object(layers: Mapping[str, np.ndarray], extents: Mapping[str, Extent]) -> list[Violation]:
+    """Layers of extent `object` are exactly 0 where their mesh covers nothing of the pixel (`EVERYWHERE` aside).
+
+    For layers of the 3DM that is where mask = 0. Layers of the R3DM are traced wherever either mesh is: where mask = 0
+    and mask_rough = 0; without `mask_rough` among `layers` nothing can be said about them.
+    """
+    outside = {"3dm": layers["mask"][..., 0] == 0}
+    if "mask_rough" in layers:
+        outside["r3dm"] = outside["3dm"] & (layers["mask_rough"][..., 0] == 0)
+    found = []
+    for name, array in layers.items():
+        where = outside.get(LAYERS[name].geometry)
+        if where is None or name in EVERYWHERE or extents[name] != "object":
+            continue
+        if count := int(np.count_nonzero(array.any(axis=2) & where)):
+            reason = f"{name}: expected 0 outside the object, got {count} pixels that are not"
+            found.append(Violation(identity=OUTSIDE, reason=reason))
+    return found
+
+
+def shared_in_view(first: Mapping[str, str], other: Mapping[str, str]) -> list[Violation]:
+    """Pixel digests by layer name of two examples of one view: light-free layers are bit-identical."""
+    return [Violation(identity=SHARED, reason=f"{name}: expected the same pixels in every example of the view")
+            for name in SHARED_LAYERS if name in first and first[name] != other.get(name)]

@@ -1,0 +1,195 @@
+"""What a dataset says about itself: `dataset.json`, and one index per shard; nothing in them says when it was built."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Literal, TypeVar
+
+from pydantic import Field, ValidationError
+
+from dataset_builder.digest import canonical_json
+from dataset_builder.errors import Problem, ShardError
+from dataset_builder.layers import LAYERS, Extent
+from dataset_builder.shards import exr
+from dataset_builder.shards.folder import FORMAT
+from dataset_builder.shards.identities import identity_table
+from dataset_builder.spec.dataset import DatasetSpec
+from dataset_builder.spec.model import Model
+
+M = TypeVar("M", bound=Model)
+LAYOUT_DATE = "2026-11-23"
+"""Day this layout was fixed: the `datePublished` of a dataset that gives none, since two builds must be equal bytes."""
+
+
+class MemberRecord(Model):
+    """One file of a shard: name, where its bytes are, and digests of bytes and of decoded pixels (empty for JSON)."""
+
+    name: str
+    offset: int = Field(ge=0)
+    size: int = Field(ge=0)
+    sha256: str
+    pixel_digest: str
+
+
+class ExampleRecord(Model):
+    """One example of a shard. digest: of the plan and versions that it was made from; members lie in file order."""
+
+    key: str
+    view: str
+    digest: str
+    members: tuple[MemberRecord, ...]
+
+
+class ShardRecord(Model):
+    """One shard: `name` is its file below `shards/`."""
+
+    name: str
+    split: str
+    bytes: int
+    sha256: str
+    examples: int
+    first_key: str
+    last_key: str
+
+    @property
+    def stem(self) -> str:
+        """Name without `.tar`: the stem of the index, too."""
+        return self.name.removesuffix(".tar")
+
+
+class ShardIndex(Model):
+    """What `index/<stem>.manifest` holds: the shard, what made it, and where every member is."""
+
+    schema_version: Literal["1"] = "1"
+    shard: ShardRecord
+    spec_digest: str
+    versions: dict[str, str]
+    examples: tuple[ExampleRecord, ...]
+
+
+class LayerRecord(Model):
+    """One layer, as `layers.py` defines it, with this dataset's extent and storage type."""
+
+    name: str
+    member: str
+    symbol: str
+    geometry: str
+    extent: Extent
+    channels: int
+    dtype: exr.DType
+    colour_space: str
+    range: str
+    unit: str
+    meaning: str
+
+
+class IdentityRecord(Model):
+    """A rule that every shipped example keeps, to the stated tolerance."""
+
+    name: str
+    rule: str
+    tolerance: float
+
+
+class SplitRecord(Model):
+    """One split and its shards, in order."""
+
+    name: str
+    examples: int
+    shards: tuple[str, ...]
+
+
+class Totals(Model):
+    """Sums over all shards."""
+
+    examples: int
+    shards: int
+    bytes: int
+    rejected: int
+
+
+class Rejected(Model):
+    """An example that was planned and is not shipped: the gate that it failed and the figures."""
+
+    key: str
+    view: str
+    gate: str
+    reason: str
+
+
+class Manifest(Model):
+    """What `dataset.json` holds. It is written last: where it is, the dataset is whole."""
+
+    format: Literal["3df-lighting"] = "3df-lighting"
+    schema_version: Literal["1"] = "1"
+    name: str
+    version: str
+    title: str
+    description: str
+    licence: str
+    creator: str
+    url: str
+    date_published: str
+    generator: str
+    spec_digest: str
+    width: int
+    height: int
+    layers: tuple[LayerRecord, ...]
+    identities: tuple[IdentityRecord, ...]
+    splits: tuple[SplitRecord, ...]
+    shards: tuple[ShardRecord, ...]
+    totals: Totals
+    rejected: tuple[Rejected, ...]
+
+
+def shard_stem(spec: DatasetSpec, split: str, number: int) -> str:
+    """`<name>-v<major>-<split>-NNNNNN`, unique over all datasets that share a cache."""
+    return f"{spec.name}-v{spec.version.partition('.')[0]}-{split}-{number:06d}"
+
+
+def make_manifest(spec: DatasetSpec, *, layers: Mapping[str, Extent], shards: Sequence[ShardIndex],
+                  rejected: Iterable[Rejected], spec_digest: str, generator: str, creator: str = "dataset-builder",
+                  url: str = "", date_published: str = LAYOUT_DATE) -> Manifest:
+    """The manifest of a dataset whose examples hold `layers` (name -> extent) and lie in `shards`, in that order."""
+    records, refused = tuple(index.shard for index in shards), tuple(sorted(rejected, key=lambda item: item.key))
+    return Manifest(
+        name=spec.name, version=spec.version, title=spec.title or spec.name, description=spec.description,
+        licence=spec.licence, creator=creator, url=url or f"urn:{FORMAT}:{spec.name}:{spec.version}",
+        date_published=date_published, generator=generator, spec_digest=spec_digest,
+        width=spec.image.width, height=spec.image.height,
+        layers=tuple(layer_record(name, layers[name], spec.storage.dtype) for name in LAYERS if name in layers),
+        identities=tuple(IdentityRecord(name=name, rule=rule, tolerance=tolerance)
+                         for name, rule, tolerance in identity_table(spec.storage.dtype)),
+        splits=tuple(_split_record(split.name, records) for split in spec.splits), shards=records, rejected=refused,
+        totals=Totals(examples=sum(record.examples for record in records), shards=len(records),
+                      bytes=sum(record.bytes for record in records), rejected=len(refused)),
+    )
+
+
+def layer_record(name: str, extent: Extent, dtype: exr.DType) -> LayerRecord:
+    """The row of one layer."""
+    layer = LAYERS[name]
+    return LayerRecord(
+        name=name, member=f"<key>.{name}.exr", symbol=layer.symbol, geometry=layer.geometry, extent=extent,
+        channels=layer.channels, dtype=dtype, colour_space=exr.colour_space(name), unit=layer.unit,
+        meaning=layer.meaning,
+        range=f"[{layer.low:g}, {layer.high:g}]" if layer.high < float("inf") else f"[{layer.low:g}, inf)",
+    )
+
+
+def to_json(model: Model) -> bytes:
+    """Canonical JSON of a manifest or an index, with a newline at its end."""
+    return canonical_json(model.model_dump(mode="json")) + b"\n"
+
+
+def from_json(model: type[M], data: bytes, *, where: str) -> M:
+    """A manifest or an index from its JSON. Raises ShardError with every key that is wrong."""
+    try:
+        return model.model_validate_json(data)
+    except ValidationError as error:
+        raise ShardError(Problem(where=where, path=".".join(map(str, issue["loc"])), rule=issue["msg"])
+                         for issue in error.errors()) from error
+
+
+def _split_record(name: str, shards: Sequence[ShardRecord]) -> SplitRecord:
+    own = [shard for shard in shards if shard.split == name]
+    names = tuple(shard.name for shard in own)
+    return SplitRecord(name=name, examples=sum(shard.examples for shard in own), shards=names)

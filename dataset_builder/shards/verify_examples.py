@@ -1,0 +1,138 @@
+"""What verification asks of examples: names, decoding, digests, labels, identities, and agreement with one another."""
+
+import json
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dataset_builder.digest import pixel_digest, sha256_bytes
+from dataset_builder.errors import Problem, ShardError
+from dataset_builder.shards import exr
+from dataset_builder.shards.example import LABEL, PREVIEW, decode_png
+from dataset_builder.shards.identities import Violation, check_layers, shared_in_view
+from dataset_builder.shards.label import KEYS, SCHEMA_VERSION, differences, encode_label, statistics, structure
+from dataset_builder.shards.manifest import ExampleRecord, LayerRecord, Manifest, MemberRecord, ShardIndex
+from dataset_builder.shards.structure import read_member
+
+
+class ExampleChecks:
+    """Checks examples one after the other and remembers what must agree between them."""
+
+    def __init__(self, manifest: Manifest):
+        self._manifest = manifest
+        self._layers = {layer.name: layer for layer in manifest.layers}
+        self._tolerances = {identity.name: identity.tolerance for identity in manifest.identities}
+        self._extents = {layer.name: layer.extent for layer in manifest.layers}
+        self._keys: Counter[str] = Counter()
+        self._views: dict[str, tuple[str, dict[str, str]]] = {}
+        self._structure: tuple[str, dict[str, str]] | None = None
+
+    def shard(self, tar: Path, index: ShardIndex) -> Iterator[Problem]:
+        """Problems of every example of a shard. Members whose bytes are not those of the index are not looked into:
+        `structure.tar_problems` reports them."""
+        for example in index.examples:
+            self._keys[example.key] += 1
+            yield from self._names(tar, example)
+            yield from self._view(tar, example)
+            yield from self._content(tar, example, index.shard.split)
+
+    def summary(self) -> Iterator[Problem]:
+        """Problems that only all examples together have: keys used twice, rejected examples that are shipped."""
+        for key, count in self._keys.items():
+            if count > 1:
+                yield Problem(where="dataset.json", path=key, rule=f"expected each key once, got {count} examples")
+        for item in self._manifest.rejected:
+            if item.key in self._keys:
+                yield Problem(where="dataset.json", path=item.key, rule=f"expected it left out, it failed {item.gate}")
+
+    def _names(self, tar: Path, example: ExampleRecord) -> Iterator[Problem]:
+        suffixes = sorted([*(f"{name}.exr" for name in self._layers), LABEL, PREVIEW])
+        names = [member.name for member in example.members]
+        if names != [f"{example.key}.{suffix}" for suffix in suffixes]:
+            yield Problem(where=tar.name, path=example.key, rule=f"expected members {', '.join(suffixes)}, got {names}")
+
+    def _view(self, tar: Path, example: ExampleRecord) -> Iterator[Problem]:
+        digests = {name: member.pixel_digest for name in self._layers
+                   for member in example.members if member.name == f"{example.key}.{name}.exr"}
+        first, shared = self._views.setdefault(example.view, (example.key, digests))
+        for violation in shared_in_view(shared, digests):
+            yield _violated(tar, f"{example.key} and {first}", violation)
+
+    def _content(self, tar: Path, example: ExampleRecord, split: str) -> Iterator[Problem]:
+        layers: dict[str, np.ndarray] = {}
+        label = None
+        for member in example.members:
+            suffix = member.name.partition(".")[2]
+            try:
+                if (data := _undamaged(tar, member)) is None:
+                    continue
+                if suffix == LABEL:
+                    label = json.loads(data)
+                    yield from self._label(tar, example, split, label, data)
+                elif suffix == PREVIEW:
+                    yield from _digest(tar, member, decode_png(data, where=member.name))
+                elif (layer := self._layers.get(suffix.removesuffix(".exr"))) is not None:
+                    image = exr.read(data, where=member.name)
+                    yield from self._image(tar, member, image, layer, example.key)
+                    layers[layer.name] = image.pixels
+            except ShardError as error:
+                yield from error.problems
+            except (json.JSONDecodeError, UnicodeDecodeError) as error:
+                yield Problem(where=tar.name, path=member.name, rule=f"expected JSON ({error})")
+        yield from self._together(tar, example.key, layers, label)
+
+    def _image(self, tar: Path, member: MemberRecord, image: exr.ExrImage, layer: LayerRecord,
+               key: str) -> Iterator[Problem]:
+        got = (image.layer, image.key, image.dtype, image.pixels.shape)
+        want = (layer.name, key, layer.dtype, (self._manifest.height, self._manifest.width, layer.channels))
+        if got != want:
+            yield Problem(where=tar.name, path=member.name, rule=f"expected layer, key, type, shape {want}, got {got}")
+        yield from _digest(tar, member, image.pixels)
+
+    def _label(self, tar: Path, example: ExampleRecord, split: str, label: Any, data: bytes) -> Iterator[Problem]:
+        name = f"{example.key}.{LABEL}"
+        if not isinstance(label, dict) or set(label) != KEYS:
+            yield Problem(where=tar.name, path=name, rule=f"expected the keys {', '.join(sorted(KEYS))}")
+            return
+        if encode_label(label) != data:
+            yield Problem(where=tar.name, path=name, rule="expected canonical JSON: sorted keys, floats with a point")
+        plan = label["plan"] if isinstance(label["plan"], dict) else {}
+        got = (label["schema_version"], label["key"], label["split"], plan.get("key"), plan.get("view"))
+        if got != (want := (SCHEMA_VERSION, example.key, split, example.key, example.view)):
+            yield Problem(where=tar.name, path=name, rule=f"expected (schema, key, split, key, view) {want}, got {got}")
+        found = structure(label)
+        first, pattern = self._structure = self._structure or (example.key, found)
+        for difference in differences(pattern, found):
+            yield Problem(where=tar.name, path=name, rule=f"{difference}, unlike example {first}")
+
+    def _together(self, tar: Path, key: str, layers: Mapping[str, np.ndarray], label: Any) -> Iterator[Problem]:
+        if len({array.shape[:2] for array in layers.values()}) == 1:
+            for violation in check_layers(layers, self._extents, self._tolerances):
+                yield _violated(tar, key, violation)
+        stated = label.get("layers") if isinstance(label, dict) else None
+        if not isinstance(stated, dict):
+            return
+        for name, array in layers.items():
+            if np.isfinite(array).all() and stated.get(name) != statistics(array):
+                rule = f"expected the least, largest and mean value {statistics(array)}, got {stated.get(name)}"
+                yield Problem(where=tar.name, path=f"{key}.{LABEL}: layers.{name}", rule=rule)
+
+
+def _undamaged(tar: Path, member: MemberRecord) -> bytes | None:
+    try:
+        data = read_member(tar, member)
+    except ShardError:
+        return None
+    return data if sha256_bytes(data) == member.sha256 else None
+
+
+def _digest(tar: Path, member: MemberRecord, pixels: np.ndarray) -> Iterator[Problem]:
+    if pixel_digest(pixels) != member.pixel_digest:
+        yield Problem(where=tar.name, path=member.name, rule="expected pixels with the digest that the index gives")
+
+
+def _violated(tar: Path, key: str, violation: Violation) -> Problem:
+    return Problem(where=tar.name, path=f"{key}: {violation.identity}", rule=violation.reason)

@@ -1,0 +1,132 @@
+"""Staged examples to published shards: assemble, flush, hash, read back, rename, then the index the same way."""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import PIL
+
+from dataset_builder import __version__
+from dataset_builder.digest import sha256_file
+from dataset_builder.errors import Problem, ShardError
+from dataset_builder.shards import exr
+from dataset_builder.shards.atomic import commit, output_errors, partial_of, write_atomic, write_partial
+from dataset_builder.shards.example import Member
+from dataset_builder.shards.folder import retract
+from dataset_builder.shards.manifest import ExampleRecord, MemberRecord, ShardIndex, ShardRecord, from_json, to_json
+from dataset_builder.shards.segment import end_blocks, payload_offsets, segment_size
+from dataset_builder.shards.staging import Staging
+from dataset_builder.shards.structure import tar_problems
+
+SHARDS, INDEX = "shards", "index"
+
+
+def writer_versions() -> dict[str, str]:
+    """Versions of whatever turns layers into bytes; the renderer's are for the caller to add."""
+    return {"dataset_builder": __version__, "openexr": exr.VERSION, "numpy": np.__version__, "pillow": PIL.__version__}
+
+
+def shard_path(folder: Path, stem: str) -> Path:
+    """Where a shard lies."""
+    return folder / SHARDS / f"{stem}.tar"
+
+
+def index_path(folder: Path, stem: str) -> Path:
+    """Where a shard's index lies."""
+    return folder / INDEX / f"{stem}.manifest"
+
+
+def entry(*, key: str, view: str, members: Sequence[Member]) -> dict[str, Any]:
+    """What `Staging.put` keeps beside a segment: key, view, and the members in file order."""
+    return {"key": key, "view": view, "members": [member.record() for member in members]}
+
+
+def publish_shard(folder: Path, *, stem: str, split: str, examples: Sequence[tuple[str, str]], spec_digest: str,
+                  versions: Mapping[str, str]) -> ShardIndex:
+    """Make the shard `stem` of staged `examples` ((key, digest) pairs, written in key order) and its index.
+
+    A `dataset.json` in `folder` is taken away first: it vouches for other bytes. Raises OutputError where the disk
+    refuses, and ShardError where an example is not staged, two share a key, or the file does not read back as written.
+    """
+    chosen, path = sorted(examples), shard_path(folder, stem)
+    if not chosen or len({key for key, _ in chosen}) < len(chosen):
+        raise _wrong(path, f"expected one or more examples with different keys, got {[key for key, _ in chosen]}")
+    retract(folder)
+    records: list[ExampleRecord] = []
+    size, sha256 = write_partial(path, _chunks(Staging(folder), chosen, records))
+    index = ShardIndex(
+        shard=ShardRecord(name=path.name, split=split, bytes=size, sha256=sha256, examples=len(records),
+                          first_key=chosen[0][0], last_key=chosen[-1][0]),
+        spec_digest=spec_digest, versions={**writer_versions(), **versions}, examples=tuple(records),
+    )
+    _check(partial_of(path), index)
+    # A shard never stands beside an index of other bytes
+    with output_errors(path):
+        index_path(folder, stem).unlink(missing_ok=True)
+    commit(path)
+    write_atomic(index_path(folder, stem), to_json(index))
+    return index
+
+
+def published(folder: Path, stem: str) -> ShardIndex | None:
+    """The index of a shard that is done: its index exists, and size and SHA-256 of its file agree; else None."""
+    path = shard_path(folder, stem)
+    try:
+        index = from_json(ShardIndex, index_path(folder, stem).read_bytes(), where=stem)
+        done = path.stat().st_size == index.shard.bytes and sha256_file(path) == index.shard.sha256
+    except (FileNotFoundError, ShardError):
+        return None
+    return index if done and index.shard.name == path.name else None
+
+
+def remove_shard(folder: Path, stem: str) -> None:
+    """Take one shard, its index and its unfinished file away. Raises OutputError where the disk refuses."""
+    retract(folder)
+    with output_errors(folder):
+        for path in (index_path(folder, stem), shard_path(folder, stem), partial_of(shard_path(folder, stem))):
+            path.unlink(missing_ok=True)
+
+
+def remove_others(folder: Path, keep: Collection[str]) -> list[str]:
+    """Take away what an earlier plan or an interrupted build left: shards and indexes whose stem is not in `keep`, and
+    unfinished files. Returns the names of the files that went. Raises OutputError where the disk refuses."""
+    known = {path for stem in keep for path in (shard_path(folder, stem), index_path(folder, stem))}
+    others = [path for part in (INDEX, SHARDS) for path in sorted((folder / part).glob("*")) if path not in known]
+    if others:
+        retract(folder)
+    with output_errors(folder):
+        for path in others:
+            path.unlink()
+    return [path.name for path in others]
+
+
+def _chunks(staging: Staging, examples: Sequence[tuple[str, str]], records: list[ExampleRecord]) -> Iterator[bytes]:
+    """Yield the shard's bytes, one example in memory at a time, and append each example's record to `records`."""
+    end = 0
+    for key, digest in examples:
+        staged = staging.get(key, digest)
+        members = staged.entry["members"]
+        sizes = [member["size"] for member in members]
+        if len(staged.segment) != segment_size(sizes) or staged.entry["key"] != key:
+            raise _wrong(key, f"expected a segment of {segment_size(sizes)} bytes, got {len(staged.segment)}")
+        records.append(ExampleRecord(
+            key=key, view=staged.entry["view"], digest=digest,
+            members=tuple(MemberRecord(offset=offset, **member)
+                          for offset, member in zip(payload_offsets(sizes, end), members, strict=True)),
+        ))
+        yield staged.segment
+        end += len(staged.segment)
+    yield end_blocks(end)
+
+
+def _check(partial: Path, index: ShardIndex) -> None:
+    problems = tar_problems(partial, index)
+    if partial.stat().st_size != index.shard.bytes or sha256_file(partial) != index.shard.sha256:
+        problems.append(Problem(where=partial.name, path="", rule="expected to read back the bytes that were written"))
+    if problems:
+        raise ShardError(problems)
+
+
+def _wrong(where: Path | str, rule: str) -> ShardError:
+    return ShardError([Problem(where=str(where), path="", rule=rule)])

@@ -1,0 +1,27 @@
+"""Cameras, as written."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from dataset_builder.spec.model import Model
+from dataset_builder.spec.numbers import AnyNumber, Interval, PositiveInt, Share, interval, within
+
+
+class CameraSpec(Model):
+    """Random viewpoints that really see the object."""
+
+    fov: within(low=1, high=170) = 45.0  # type: ignore[valid-type]
+    """Horizontal field of view in degrees."""
+    elevation: within(low=-89, high=89) = 20.0  # type: ignore[valid-type]
+    """Degrees above the horizon, seen from the object."""
+    azimuth: AnyNumber = 0.0
+    """Degrees about the object, 0 in front of it."""
+    coverage: Annotated[Interval, interval(0, 1)] = (0.08, 0.6)
+    """Least and largest share of the frame that the object covers; the distance is drawn to reach it."""
+    visibility: Share = 0.6
+    """Least share of the object's silhouette that is in the frame and not hidden."""
+    clearance: Annotated[float, Field(ge=0)] = 0.15
+    """Least distance in metres from the camera to any surface."""
+    attempts: PositiveInt = 200
+    """Redraws before planning gives up."""

@@ -1,0 +1,91 @@
+"""Rules that need more than one file or table: families and their limits, mesh files, and splits that share nothing."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from dataset_builder.errors import Problem
+from dataset_builder.spec.dataset import DatasetSpec
+from dataset_builder.spec.document import Document
+from dataset_builder.spec.families import FAMILIES, Family
+from dataset_builder.spec.mesh_source import MESH_SUFFIXES, MeshSource, companions, mesh_source
+from dataset_builder.spec.numbers import AnyNumber, check_within
+from dataset_builder.spec.problems import nearest, shown
+from dataset_builder.spec.scene import ObjectSpec
+
+
+def check_object(spec: ObjectSpec, document: Document) -> list[Problem]:
+    """What is wrong with the family of an object and its parameters."""
+    if spec.family is None:
+        return []
+    family = FAMILIES.get(spec.family)
+    if family is None:
+        hint = nearest(spec.family, [*FAMILIES])
+        return [document.problem(("family",), f"expected a family, got {shown(spec.family)}", hint)]
+    problems = []
+    for name, value in spec.params.items():
+        if broken := _param_rule(family, name, value):
+            problems.append(document.problem(("params", name), *broken))
+    return problems
+
+
+def _param_rule(family: Family, name: str, value: AnyNumber) -> tuple[str, str] | None:
+    """The rule that a parameter breaks, and a hint."""
+    names = [param.name for param in family.params]
+    if name not in names:
+        return f"expected a parameter of {family.name}, got {shown(name)}", nearest(name, names)
+    param = family.param(name)
+    try:
+        check_within(value, param.low, param.high)
+    except ValueError as error:
+        return str(error), f"{param.meaning}, unit {param.unit}" if param.unit else param.meaning
+    return None
+
+
+def find_mesh(spec: ObjectSpec, document: Document, folder: Path) -> MeshSource | Problem | None:
+    """The mesh file of an object whose spec lies in `folder`, what is wrong with it, or None where it has a family."""
+    if spec.file is None:
+        return None
+    path = folder / spec.file
+    rule, hint = _mesh_rule(path, spec.file)
+    if not rule:
+        try:
+            return mesh_source(path, companions(path))
+        except FileNotFoundError as error:
+            rule = f"expected the files that {spec.file} names, found no {Path(str(error.filename)).name} beside it"
+        except OSError as error:
+            rule = f"expected a readable mesh file, got: {error.strerror}"
+        except ValueError as error:
+            rule = f"expected a {path.suffix} file, got one that cannot be read: {error}"
+    return document.problem(("file",), rule, hint)
+
+
+def _mesh_rule(path: Path, name: str) -> tuple[str, str]:
+    if path.suffix.lower() not in MESH_SUFFIXES:
+        return f"expected a file that ends in one of {' '.join(MESH_SUFFIXES)}, got {shown(name)}", ""
+    if not path.is_file():
+        return f"expected a mesh file, found none at {shown(name)}", files_like(path)
+    return "", ""
+
+
+def files_like(path: Path) -> str:
+    """A hint: the file most like a missing one in its folder."""
+    if not path.parent.is_dir():
+        return "its folder does not exist"
+    return nearest(path.name, sorted(file.name for file in path.parent.iterdir() if file.suffix == path.suffix), "file")
+
+
+def check_splits(dataset: DatasetSpec, document: Document, meshes: Mapping[str, MeshSource]) -> list[Problem]:
+    """Mesh files that two splits share, or that one split needs twice; families differ by their drawn parameters."""
+    problems: list[Problem] = []
+    owners: dict[str, str] = {}
+    for number, split in enumerate(dataset.splits):
+        files = [(index, meshes[key]) for index, key in enumerate(split.objects.source) if key in meshes]
+        if files and split.objects.count > (most := len(split.objects.source)):
+            rule = f"expected <= {most}, as a mesh file is only ever one object, got {split.objects.count}"
+            problems.append(document.problem(("splits", number, "objects", "count"), rule))
+        for index, mesh in files:
+            owner = owners.setdefault(mesh.sha256, split.name)
+            if owner != split.name:
+                problems.append(document.problem(("splits", number, "objects", "from", index), "expected objects that "
+                                                 f"no other split has, got a mesh file of split {owner}"))
+    return problems

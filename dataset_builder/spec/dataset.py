@@ -1,0 +1,122 @@
+"""A dataset as written: one YAML file with splits, cameras, light, noise levels, layers and accuracy."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, Field, Tag, model_validator
+
+from dataset_builder.layers import LAYERS, PAPER_LAYERS
+from dataset_builder.spec.camera import CameraSpec
+from dataset_builder.spec.light import SourceSpec, TargetSpec
+from dataset_builder.spec.model import Model, broken
+from dataset_builder.spec.numbers import Interval, PositiveInt, Share, branches, interval
+from dataset_builder.spec.render import ImageSpec, RenderSpec
+from dataset_builder.spec.rough import RoughSpec
+
+
+def _known_layer(name: str) -> str:
+    if name not in LAYERS:
+        raise broken("expected a layer", known=tuple(LAYERS))
+    return name
+
+
+LayerName = Annotated[str, AfterValidator(_known_layer), Field(json_schema_extra={"enum": list(LAYERS)})]
+LayerExtents = Annotated[dict[LayerName, Literal["object", "frame"]], Field(min_length=1)]
+"""The pixels each layer is wanted on."""
+
+
+class ObjectsSpec(Model):
+    """Which object files a split draws from, and how many different objects."""
+
+    source: Annotated[tuple[str, ...], Field(min_length=1, alias="from")]
+    """Object files, relative to the dataset file; used in turn."""
+    count: PositiveInt
+
+
+class ScenesSpec(Model):
+    """Which scene files a split draws from, and how many different scenes."""
+
+    source: Annotated[tuple[str, ...], Field(min_length=1, alias="from")]
+    count: PositiveInt
+
+
+def _all_or_count(value: Any) -> str | None:
+    if isinstance(value, str):
+        return "|all" if value == "all" else None
+    return "|count" if isinstance(value, int) and not isinstance(value, bool) else None
+
+
+Pairs = Annotated[
+    Annotated[PositiveInt, Tag("|count")] | Annotated[Literal["all"], Tag("|all")],
+    branches(_all_or_count, "expected a whole number or all"),
+]
+
+
+class SplitSpec(Model):
+    """One split: its own objects and scenes, disjoint from every other split's by construction."""
+
+    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9]*$")]
+    objects: ObjectsSpec
+    scenes: ScenesSpec
+    pairs: Pairs = "all"
+    """How many (object, scene) pairs; `all` is every one."""
+    views: PositiveInt = 1
+    """Cameras per pair."""
+    lights: PositiveInt = 1
+    """Target lights per view."""
+
+    @model_validator(mode="after")
+    def _enough_pairs(self) -> "SplitSpec":
+        most = self.objects.count * self.scenes.count
+        if self.pairs != "all" and self.pairs > most:
+            rule = f"expected <= {self.objects.count} objects x {self.scenes.count} scenes = {most}, got {self.pairs}"
+            raise broken(rule, path=("pairs",))
+        return self
+
+
+class StorageSpec(Model):
+    """How layers are stored."""
+
+    dtype: Literal["float32", "float16"] = "float32"
+    examples_per_shard: PositiveInt = 16
+    standard_errors: bool = False
+    """Also ship a standard-error layer for every radiometric layer."""
+
+
+class GatesSpec(Model):
+    """Bounds that every example must keep to be shipped."""
+
+    mask_overlap: Share = 0.7
+    """Least intersection over union of `mask` and `mask_rough`."""
+    s_prime_energy: Annotated[Interval, interval(0)] = (1e-3, 1e3)
+    """Least and largest mean of `s_prime` over the mask."""
+    coverage: Annotated[Interval, interval(0, 1)] = (0.01, 0.95)
+    """Least and largest share of the frame under the mask."""
+
+
+class DatasetSpec(Model):
+    """One dataset."""
+
+    name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]*$")]
+    version: Annotated[str, Field(pattern=r"^\d+\.\d+\.\d+$")] = "1.0.0"
+    title: str = ""
+    description: str = ""
+    licence: str = "CC0-1.0"
+    seed: Annotated[int, Field(ge=0, lt=2**64)] = 0
+    image: ImageSpec = ImageSpec()
+    layers: LayerExtents = dict.fromkeys(PAPER_LAYERS, "object")
+    render: RenderSpec = RenderSpec()
+    rough: RoughSpec = RoughSpec()
+    camera: CameraSpec = CameraSpec()
+    source: SourceSpec = SourceSpec()
+    target: TargetSpec = TargetSpec()
+    gates: GatesSpec = GatesSpec()
+    storage: StorageSpec = StorageSpec()
+    splits: Annotated[tuple[SplitSpec, ...], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _distinct_splits(self) -> "DatasetSpec":
+        names = [split.name for split in self.splits]
+        for index, name in enumerate(names):
+            if name in names[:index]:
+                raise broken(f"expected split names to differ, got {name} again", path=("splits", index, "name"))
+        return self

@@ -1,0 +1,164 @@
+"""Follow every reference of a dataset file, validate each file once, and gather all problems before any is raised."""
+
+import posixpath
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+
+from dataset_builder.errors import Problem, SpecError
+from dataset_builder.spec.check import check_object, check_splits, files_like, find_mesh
+from dataset_builder.spec.dataset import DatasetSpec, ObjectsSpec, ScenesSpec, SplitSpec
+from dataset_builder.spec.document import Document
+from dataset_builder.spec.families import FAMILIES
+from dataset_builder.spec.loaded import LoadedSpec
+from dataset_builder.spec.mesh_source import MeshSource
+from dataset_builder.spec.model import Model
+from dataset_builder.spec.problems import problems_of, shown
+from dataset_builder.spec.scene import ObjectSpec, RoomSpec, SceneSpec
+
+AnyModel = TypeVar("AnyModel", bound=Model)
+KeyPath = tuple[str | int, ...]
+
+
+def validated(document: Document, model: type[AnyModel]) -> AnyModel | list[Problem]:
+    """The model that a file means, or every rule that it breaks. Types are strict: "5" is no number, true is not 1."""
+    try:
+        return model.model_validate(document.data, strict=True)
+    except ValidationError as error:
+        return problems_of(error, model, document.place)
+
+
+def key_of(name: str, key: str) -> str:
+    """Key of the file that the file `key` calls `name`: the path relative to the dataset's folder.
+
+    >>> key_of("../rooms/study.yaml", "scenes/office.yaml")
+    'rooms/study.yaml'
+    """
+    return posixpath.normpath(posixpath.join(posixpath.dirname(key), name))
+
+
+class Resolver:
+    """Reads the files of one dataset; `read(path, name)` gives a file as plain data or raises SpecError."""
+
+    def __init__(self, *, read: Callable[[Path, str], Document], root: Path, problems: list[Problem]) -> None:
+        self.read = read
+        self.root = root
+        self.problems = problems
+        self.objects: dict[str, ObjectSpec | None] = {}
+        self.scenes: dict[str, SceneSpec | None] = {}
+        self.rooms: dict[str, RoomSpec | None] = {}
+        self.meshes: dict[str, MeshSource] = {}
+
+    def dataset(self, document: Document) -> LoadedSpec:
+        """The dataset that `document` means. Raises SpecError with every problem of every file."""
+        spec = self._validated(document, DatasetSpec)
+        for path, name in _split_references(document.data):
+            kind = self._object if path[2] == "objects" else self._scene
+            self._follow(document, path, name, "", kind)
+        if spec is not None:
+            spec = spec.model_copy(update={"splits": tuple(map(_keyed_split, spec.splits))})
+            self.problems += check_splits(spec, document, self.meshes)
+        if self.problems or spec is None:
+            raise SpecError(dict.fromkeys(self.problems))
+        return LoadedSpec(path=self.root, dataset=spec, objects=_found(self.objects), scenes=_found(self.scenes),
+                          rooms=_found(self.rooms), meshes=MappingProxyType(self.meshes))
+
+    def _validated(self, document: Document, model: type[AnyModel]) -> AnyModel | None:
+        result = validated(document, model)
+        if isinstance(result, list):
+            self.problems += result
+            return None
+        return result
+
+    def _follow(self, document: Document, path: KeyPath, name: str, key: str,
+                visit: Callable[[str], None]) -> None:
+        """Visit the file that `document` calls `name`; a missing one is a problem of the line that names it."""
+        target = key_of(name, key)
+        if not (self.root.parent / target).is_file():
+            rule, hint = f"expected a spec file, found none at {shown(name)}", files_like(self.root.parent / target)
+            self.problems.append(document.problem(path, rule, hint))
+            return
+        visit(target)
+
+    def _read(self, key: str) -> Document | None:
+        try:
+            return self.read(self.root.parent / key, posixpath.join(posixpath.dirname(str(self.root)), key))
+        except SpecError as error:
+            self.problems += error.problems
+            return None
+
+    def _object(self, key: str) -> None:
+        if key in self.objects or (document := self._read(key)) is None:
+            return
+        spec = self.objects[key] = self._validated(document, ObjectSpec)
+        if spec is None:
+            return
+        self.problems += check_object(spec, document)
+        mesh = find_mesh(spec, document, (self.root.parent / key).parent)
+        if isinstance(mesh, Problem):
+            self.problems.append(mesh)
+        elif mesh:
+            self.meshes[key] = mesh
+        if not spec.category:
+            family = FAMILIES.get(spec.family or "")
+            self.objects[key] = spec.model_copy(update={"category": family.category if family else "object"})
+
+    def _scene(self, key: str) -> None:
+        if key in self.scenes or (document := self._read(key)) is None:
+            return
+        spec = self.scenes[key] = self._validated(document, SceneSpec)
+        for path, name in _scene_references(document.data):
+            self._follow(document, path, name, key, self._room if path == ("room",) else self._object)
+        if spec is not None:
+            self.scenes[key] = _keyed_scene(spec, key)
+
+    def _room(self, key: str) -> None:
+        if key not in self.rooms and (document := self._read(key)) is not None:
+            self.rooms[key] = self._validated(document, RoomSpec)
+
+
+def _found(specs: dict[str, AnyModel | None]) -> MappingProxyType[str, AnyModel]:
+    return MappingProxyType({key: spec for key, spec in specs.items() if spec is not None})
+
+
+def _keyed_scene(scene: SceneSpec, key: str) -> SceneSpec:
+    """The scene with its references as keys."""
+    furniture = tuple(piece.model_copy(update={"object": key_of(piece.object, key)}) for piece in scene.furniture)
+    return scene.model_copy(update={"room": key_of(scene.room, key), "furniture": furniture})
+
+
+def _keyed_split(split: SplitSpec) -> SplitSpec:
+    """The split with its references as keys."""
+    groups: dict[str, ObjectsSpec | ScenesSpec] = {"objects": split.objects, "scenes": split.scenes}
+    keyed = {name: group.model_copy(update={"source": tuple(key_of(file, "") for file in group.source)})
+             for name, group in groups.items()}
+    return split.model_copy(update=keyed)
+
+
+# References are read from plain data, so that files are followed even from a file that breaks rules
+
+def _split_references(data: Any) -> Iterator[tuple[KeyPath, str]]:
+    for number, split in _items(_at(data, "splits")):
+        for kind in ("objects", "scenes"):
+            for index, name in _items(_at(_at(split, kind), "from")):
+                if isinstance(name, str):
+                    yield ("splits", number, kind, "from", index), name
+
+
+def _scene_references(data: Any) -> Iterator[tuple[KeyPath, str]]:
+    if isinstance(room := _at(data, "room"), str):
+        yield ("room",), room
+    for index, piece in _items(_at(data, "furniture")):
+        if isinstance(name := _at(piece, "object"), str):
+            yield ("furniture", index, "object"), name
+
+
+def _at(data: Any, key: str) -> Any:
+    return data.get(key) if isinstance(data, dict) else None
+
+
+def _items(data: Any) -> Iterator[tuple[int, Any]]:
+    return enumerate(data if isinstance(data, tuple) else ())

@@ -1,0 +1,135 @@
+"""Loop subdivision: Open3D's rule where it is smooth, sharp where it is tagged."""
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from dataset_builder.geometry._open3d import open3d
+from dataset_builder.geometry.edges import crease_mask, edges_of, watertight
+from dataset_builder.geometry.loop import fixed_vertices, loop, subdivision_matrix
+from dataset_builder.geometry.repair import repair
+
+NO_CREASES = np.zeros((0, 2), int)
+
+
+def sharp_edges(mesh, angle=30.0):
+    edges = edges_of(mesh.faces)
+    return edges, crease_mask(mesh, edges, crease_angle=angle)
+
+
+def open3d_loop(mesh, rounds):
+    o3d = open3d()
+    # Copies: Open3D refuses read-only arrays.
+    other = o3d.geometry.TriangleMesh(o3d.utility.Vector3dVector(mesh.positions.copy()),
+                                      o3d.utility.Vector3iVector(mesh.faces.copy()))
+    return np.asarray(other.subdivide_loop(rounds).vertices)
+
+
+def tetrahedron(shapes):
+    corners = [(1, 1, 1), (-1, -1, 1), (-1, 1, -1), (1, -1, -1)]
+    return shapes["mesh"](corners, [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)])
+
+
+@pytest.mark.parametrize("rounds", [1, 2, 3])
+@pytest.mark.parametrize("name", ["torus", "box", "tetrahedron"])
+def test_equals_open3d_without_creases(shapes, name, rounds):
+    """Valences 3 (tetrahedron), 4 and 5 (box), 6 (torus): Warren's weights, not Loop's."""
+    mesh = tetrahedron(shapes) if name == "tetrahedron" else shapes[name]()
+    ours, theirs = loop(mesh, rounds=rounds, creases=NO_CREASES)[0].positions, open3d_loop(mesh, rounds)
+    assert len(ours) == len(theirs)
+    assert cKDTree(theirs).query(ours)[0].max() < 1e-9
+    assert cKDTree(ours).query(theirs)[0].max() < 1e-9
+
+
+@pytest.mark.parametrize("name", ["box", "chamfered", "cylinder", "vase", "torus", "grid"])
+def test_rows_of_the_operator_sum_to_one(shapes, name):
+    mesh = shapes[name]()
+    edges, sharp = sharp_edges(mesh)
+    matrix = subdivision_matrix(edges, sharp, fixed_vertices(mesh, edges, sharp, corner_angle=30))
+    np.testing.assert_allclose(matrix.sum(axis=1), 1, atol=1e-14)
+    assert matrix.data.min() >= 0
+
+
+def test_a_sharp_cube_stays_a_cube(shapes):
+    mesh = shapes["box"]()
+    fine, creases = loop(mesh, rounds=3, creases=sharp_edges(mesh)[1])
+    assert fine.volume == pytest.approx(1, abs=1e-12)
+    np.testing.assert_allclose(fine.bounds, mesh.bounds, atol=1e-14)
+    on_surface = np.abs(np.abs(fine.positions).max(axis=1) - 0.5)
+    assert on_surface.max() < 1e-14
+    assert len(creases) == 12 * 8
+    sharp_again = edges_of(fine.faces).vertices[sharp_edges(fine)[1]]
+    np.testing.assert_array_equal(np.unique(creases, axis=0), np.unique(sharp_again, axis=0))
+
+
+def test_crease_tags_are_inherited_and_not_measured_again(shapes):
+    mesh = shapes["torus"]()
+    edges = edges_of(mesh.faces)
+    ring = edges.vertices[(edges.vertices % 12 == 0).all(axis=1)]
+    fine, creases = loop(mesh, rounds=2, creases=ring, corner_angle=180)
+    assert len(ring) == 24 and len(creases) == 24 * 4
+    valence = np.bincount(creases.ravel(), minlength=len(fine.positions))
+    assert set(valence) == {0, 2}
+    assert not sharp_edges(fine)[1].any()
+
+
+def test_a_crease_curve_follows_the_cubic_spline_rule(shapes):
+    """A rim between two vertices: 1/8, 3/4, 1/8 for the old one, its midpoints for the new."""
+    mesh = shapes["cylinder"](sides=32)
+    rim = np.flatnonzero((mesh.positions[:, 2] == 0) & (np.hypot(*mesh.positions[:, :2].T) > 0.1))
+    fine, _ = loop(mesh, rounds=1, creases=sharp_edges(mesh)[1])
+    shrunk = 0.3 * (3 / 4 + np.cos(2 * np.pi / 32) / 4)
+    np.testing.assert_allclose(np.hypot(*fine.positions[rim, :2].T), shrunk, rtol=1e-12)
+
+
+def test_a_sharp_turn_of_a_crease_is_a_corner(shapes):
+    mesh = shapes["grid"](4)
+    corners = np.flatnonzero(np.isin(mesh.positions[:, :2], (0, 1)).all(axis=1))
+    edges, sharp = sharp_edges(mesh)
+    for angle, kept in ((30, True), (95, False)):
+        fixed = fixed_vertices(mesh, edges, sharp, corner_angle=angle)
+        np.testing.assert_array_equal(np.flatnonzero(fixed), corners if kept else [])
+        fine, _ = loop(mesh, rounds=2, creases=sharp, corner_angle=angle)
+        area = np.linalg.norm(fine.area_normals, axis=1).sum() / 2
+        assert (area == pytest.approx(1)) == kept
+        assert (fine.positions[corners] == mesh.positions[corners]).all() == kept
+
+
+def test_fans_that_touch_in_a_vertex_keep_it(shapes):
+    """Two cones tip to tip: no edge is sharp enough, but no rule may average over both."""
+    cone = shapes["lathe"]([(0.0, 0.0), (1.0, 0.1), (0.0, 0.2)], 16)
+    mesh = shapes["mesh"](np.concatenate([cone.positions, cone.positions + np.array((0, 0, 0.2))]),
+                          np.concatenate([cone.faces, cone.faces + len(cone.positions)]))
+    mesh = repair(mesh)[0]
+    edges = edges_of(mesh.faces)
+    fixed = fixed_vertices(mesh, edges, np.zeros(len(edges.vertices), bool), corner_angle=30)
+    np.testing.assert_allclose(mesh.positions[fixed], [(0, 0, 0.2)], atol=1e-15)
+
+
+@pytest.mark.parametrize("name", ["box", "chamfered", "cylinder", "vase", "torus"])
+def test_no_crack_and_linear_uvs(shapes, name):
+    mesh = shapes[name]()
+    fine, _ = loop(mesh, rounds=2, creases=sharp_edges(mesh)[1])
+    assert watertight(edges_of(fine.faces))
+    assert len(fine.faces) == 16 * len(mesh.faces)
+    parents = np.repeat(mesh.uvs, 16, axis=0)
+    assert (fine.uvs >= parents.min(axis=1, keepdims=True) - 1e-12).all()
+    assert (fine.uvs <= parents.max(axis=1, keepdims=True) + 1e-12).all()
+    area = lambda uvs: np.abs(np.linalg.det(uvs[:, 1:] - uvs[:, :1])).sum()  # noqa: E731
+    assert area(fine.uvs) == pytest.approx(area(mesh.uvs), rel=1e-9)
+
+
+def test_uvs_agree_across_every_edge_inside_a_chart(shapes):
+    mesh = shapes["torus"]()
+    fine, _ = loop(mesh, rounds=1, creases=NO_CREASES)
+    uvs = np.full((len(fine.positions), 2), np.nan)
+    uvs[fine.faces.ravel()] = fine.uvs.reshape(-1, 2)
+    np.testing.assert_allclose(uvs[fine.faces], fine.uvs, atol=1e-12)
+
+
+def test_zero_rounds_change_nothing(shapes):
+    mesh = shapes["vase"]()
+    edges, sharp = sharp_edges(mesh)
+    same, creases = loop(mesh, rounds=0, creases=sharp)
+    assert same is mesh
+    np.testing.assert_array_equal(creases, edges.vertices[sharp])

@@ -1,0 +1,80 @@
+from collections.abc import Callable
+from dataclasses import astuple, replace
+from typing import Any
+
+import pytest
+
+from dataset_builder.planning.cost import Cost, Rates, estimate, example_bytes, extrapolate, pass_runs, view_cost
+from dataset_builder.planning.example_plan import ExamplePlan
+from dataset_builder.planning.plan import Planner, plan_example
+from dataset_builder.spec.loaded import LoadedSpec
+
+Load = Callable[..., LoadedSpec]
+RATES = Rates(light_paths=100.0, free_paths=1000.0, seconds_per_pass=2.0, seconds_per_view=3.0, seconds_per_example=5.0,
+              kept_share=0.5, empty_share=0.0, example_bytes=1000.0)
+
+
+def plan_of(load: Load, data: dict[str, Any], layers: dict[str, str]) -> ExamplePlan:
+    """A plan of 20 x 10 pixels whose object covers a quarter of them."""
+    data["image"], data["layers"] = {"width": 20, "height": 10}, layers
+    data["render"] = {"spp": {"first_hit": 2, "source": 4, "target": 8, "rough": 16}, "batches": 4}
+    plan = plan_example(load(data), 0)
+    return plan.model_copy(update={"camera": plan.camera.model_copy(update={"coverage": 0.25})})
+
+
+def test_the_cost_of_a_view_by_hand(load: Load, dataset_data: dict[str, Any]) -> None:
+    """2 lights, 3 levels; the object has 50 pixels and its rectangle 80; i_s on all 200."""
+    plan = plan_of(load, dataset_data, {"i_s": "frame", "i_t": "object", "d": "object", "s_prime": "object"})
+    cost = view_cost(plan, 2, 3, 0.4, "float32", RATES)
+    assert cost.passes == 1 + 2 + 6 + 1 + 3
+    assert cost.pixels == pytest.approx(200 + 2 * 50 + 6 * 50 + 80 + 3 * 80)
+    lit, free = 200 * 4 + 2 * 50 * 8 + 6 * 50 * 16, 80 * 2 + 3 * 80 * 2
+    assert cost.paths == pytest.approx(lit + free)
+    fixed = 3 + 6 * 5 + 13 * 2
+    assert cost.seconds == pytest.approx(lit / 100 + free / 1000 + fixed)
+    assert cost.bytes == pytest.approx(6 * (1000 + 0.5 * 4 * 3 * (200 + 50 + 50 + 50)))
+    assert view_cost(plan, 2, 3, 0.4, "float32", RATES, cores=2).seconds == pytest.approx(
+        lit / 200 + free / 2000 + fixed)
+
+
+def test_what_nobody_asked_for_does_not_run() -> None:
+    assert pass_runs([("d", "object")], 4, 3) == {"source": 0, "target": 0, "rough": 0, "first_hit": 1,
+                                                  "first_hit_rough": 0}
+    assert pass_runs([("i_t", "object")], 4, 3) == {"source": 0, "target": 4, "rough": 0, "first_hit": 1,
+                                                    "first_hit_rough": 0}
+    assert pass_runs([("mask_rough", "object")], 4, 3)["first_hit_rough"] == 3
+    assert pass_runs([("s_prime_se", "object")], 4, 3)["rough"] == 12
+
+
+def test_half_floats_take_half_and_empty_pixels_next_to_nothing(load: Load, dataset_data: dict[str, Any]) -> None:
+    plan = plan_of(load, dataset_data, {"mask": "object"})
+    assert example_bytes(plan, "float16", replace(RATES, empty_share=0.1)) == pytest.approx(
+        1000 + 200 * 2 * (0.25 * 0.5 + 0.75 * 0.1))
+
+
+def test_extrapolation_by_hand() -> None:
+    costs = [Cost(passes=5, pixels=10), Cost(passes=5, pixels=14)]
+    total, error = extrapolate(costs, 8)
+    assert (total.passes, total.pixels) == (40, 96)
+    assert (error.passes, error.pixels) == (0, pytest.approx(8 * (8 * (1 - 2 / 8) / 2) ** 0.5))
+    assert extrapolate(costs, 2)[1].pixels == 0
+
+
+def test_planning_every_view_leaves_no_error_and_is_the_sum(load: Load) -> None:
+    planner = Planner(load())
+    whole = estimate(planner, sample=1000, rates=RATES)
+    assert (whole.examples, whole.views, whole.sampled) == (52, 14, 14)
+    assert astuple(whole.error) == (0, 0, 0, 0, 0)
+    assert whole.total.passes == 12 * (1 + 2 + 4 + 1 + 2) + 2 * (1 + 1 + 2 + 1 + 2) == sum(whole.runs.values())
+    assert whole.runs == {"source": 14, "target": 26, "rough": 52, "first_hit": 14, "first_hit_rough": 28}
+    by_hand = sum(example_bytes(planner.example(ref), "float32", RATES) for ref in planner.examples)
+    assert whole.total.bytes == pytest.approx(by_hand)
+
+
+def test_a_few_views_come_near_the_whole_and_say_how_near(load: Load, dataset_data: dict[str, Any]) -> None:
+    dataset_data["splits"][0]["views"] = 6
+    planner = Planner(load(dataset_data))
+    whole, part = estimate(planner, sample=1000), estimate(planner, sample=12)
+    assert part.sampled < whole.sampled and part.error.pixels > 0
+    assert abs(part.total.pixels - whole.total.pixels) < 4 * part.error.pixels
+    assert estimate(planner, sample=12) == part

@@ -1,0 +1,114 @@
+import io
+import json
+import re
+import shutil
+import subprocess
+import tarfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+
+from dataset_builder.digest import digest, sha256_file
+from dataset_builder.errors import ShardError
+from dataset_builder.shards import exr
+from dataset_builder.shards.card import card
+from dataset_builder.shards.croissant import croissant
+from dataset_builder.shards.manifest import Manifest, Rejected, make_manifest
+from dataset_builder.shards.publish import publish_dataset
+from dataset_builder.shards.reader import load_manifest
+from tests.plans import PAPER
+from tests.shards.tiny_dataset import default_examples, make_spec
+
+
+def rejecting(manifest: Manifest) -> Manifest:
+    item = Rejected(key="00000007", view="train/000007", gate="coverage", reason="expected more | got less")
+    return manifest.model_copy(update={"rejected": (item,)})
+
+
+@pytest.mark.skipif(shutil.which("sha256sum") is None, reason="needs coreutils")
+def test_the_sums_satisfy_sha256sum(dataset: Path) -> None:
+    check = subprocess.run(["sha256sum", "-c", "--strict", "SHA256SUMS"], cwd=dataset, capture_output=True, text=True)
+    assert check.returncode == 0 and check.stdout.count(": OK") == 9
+    (dataset / "croissant.json").write_text("{}")
+    check = subprocess.run(["sha256sum", "-c", "SHA256SUMS"], cwd=dataset, capture_output=True, text=True)
+    assert check.returncode == 1 and "croissant.json: FAILED" in check.stdout
+
+
+def test_shards_follow_webdatasets_rule(dataset: Path) -> None:
+    for shard in load_manifest(dataset).shards:
+        groups: dict[str, list[str]] = {}
+        with tarfile.open(dataset / "shards" / shard.name) as tar:
+            for info in tar:
+                key, _, suffix = info.name.partition(".")
+                assert not groups or key in (last := list(groups)[-1],) or key not in groups, f"{key} after {last}"
+                groups.setdefault(key, []).append(suffix)
+        assert len(groups) == shard.examples and list(groups) == sorted(groups)
+        assert len({tuple(suffixes) for suffixes in groups.values()}) == 1
+        assert all(len(set(suffixes)) == len(suffixes) for suffixes in groups.values())
+
+
+def test_the_standard_library_finds_the_pixels(dataset: Path) -> None:
+    with tarfile.open(dataset / "shards" / "tiny-v1-test-000000.tar") as tar:
+        stream = tar.extractfile("00000003.i_t.exr")
+        assert stream is not None
+        assert np.array_equal(exr.decode(io.BytesIO(stream.read()).read()), default_examples()[3].layers["i_t"])
+
+
+def test_the_card_has_configs_for_every_split_and_names_what_is_left_out(dataset: Path) -> None:
+    manifest = load_manifest(dataset)
+    head = YAML(typ="safe").load(card(manifest).split("---\n")[1])
+    assert head["configs"][0]["data_files"] == [{"split": "train", "path": "shards/tiny-v1-train-*.tar"},
+                                                {"split": "test", "path": "shards/tiny-v1-test-*.tar"}]
+    assert (head["license"], head["size_categories"], head["pretty_name"]) == ("cc0-1.0", ["n<1K"], "Tiny")
+    assert "| 00000007 | coverage | expected more \\| got less |" in card(rejecting(manifest))
+
+
+def test_croissant_has_what_its_specification_requires(dataset: Path) -> None:
+    document = json.loads(croissant(load_manifest(dataset)))
+    required = {"@context", "@type", "name", "description", "license", "url", "creator", "datePublished", "version",
+                "dct:conformsTo", "citeAs", "distribution", "recordSet"}
+    assert required <= set(document) and document["dct:conformsTo"].endswith("/1.1")
+    objects = {item["@id"]: item for item in document["distribution"] if item["@type"] == "cr:FileObject"}
+    sets = {item["@id"]: item for item in document["distribution"] if item["@type"] == "cr:FileSet"}
+    for item in objects.values():
+        assert item["sha256"] == sha256_file(dataset / item["contentUrl"])
+        assert item["contentSize"] == f"{(dataset / item['contentUrl']).stat().st_size} B"
+    assert sorted(item["includes"] for item in sets.values()) == sorted(f"*.{name}.exr" for name, _ in PAPER)
+    assert all({source["@id"] for source in item["containedIn"]} == set(objects) for item in sets.values())
+
+
+def test_every_id_that_croissant_refers_to_exists(dataset: Path) -> None:
+    document = json.loads(croissant(load_manifest(dataset)))
+    declared, used = set(), set()
+
+    def walk(value: object) -> None:
+        for item in value if isinstance(value, list) else value.values() if isinstance(value, dict) else ():
+            walk(item)
+        if isinstance(value, dict) and "@id" in value:
+            (declared if "@type" in value else used).add(value["@id"])
+
+    walk([document["distribution"], document["recordSet"]])
+    assert used and used <= declared
+    pattern = document["recordSet"][0]["field"][0]["source"]["transform"]["regex"]
+    match = re.search(pattern, "00000042.i_s.exr")
+    assert match is not None and match[1] == "00000042"
+    assert [records["@id"] for records in document["recordSet"]] == [name for name, _ in PAPER]
+
+
+def test_no_dataset_without_its_shards(dataset: Path) -> None:
+    manifest = load_manifest(dataset)
+    with (dataset / "shards" / "tiny-v1-test-000000.tar").open("ab") as stream:
+        stream.write(b"!")
+    with pytest.raises(ShardError, match=r"tiny-v1-test-000000\.tar: expected a finished shard"):
+        publish_dataset(dataset, manifest)
+
+
+def test_the_layer_table_says_what_layers_say() -> None:
+    manifest = make_manifest(make_spec("float16"), layers=dict(PAPER), shards=[],  # type: ignore[arg-type]
+                             rejected=(), spec_digest=digest(""), generator="g")
+    rows = {row.name: row for row in manifest.layers}
+    assert (rows["mask"].colour_space, rows["mask"].channels, rows["mask"].range) == ("data", 1, "[0, 1]")
+    assert (rows["i_s"].extent, rows["i_s"].range, rows["i_s"].dtype) == ("frame", "[0, inf)", "float16")
+    assert {row.name: row.tolerance for row in manifest.identities}["reflectance"] == 2e-3

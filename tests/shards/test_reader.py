@@ -1,0 +1,107 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dataset_builder.errors import ShardError
+from dataset_builder.shards import exr
+from dataset_builder.shards.reader import Verify, open_dataset
+from dataset_builder.shards.writer import index_path, shard_path
+from tests.plans import PAPER
+from tests.shards.tiny_dataset import default_examples
+
+STEM = "tiny-v1-train-000000"
+
+
+def flip_a_bit(folder: Path, key: str, layer: str) -> None:
+    """Change the key that a file's header states: the pixels still decode, so only hashes can tell."""
+    path = shard_path(folder, STEM)
+    data = path.read_bytes()
+    start = data.index(f"{key}.{layer}.exr".encode())
+    at = data.index(b"3df-lighting:schema\0string\0", start) + len(b"3df-lighting:schema\0string\0") + 4
+    path.write_bytes(data[:at] + b"9" + data[at + 1:])
+
+
+@pytest.mark.parametrize("verify", ["off", "size", "shard", "member"])
+def test_every_example_comes_back(dataset: Path, verify: Verify) -> None:
+    data, examples = open_dataset(dataset, verify=verify), default_examples()
+    assert len(data) == 4 and [item["meta"]["key"] for item in data] == [examples[i].key for i in range(4)]
+    for index, example in examples.items():
+        item = data[f"{index:08d}"]
+        assert set(item) == {*example.layers, "meta"}
+        assert all(np.array_equal(item[name], array) for name, array in example.layers.items())
+        assert item["meta"]["plan"]["rough"]["sigma"] == 0.004
+
+
+def test_examples_are_found_by_split_and_position(dataset: Path) -> None:
+    data = open_dataset(str(dataset))
+    assert data.splits == {"train": ("00000000", "00000001", "00000002"), "test": ("00000003",)}
+    assert data["train", 2]["meta"]["key"] == "00000002" and data["test", -1]["meta"]["key"] == "00000003"
+    with pytest.raises(IndexError):
+        data["test", 1]
+    with pytest.raises(KeyError):
+        data["00000009"]
+
+
+def test_layers_that_are_not_chosen_are_not_decoded(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    decoded, decode = [], exr.decode
+
+    def count(data: bytes, *, where: str) -> np.ndarray:
+        decoded.append(where)
+        return decode(data, where=where)
+
+    monkeypatch.setattr(exr, "decode", count)
+    item = open_dataset(dataset, layers=["i_s", "mask"])["00000002"]
+    assert set(item) == {"i_s", "mask", "meta"} and decoded == ["00000002.i_s.exr", "00000002.mask.exr"]
+    assert set(open_dataset(dataset, layers=[])["00000002"]) == {"meta"}
+
+
+def test_unknown_layers_are_refused(dataset: Path) -> None:
+    with pytest.raises(ShardError, match="got albedo"):
+        open_dataset(dataset, layers=["albedo"])
+
+
+def test_changed_bytes_pass_off_and_size_and_nothing_else(dataset: Path) -> None:
+    flip_a_bit(dataset, "00000001", "d")
+    for verify in ("off", "size"):
+        assert open_dataset(dataset, verify=verify)["00000001"]["d"].shape == (6, 8, 3)
+    with pytest.raises(ShardError, match=r"expected SHA-256 .* of 00000001\.d\.exr"):
+        open_dataset(dataset, verify="member")["00000001"]
+    assert open_dataset(dataset, verify="member")["00000000"]
+    with pytest.raises(ShardError, match=f"{STEM}.tar: expected SHA-256"):
+        open_dataset(dataset, verify="shard")["00000000"]
+    assert open_dataset(dataset, verify="shard")["00000003"]
+
+
+def test_a_cut_shard_is_refused_when_opened_or_at_the_latest_when_read(dataset: Path) -> None:
+    path = shard_path(dataset, STEM)
+    path.write_bytes(path.read_bytes()[:15 * 512])
+    with pytest.raises(ShardError, match="expected 30720 bytes, got 7680"):
+        open_dataset(dataset)
+    with pytest.raises(ShardError, match="the file ends after"):
+        list(open_dataset(dataset, verify="off"))
+
+
+@pytest.mark.parametrize("verify", ["off", "size"])
+def test_never_fewer_examples_without_an_error(dataset: Path, verify: Verify) -> None:
+    index = index_path(dataset, STEM)
+    text = index.read_text()
+    index.write_text(text.replace('"view":"train/000000"', '"view":"x"', 1).replace('"examples":2', '"examples":1'))
+    with pytest.raises(ShardError, match=r"expected the index of 2 examples"):
+        open_dataset(dataset, verify=verify)
+    index.write_text(text.replace('"key":"00000001"', '"key":"00000000"'))
+    with pytest.raises(ShardError, match="expected 4 examples, the indexes hold 3"):
+        open_dataset(dataset, verify=verify)
+    index.unlink()
+    with pytest.raises(ShardError, match="expected a file, found none"):
+        open_dataset(dataset, verify=verify)
+
+
+def test_an_unfinished_dataset_is_not_opened(dataset: Path) -> None:
+    (dataset / "dataset.json").unlink()
+    with pytest.raises(ShardError, match="expected a finished dataset"):
+        open_dataset(dataset)
+
+
+def test_all_layers_are_read_by_default(dataset: Path) -> None:
+    assert open_dataset(dataset).layers == tuple(name for name, _ in PAPER)

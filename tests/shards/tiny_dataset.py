@@ -1,0 +1,111 @@
+"""Tiny synthetic examples that keep every identity, and small datasets of them."""
+
+from pathlib import Path
+
+import numpy as np
+
+from dataset_builder.digest import digest
+from dataset_builder.seeding import rng
+from dataset_builder.shards import exr
+from dataset_builder.shards.example import Example, encode_members, preview
+from dataset_builder.shards.folder import build_lock
+from dataset_builder.shards.manifest import Manifest, ShardIndex, make_manifest, shard_stem
+from dataset_builder.shards.publish import publish_dataset
+from dataset_builder.shards.segment import segment
+from dataset_builder.shards.staging import Staging
+from dataset_builder.shards.writer import entry, publish_shard, published
+from dataset_builder.spec.dataset import DatasetSpec
+from tests.plans import PAPER, example_plan
+
+HEIGHT, WIDTH = 6, 8
+VERSIONS = {"renderer": "none"}
+
+
+def make_layers(view: str, light: int = 0) -> dict[str, np.ndarray]:
+    """The six layers of the paper: a square object in the middle of a lit room."""
+    fixed, lit = rng(0, view), rng(0, view, light)
+    mask = np.zeros((HEIGHT, WIDTH, 1), np.float32)
+    mask[1:5, 2:6], mask[2:4, 3:5] = 0.5, 1
+
+    def colours(generator: np.random.Generator, low: float, high: float) -> np.ndarray:
+        return generator.uniform(low, high, (HEIGHT, WIDTH, 3)).astype(np.float32)
+
+    covered = (mask > 0).astype(np.float32)
+    return {
+        "i_s": colours(fixed, 0, 1), "d": colours(fixed, 0.1, 0.7) * covered, "r": colours(fixed, 0, 0.2) * covered,
+        "i_t": colours(lit, 0, 4), "s_prime": colours(lit, 0.5, 3) * covered, "mask": mask,
+    }
+
+
+def make_example(index: int = 0, *, split: str = "train", view: str = "", light: int = 0,
+                 layers: dict[str, np.ndarray] | None = None) -> Example:
+    """Example `index`; examples of the same view share their light-free layers."""
+    plan = example_plan(index, split=split, view=view, light=light)
+    chosen = make_layers(plan.view, light) if layers is None else layers
+    record = {"seconds": 1e-05, "gates": {"coverage": 0.25}, "seed": "18446744073709551615"}
+    return Example(key=plan.key, plan=plan.model_dump(mode="json"), record=record, layers=chosen)
+
+
+def make_spec(dtype: exr.DType = "float32") -> DatasetSpec:
+    """A dataset of two splits, two examples per shard."""
+    splits = [{"name": name, "objects": {"from": ["stool.yaml"], "count": 1},
+               "scenes": {"from": ["room.yaml"], "count": 1}} for name in ("train", "test")]
+    return DatasetSpec.model_validate({
+        "name": "tiny", "version": "1.0.0", "title": "Tiny", "image": {"width": WIDTH, "height": HEIGHT},
+        "layers": dict(PAPER), "storage": {"dtype": dtype, "examples_per_shard": 2}, "splits": splits,
+    })
+
+
+SHARDS: dict[tuple[str, int], tuple[int, ...]] = {("train", 0): (0, 1), ("train", 1): (2,), ("test", 0): (3,)}
+VIEWS = {0: ("train/000000", 0), 1: ("train/000000", 1), 2: ("train/000002", 0), 3: ("test/000003", 0)}
+
+
+def plan_digest(example: Example) -> str:
+    """What a finished example is kept under."""
+    return digest([example.plan, VERSIONS])
+
+
+def stage(folder: Path, example: Example, dtype: exr.DType = "float32") -> tuple[str, str]:
+    """Put one example into staging unless it is there; its key and digest."""
+    staging, name = Staging(folder), plan_digest(example)
+    if not staging.has(example.key, name):
+        members = encode_members(example, dtype=dtype, preview_png=preview(example.layers))
+        staging.put(example.key, name, segment(members),
+                    entry(key=example.key, view=example.plan["view"], members=members))
+    return example.key, name
+
+
+def default_examples() -> dict[int, Example]:
+    """Four examples, of which the first two share a view."""
+    return {index: make_example(index, split="test" if index == 3 else "train", view=view, light=light)
+            for index, (view, light) in VIEWS.items()}
+
+
+def build(folder: Path, examples: dict[int, Example] | None = None, *, dtype: exr.DType = "float32",
+          shards: dict[tuple[str, int], tuple[int, ...]] = SHARDS) -> Manifest:
+    """Build the small dataset as a real build does: keep what is done, stage, publish, `dataset.json` last."""
+    examples, spec = examples or default_examples(), make_spec(dtype)
+    with build_lock(folder):
+        indexes = [_shard(folder, spec, split, number, [examples[index] for index in members], dtype)
+                   for (split, number), members in shards.items()]
+        manifest = make_manifest(spec, layers=dict(PAPER), shards=indexes, rejected=(), spec_digest=digest("tiny"),
+                                 generator="dataset-builder test")
+        publish_dataset(folder, manifest)
+        Staging(folder).clear()
+    return manifest
+
+
+def _shard(folder: Path, spec: DatasetSpec, split: str, number: int, examples: list[Example],
+           dtype: exr.DType) -> ShardIndex:
+    stem, wanted = shard_stem(spec, split, number), [(example.key, plan_digest(example)) for example in examples]
+    done = published(folder, stem)
+    if done and [(example.key, example.digest) for example in done.examples] == wanted:
+        return done
+    staged = [stage(folder, example, dtype) for example in examples]
+    return publish_shard(folder, stem=stem, split=split, examples=staged, spec_digest=digest("tiny"), versions=VERSIONS)
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """Every file of a dataset by relative name, but for the builder's own folder."""
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in sorted(folder.rglob("*"))
+            if path.is_file() and ".build" not in path.parts}

@@ -1,0 +1,67 @@
+"""What a loaded dataset holds, and that its digest follows its content and nothing else."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from dataset_builder.spec.load import load_dataset
+
+TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+
+
+def test_references_are_keys(tiny) -> None:
+    loaded = load_dataset(tiny())
+    scene = loaded.scenes["scenes/den.yaml"]
+    assert loaded.rooms[scene.room].depth == 3.5
+    assert [loaded.objects[piece.object].family for piece in scene.furniture] == ["stool"]
+    assert {key for split in loaded.dataset.splits for key in split.objects.source} == set(loaded.objects)
+    assert loaded.objects["objects/chair.yaml"].category == "chair"
+    with pytest.raises(TypeError):
+        loaded.objects["x"] = None  # type: ignore[index]
+
+
+def test_paths_are_followed_from_the_file_that_names_them(tiny) -> None:
+    files = {"scenes/den.yaml": "room: rooms/inner.yaml\n", "scenes/rooms/inner.yaml": "depth: 5\n"}
+    assert load_dataset(tiny(**files)).rooms["scenes/rooms/inner.yaml"].depth == 5
+
+
+def test_meshes_are_found_beside_their_spec(tiny) -> None:
+    files = {"objects/chair.yaml": "file: parts/a.obj\nscale: 0.01\n",
+             "objects/parts/a.obj": "mtllib a.mtl\n" + TRIANGLE,
+             "objects/parts/a.mtl": "newmtl x\nmap_Kd -s 1 1 1 wood.png\n", "objects/parts/wood.png": b"pixels"}
+    path = tiny(**files)
+    loaded = load_dataset(path)
+    mesh = loaded.meshes["objects/chair.yaml"]
+    assert mesh.path == (path.parent / "objects/parts/a.obj").resolve()
+    assert sorted(mesh.companions) == ["a.mtl", "wood.png"]
+    assert loaded.objects["objects/chair.yaml"].category == "object"
+
+
+def test_the_digest_ignores_place_layout_and_comments(tiny, tmp_path: Path) -> None:
+    path = tiny()
+    first = load_dataset(path).spec_digest
+    moved = tmp_path / "else" / "where"
+    shutil.copytree(path.parent, moved)
+    assert load_dataset(moved / "tiny.yaml").spec_digest == first
+    text = path.read_text().replace("seed: 3\n", "").replace("{sigma: 0.01}", "\n  sigma: 1e-2 # rough") + "seed: 3\n"
+    assert load_dataset(tiny(**{"tiny.yaml": text, "rooms/den.yaml": "depth: 3.5\nwidth: 4.0\n"})).spec_digest == first
+
+
+@pytest.mark.parametrize(("file", "old", "new"), [
+    ("tiny.yaml", "seed: 3", "seed: 4"), ("tiny.yaml", "0.01", "0.011"), ("tiny.yaml", "count: 2", "count: 1"),
+    ("objects/chair.yaml", "0.42", "0.43"), ("rooms/den.yaml", "3.5", "3.6"), ("scenes/den.yaml", "near", "wall"),
+    ("objects/stool.yaml", "file: s.gltf", "file: s.gltf\nup: z"), ("objects/s.gltf", '"2.0"', '"2.1"'),
+    ("objects/s.bin", "bytes", "bites"), ("objects/s.png", "pixels", "pixel"),
+])
+def test_the_digest_follows_the_content(tiny, file: str, old: str, new: str) -> None:
+    images = '[{"uri": "s.png"}, {"uri": "data:,"}]'
+    gltf = f'{{"asset": {{"version": "2.0"}}, "buffers": [{{"uri": "s.bin"}}], "images": {images}}}'
+    train_only = tiny().read_text().split("  - name: test")[0]
+    files = {"tiny.yaml": train_only, "objects/stool.yaml": "file: s.gltf\n", "objects/s.gltf": gltf,
+             "objects/s.bin": "bytes", "objects/s.png": "pixels"}
+    path = tiny(**files)
+    before = load_dataset(path).spec_digest
+    text = (path.parent / file).read_text()
+    assert old in text
+    assert load_dataset(tiny(**files | {file: text.replace(old, new)})).spec_digest != before

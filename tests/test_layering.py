@@ -1,0 +1,129 @@
+"""The order of the house: imports only go down, each outside library has one home, and nothing goes in circles."""
+
+import ast
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+PACKAGE = "dataset_builder"
+
+ORDER = (
+    ("cli", "__main__"), ("doctor",), ("report",), ("studies",), ("lightnet",), ("build",), ("engine",), ("shards",),
+    ("rendering",), ("planning",), ("assets",), ("geometry",), ("spec",), ("layers",), ("seeding", "digest", "errors"),
+    ("",),
+)
+"""Folders and files of the package, top to bottom; those of one line do not know each other. "" is the package."""
+
+HOMES = {
+    "mitsuba": "rendering", "drjit": "rendering", "ruamel": "spec.load", "open3d": "geometry", "OpenEXR": "shards.exr",
+    "matplotlib": "report", "pyvista": "report", "trimesh": "assets.mesh_file", "torch": "lightnet", "ray": "engine",
+}
+"""The only folder or module that may import a library."""
+
+Sources = dict[str, str]
+
+
+def read_sources() -> Sources:
+    """Text of every module of the package by dotted name without the package's, such as `spec.load`."""
+    files = sorted((ROOT / PACKAGE).rglob("*.py"))
+    return {".".join(file.relative_to(ROOT / PACKAGE).with_suffix("").parts).removesuffix("__init__").rstrip("."):
+            file.read_text(encoding="utf-8") for file in files}
+
+
+def imports_of(name: str, source: str, modules: Sources) -> set[str]:
+    """Full names of all that a module imports, wherever in it; `from a import b` is a.b where that is a module."""
+    found = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            base = node.module or ""
+            if node.level:
+                folder = [PACKAGE, *name.split(".")][:-node.level]
+                base = ".".join([*folder, *([base] if base else [])])
+            for alias in node.names:
+                whole = f"{base}.{alias.name}"
+                found.add(whole if inside(whole) in modules else base)
+    return found
+
+
+def inside(name: str) -> str | None:
+    """Name of a module within the package, or None for another's."""
+    head, _, rest = name.partition(".")
+    return rest if head == PACKAGE else None
+
+
+def rank(name: str) -> int | None:
+    """Line of the order that a module stands on, from the top."""
+    return next((line for line, names in enumerate(ORDER) if name.split(".")[0] in names), None)
+
+
+def broken_rules(modules: Sources) -> list[str]:
+    """Every import that goes up, sideways, to a library's wrong user, or round in a circle."""
+    rules, graph = [], {}
+    for name, source in modules.items():
+        if rank(name) is None:
+            rules.append(f"{name}: stands nowhere in the order")
+        imported = imports_of(name, source, modules)
+        inner = {target for one in imported if (target := inside(one)) is not None}
+        graph[name] = inner - {name}
+        rules += [f"{name} imports {target}: not below it" for target in sorted(inner) if not may_import(name, target)]
+        libraries = sorted({one.split(".")[0] for one in imported} & set(HOMES))
+        rules += [f"{name} imports {library}: belongs to {HOMES[library]}" for library in libraries
+                  if not f"{name}.".startswith(HOMES[library] + ".")]
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        rules.append("circle: " + " -> ".join(error.args[1]))
+    return rules
+
+
+def may_import(name: str, target: str) -> bool:
+    """Whether `target` is in the folder of `name` or on a line below."""
+    if name.split(".")[0] == target.split(".")[0]:
+        return True
+    above, below = rank(name), rank(target)
+    return above is not None and below is not None and above < below
+
+
+def test_the_package_keeps_the_order() -> None:
+    modules = read_sources()
+    assert len(modules) > 20
+    rules = broken_rules(modules)
+    assert rules == []
+
+
+@pytest.mark.parametrize(("modules", "rule"), [
+    ({"spec.a": "from dataset_builder.planning import plan", "planning.plan": ""},
+     "spec.a imports planning.plan: not below it"),
+    ({"spec.a": "import dataset_builder.planning.plan", "planning.plan": ""},
+     "spec.a imports planning.plan: not below it"),
+    ({"spec.a": "def f():\n    from ..planning.plan import x", "planning.plan": ""},
+     "spec.a imports planning.plan: not below it"),
+    ({"digest": "from dataset_builder.errors import UserError", "errors": ""}, "digest imports errors: not below it"),
+    ({"helpers": ""}, "helpers: stands nowhere in the order"),
+    ({"planning.a": "import mitsuba as mi"}, "planning.a imports mitsuba: belongs to rendering"),
+    ({"spec.check": "from ruamel.yaml import YAML"}, "spec.check imports ruamel: belongs to spec.load"),
+    ({"spec.loader": "from ruamel.yaml import YAML"}, "spec.loader imports ruamel: belongs to spec.load"),
+    ({"geometry.a": "from . import b", "geometry.b": "from .a import x"},
+     "circle: geometry.b -> geometry.a -> geometry.b"),
+])
+def test_the_checker_sees(modules: Sources, rule: str) -> None:
+    rules = broken_rules(modules)
+    assert len(rules) == 1
+    assert rules[0] == rule or (rule.startswith("circle") and rules[0].startswith("circle"))
+
+
+def test_the_checker_allows() -> None:
+    modules = {"cli": "from dataset_builder import __version__\nfrom dataset_builder.spec import load\nimport numpy",
+               "spec.load": "from ruamel.yaml import YAML\nfrom dataset_builder.spec.model import Model\nimport rays",
+               "spec.model": "from ..errors import UserError", "errors": "", "": "",
+               "rendering.a": "import drjit as dr"}
+    assert broken_rules(modules) == []
+
+
+def test_files_stay_short() -> None:
+    long = {name: count for name, source in read_sources().items() if (count := len(source.splitlines())) > 260}
+    assert not long
