@@ -87,7 +87,7 @@ def _doctor(options: argparse.Namespace) -> int:
 
 def _plan(options: argparse.Namespace) -> int:
     from dataset_builder.planning.cost import estimate
-    from dataset_builder.planning.plan import plan_example
+    from dataset_builder.planning.plan import Planner, plan_example
     from dataset_builder.report.console import estimate_table
     from dataset_builder.spec.load import load_dataset
 
@@ -95,7 +95,7 @@ def _plan(options: argparse.Namespace) -> int:
     for index in options.example:
         print(json.dumps(plan_example(loaded, index).model_dump(mode="json"), indent=2))
     if not options.example:
-        Console().print(estimate_table(estimate(loaded, sample=options.sample, cores=cores()), cores()))
+        Console().print(estimate_table(estimate(Planner(loaded), sample=options.sample, cores=cores()), cores()))
     return 0
 
 

@@ -31,8 +31,9 @@ class Radiometry:
     valid: mi.Bool
 
 
-def trace(scene, sampler, ray, max_depth, rr_depth, active=True):
+def trace(scene, sampler, rest, ray, max_depth, rr_depth, active=True):
     """One path per lane. max_depth and rr_depth as in Mitsuba's `path`: edges of the longest path, start of roulette.
+    sampler makes the random numbers up to the first scattering, `rest` those after it; they may be one and the same.
 
     `specular` is I minus what the diffuse lobe of the first hit sends, estimated from the same samples, so that
     I = D S + specular holds for every single path with D taken at its first hit.
@@ -59,7 +60,7 @@ def trace(scene, sampler, ray, max_depth, rr_depth, active=True):
     inverse = dr.select(going, dr.rcp(density), 0)
     w_image, w_shading = hit.value * inverse, mi.Color3f(hit.cosine * inverse)
     scale = dr.maximum(dr.max(w_image), dr.max(w_shading))
-    later = _follow(scene, sampler, si, si.to_world(hit.wo), density, max_depth, rr_depth, going, scale)
+    later = _follow(scene, rest, si, si.to_world(hit.wo), density, max_depth, rr_depth, going, scale)
     image += w_image * later
     shading += w_shading * later
     specular += (w_image - hit.diffuse * w_shading) * later
@@ -126,7 +127,7 @@ class LightingIntegrator(mi.SamplingIntegrator):
 
     def sample(self, scene, sampler, ray, medium=None, active=True):
         """Radiance, validity and the AOVs of one ray."""
-        found = trace(scene, sampler, ray, dr.opaque(mi.UInt32, self.max_depth), dr.opaque(mi.UInt32, self.rr_depth), active)
+        found = trace(scene, sampler, sampler, ray, dr.opaque(mi.UInt32, self.max_depth), dr.opaque(mi.UInt32, self.rr_depth), active)
         return found.image, found.valid, [*found.shading, *found.specular]
 
     def aov_names(self):

@@ -43,8 +43,8 @@ def radiance(view: View, stage: Stage, pixels: np.ndarray, *, spp: int, seed: in
     sensor = view.sensor()
     max_depth, rr_depth = (dr.opaque(mi.UInt32, depth) for depth in (view.render.max_depth, view.render.rr_depth))
 
-    def integrand(sampler, position):
-        found = trace(stage.scene, sampler, _primary(sensor, position), max_depth, rr_depth)
+    def integrand(samplers, position):
+        found = trace(stage.scene, samplers.strata, samplers.rest, _primary(sensor, position), max_depth, rr_depth)
         return [*found.image, *found.shading, *found.specular, *(found.shading * found.shading)]
 
     return view.estimate(integrand, pixels, spp, seed)
@@ -57,7 +57,7 @@ def first_hit(view: View, stage: Stage, pixels: np.ndarray, *, spp: int, seed: i
     origin = mi.Point3f(sensor.world_transform() @ mi.Point3f(0, 0, 0))
     dr.make_opaque(forward, origin)
 
-    def integrand(sampler, position):
+    def integrand(samplers, position):
         ray = _primary(sensor, position)
         si = stage.scene.ray_intersect(ray, mi.RayFlags.All, coherent=True)
         met = si.is_valid()

@@ -11,7 +11,9 @@ import numpy as np
 
 COSINES = 64
 ROUGHNESSES = 32
-STRATA = 32
+RADII, ANGLES = 48, 24
+"""Quadrature points over the disc of visible normals."""
+
 MIN_ALPHA = 1e-3
 """Smallest GGX alpha: below it, single precision cannot resolve the lobe."""
 
@@ -32,16 +34,21 @@ def split_sum_table() -> np.ndarray:
 
 
 def _split_sum(mu: np.ndarray, alpha: float) -> tuple[np.ndarray, np.ndarray]:
-    """A and B, each (M,), for one alpha: means over visible normals on a midpoint grid of STRATA x STRATA."""
-    grid = (np.arange(STRATA) + 0.5) / STRATA
-    u, v = (axis.ravel() for axis in np.meshgrid(grid, grid, indexing="ij"))
+    """A and B, each (M,), for one alpha, by midpoint quadrature over visible normals.
+
+    The rim of the disc is GGX's long tail, down to a share of alpha squared, so the points crowd there: u = 1 - (1 - t)^4.
+    """
+    t, v = ((np.arange(count) + 0.5) / count for count in (RADII, ANGLES))
+    u, share = 1 - (1 - t) ** 4, 4 * (1 - t) ** 3 / RADII / ANGLES
+    u, share, v = np.repeat(u, ANGLES), np.repeat(share, ANGLES), np.tile(v, RADII)
     wi = np.stack([np.sqrt(1 - mu**2), np.zeros_like(mu), mu], axis=-1)[:, None]
     normal = _visible_normals(wi, alpha, u, v)
     cosine = np.sum(wi * normal, axis=-1)
     wo_z = 2 * cosine * normal[..., 2] - wi[..., 2]
-    weight = np.where(wo_z > 0, _g2_over_g1(wi[..., 2], np.maximum(wo_z, 1e-7), alpha), 0)
+    weight = np.where(wo_z > 0, _g1(np.maximum(wo_z, 1e-7), alpha), 0)
     schlick = np.clip(1 - cosine, 0, 1) ** 5
-    return np.mean(weight * (1 - schlick), axis=1).astype(np.float32), np.mean(weight * schlick, axis=1).astype(np.float32)
+    weight = weight * share / share.sum()
+    return tuple(np.sum(weight * part, axis=1).astype(np.float32) for part in (1 - schlick, schlick))  # type: ignore[return-value]
 
 
 def _visible_normals(wi: np.ndarray, alpha: float, u: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -56,13 +63,12 @@ def _visible_normals(wi: np.ndarray, alpha: float, u: np.ndarray, v: np.ndarray)
     s = 0.5 * (1 + stretched[..., 2])
     y = (1 - s) * np.sqrt(1 - x**2) + s * y
     z = np.sqrt(np.maximum(0, 1 - x**2 - y**2))
-    normal = x[..., None] * side - y[..., None] * other + z[..., None] * stretched
+    normal = x[..., None] * side + y[..., None] * other + z[..., None] * stretched
     normal = normal * np.array([alpha, alpha, 1.0])
     normal[..., 2] = np.maximum(normal[..., 2], 1e-9)
     return normal / np.linalg.norm(normal, axis=-1, keepdims=True)
 
 
-def _g2_over_g1(cos_i: np.ndarray, cos_o: np.ndarray, alpha: float) -> np.ndarray:
-    """Separable Smith shadowing G2 / G1(wi) = G1(wo), the form that Mitsuba's MicrofacetDistribution uses."""
-    tan2 = (1 - cos_o**2) / cos_o**2
-    return 2 / (1 + np.sqrt(1 + alpha**2 * tan2)) + 0 * cos_i
+def _g1(cosine: np.ndarray, alpha: float) -> np.ndarray:
+    """Smith's shadowing of one direction; with separable shadowing, as in Mitsuba, also G2 / G1 of the other."""
+    return 2 / (1 + np.sqrt(1 + alpha**2 * (1 - cosine**2) / cosine**2))

@@ -13,7 +13,7 @@ from dataset_builder.geometry.normals import corner_normals
 from dataset_builder.planning.example_plan import ExamplePlan, ObjectPlan, PlacedObject
 from dataset_builder.planning.realise import asset_of, room_parts, world_from_object
 
-KEPT_NORMALS = 64
+KEPT_NORMALS = 256
 ROOM_INSTANCE = 2
 
 

@@ -40,9 +40,9 @@ class RenderSpec(Model):
     """A mapping of passes, or one number for all."""
     batches: Annotated[int, Field(ge=2)] = 4
     """Independent batches that spp is split into; standard errors come from their spread."""
-    max_depth: PositiveInt = 8
+    max_depth: PositiveInt = 12
     """Longest path in edges; 2 is direct light only."""
-    rr_depth: PositiveInt = 5
+    rr_depth: PositiveInt = 3
     """Path length from which Russian roulette may end a path."""
 
     @model_validator(mode="after")

@@ -13,14 +13,14 @@ def run(integrand, spp=64, batches=4, seed=1, pixels=None, size=SIZE):
     return estimate(integrand, pixels, width=size, height=size, spp=spp, batches=batches, seed=seed)
 
 
-def noisy(sampler, position):
+def noisy(samplers, position):
     """Expectation 1/3 in every pixel, with variance that stratification cannot remove."""
     import drjit as dr
 
-    return [dr.square(sampler.next_1d())]
+    return [dr.square(samplers.rest.next_1d())]
 
 
-def ramp(sampler, position):
+def ramp(samplers, position):
     """Film position: its mean over a pixel is the pixel's centre."""
     return [position.x, position.y]
 

@@ -1,13 +1,16 @@
 """The integrator against laws and against Mitsuba's own path tracer."""
 
+import gc
+from contextlib import contextmanager
 from functools import cache
 
 import numpy as np
 import pytest
-from tests.small_scenes import ball, box, camera, corner_of_a_room, light, lit_by, matte, render_plan
 from scipy import stats
 
 from dataset_builder.assets.asset import Material, Texture
+from dataset_builder.rendering.soup import merge
+from tests.small_scenes import ball, box, camera, corner_of_a_room, light, lit_by, matte, render_plan
 
 MATERIALS = {
     "matte": matte((0.8, 0.5, 0.2)),
@@ -22,20 +25,28 @@ LIGHTS = {
     "points": (light("point", (6, 6, 6), position=(-1, -2, 1.5)), light("point", (1, 2, 4), position=(1, -1, 2))),
 }
 SIZE, SEEDS, SPP = 32, 24, 16
+FRAME = np.arange(SIZE * SIZE)
 
 
-def view_and_scene(soup, illumination, size=SIZE, **values):
+@contextmanager
+def lit_stage(soup, *lights):
+    """A traceable scene of a soup under some lights."""
+    from dataset_builder.rendering.scene import body_of, staged
+
+    with staged(body_of(soup), lit_by(*lights)) as stage:
+        yield stage
+
+
+def view_of(size=SIZE):
     from dataset_builder.rendering.passes import View
-    from dataset_builder.rendering.scene import body_of, scene_of
 
-    return View(camera=camera(), render=render_plan(size, **values)), scene_of(body_of(soup), illumination)
+    return View(camera=camera(), render=render_plan(size))
 
 
-def radiance(view, scene, spp, seed=5, pixels=None):
+def radiance(stage, spp, seed=5, pixels=None):
     from dataset_builder.rendering import passes
 
-    count = view.render.width * view.render.height
-    return passes.radiance(view, scene, np.arange(count) if pixels is None else pixels, spp=spp, seed=seed)
+    return passes.radiance(view_of(), stage, FRAME if pixels is None else pixels, spp=spp, seed=seed)
 
 
 def channels(found, name):
@@ -45,13 +56,14 @@ def channels(found, name):
 
 
 def test_white_furnace():
-    view, scene = view_and_scene(ball(matte((1, 1, 1))), lit_by(light("dome", weight=3)))
-    found = radiance(view, scene, 64)
+    with lit_stage(ball(matte((1, 1, 1))), light("dome", weight=3)) as stage:
+        found = radiance(stage, 64)
+    centre = (FRAME.reshape(SIZE, SIZE)[12:20, 12:20]).ravel()
+    for name in ("image", "shading"):
+        mean, error = (values[centre] for values in channels(found, name))
+        # A correct integrator fails this about once in 30,000 runs.
+        assert abs(mean.mean() - 1) < 4 * np.sqrt(np.mean(error**2) / len(centre)) < 0.01
     image, shading = channels(found, "image")[0], channels(found, "shading")[0]
-    centre = np.zeros((SIZE, SIZE), bool)
-    centre[12:20, 12:20] = True
-    assert np.abs(image.reshape(SIZE, SIZE, 3)[centre] - 1).max() < 5e-3
-    assert np.abs(shading.reshape(SIZE, SIZE, 3)[centre] - 1).max() < 5e-3
     # What misses the ball sees the dome itself, which is no surface and has no shading.
     assert np.array_equal(image[0], [1, 1, 1])
     assert np.array_equal(shading[0], [0, 0, 0])
@@ -59,8 +71,8 @@ def test_white_furnace():
 
 @pytest.mark.parametrize("name", LIGHTS)
 def test_diffuse_scene_is_d_times_s_to_rounding(name):
-    view, scene = view_and_scene(corner_of_a_room(ball(matte((0.8, 0.5, 0.2)))), lit_by(*LIGHTS[name]))
-    found = radiance(view, scene, 16, pixels=np.arange(SIZE * SIZE)[SIZE * 14:SIZE * 17])
+    with lit_stage(corner_of_a_room(ball(matte((0.8, 0.5, 0.2)))), *LIGHTS[name]) as stage:
+        found = radiance(stage, 16, pixels=FRAME[SIZE * 14:SIZE * 17])
     inside = slice(SIZE + 12, SIZE + 20)
     image, shading = channels(found, "image")[0][inside], channels(found, "shading")[0][inside]
     assert shading.min() > 0
@@ -72,12 +84,10 @@ def test_diffuse_scene_is_d_times_s_to_rounding(name):
 def test_specular_part_is_what_diffuse_leaves(surface):
     from dataset_builder.rendering import passes
     from dataset_builder.rendering.passes import FIRST_HIT_CHANNELS
-    from dataset_builder.rendering.scene import body_of, scene_of
 
-    soup = corner_of_a_room(ball(MATERIALS[surface]))
-    view, scene = view_and_scene(soup, lit_by(*LIGHTS["sphere"]))
-    found, body, pixels = radiance(view, scene, 64), body_of(soup), np.arange(SIZE * SIZE)
-    first = passes.first_hit(view, scene_of(body, None), body, pixels, spp=64, seed=9)
+    with lit_stage(corner_of_a_room(ball(MATERIALS[surface])), *LIGHTS["sphere"]) as stage:
+        found = radiance(stage, 64)
+        first = passes.first_hit(view_of(), stage, FRAME, spp=64, seed=9)
     d = first.mean[:, FIRST_HIT_CHANNELS["d"]]
     parts = {name: channels(found, name) for name in ("image", "shading", "specular")}
     residual = parts["image"][0] - d * parts["shading"][0] - parts["specular"][0]
@@ -92,12 +102,12 @@ def _reference(surface, name):
     """Per-seed means over blocks of 8 x 8 pixels: of ours and of `path`, (SEEDS, 16, 3) each."""
     import mitsuba as mi
 
-    soup = corner_of_a_room(ball(MATERIALS[surface]))
-    view, scene = view_and_scene(soup, lit_by(*LIGHTS[name]))
+    view = view_of()
     path = mi.load_dict({"type": "path", "max_depth": view.render.max_depth, "rr_depth": view.render.rr_depth})
-    sensor = view.sensor()
-    theirs = [np.array(mi.render(scene, integrator=path, sensor=sensor, spp=SPP, seed=seed)) for seed in range(SEEDS)]
-    ours = [channels(radiance(view, scene, SPP, seed=seed), "image")[0] for seed in range(SEEDS)]
+    with lit_stage(corner_of_a_room(ball(MATERIALS[surface])), *LIGHTS[name]) as stage:
+        theirs = [np.array(mi.render(stage.scene, integrator=path, sensor=view.sensor(), spp=SPP, seed=seed))
+                  for seed in range(SEEDS)]
+        ours = [channels(radiance(stage, SPP, seed=seed), "image")[0] for seed in range(SEEDS)]
     return _blocks(np.array(ours)), _blocks(np.array(theirs))
 
 
@@ -121,9 +131,9 @@ def test_plugin_renders_the_frame_with_its_aovs():
 
     from dataset_builder.rendering.integrator import PLUGIN
 
-    view, scene = view_and_scene(ball(matte((0.5, 0.5, 0.5))), lit_by(light("dome", weight=3)))
     integrator = mi.load_dict({"type": PLUGIN, "max_depth": 3})
-    image = np.array(mi.render(scene, integrator=integrator, sensor=view.sensor(), spp=16, seed=1))
+    with lit_stage(ball(matte((0.5, 0.5, 0.5))), light("dome", weight=3)) as stage:
+        image = np.array(mi.render(stage.scene, integrator=integrator, sensor=view_of().sensor(), spp=16, seed=1))
     assert image.shape == (SIZE, SIZE, 9)
     middle = image[SIZE // 2, SIZE // 2]
     assert np.allclose(middle[:3], 0.5, atol=0.02)
@@ -131,8 +141,8 @@ def test_plugin_renders_the_frame_with_its_aovs():
 
 
 def test_repetition_gives_the_same_bits_and_another_seed_other_ones():
-    view, scene = view_and_scene(corner_of_a_room(ball(MATERIALS["glossy"])), lit_by(*LIGHTS["sphere"]))
-    first, second, other = (radiance(view, scene, 16, seed=seed) for seed in (7, 7, 8))
+    with lit_stage(corner_of_a_room(ball(MATERIALS["glossy"])), *LIGHTS["sphere"]) as stage:
+        first, second, other = (radiance(stage, 16, seed=seed) for seed in (7, 7, 8))
     assert np.array_equal(first.mean, second.mean)
     assert np.array_equal(first.error, second.error)
     assert not np.array_equal(first.mean, other.mean)
@@ -143,19 +153,18 @@ def test_another_scene_needs_no_new_kernel():
 
     rng = np.random.default_rng(4)
 
-    def render(count, fov):
+    def render(count, *lights):
         boxes = [box(Material(name=f"b{i}", base_color=(0.5, 0.5, 0.5), texture=Texture(
             base_color=rng.uniform(0, 1, (8 + i, 16 + i, 3)).astype(np.float32))), low, low + 0.3)
             for i, low in enumerate(rng.uniform(-1, 1, (count, 3)))]
-        from dataset_builder.rendering.soup import merge
+        with lit_stage(merge([ball(MATERIALS["glossy"], segments=8 + count), *boxes]), *lights) as stage:
+            radiance(stage, 4)
 
-        view, scene = view_and_scene(merge([ball(MATERIALS["glossy"], segments=8 + count), *boxes]),
-                                     lit_by(light("dome", weight=1), light("sphere", (3, 3, 3), size=0.1 * count)))
-        return radiance(view, scene, 4)
-
-    render(2, 40.0)
+    gc.collect()
+    render(2, *LIGHTS["sphere"])
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
         dr.kernel_history_clear()
-        render(5, 55.0)
+        for name in LIGHTS.keys() - {"points"}:
+            render(5, *LIGHTS[name])
         big = [kernel for kernel in dr.kernel_history() if kernel.get("operation_count", 0) > 1000]
-    assert big and all(kernel["cache_hit"] for kernel in big)
+    assert len(big) == 3 and all(kernel["cache_hit"] for kernel in big)

@@ -23,12 +23,13 @@ def test_projection_is_mitsubas():
 
 def test_window_holds_every_covered_pixel_and_little_else():
     from dataset_builder.rendering import passes
-    from dataset_builder.rendering.scene import body_of, scene_of
+    from dataset_builder.rendering.scene import body_of, staged
 
     size, soup = 40, ball(matte(), (0.3, 0.2, 0.1), 0.5)
     view = passes.View(camera=camera(), render=render_plan(size))
-    body, frame = body_of(soup), np.arange(size * size)
-    found = passes.first_hit(view, scene_of(body, None), body, frame, spp=16, seed=3)
+    frame = np.arange(size * size)
+    with staged(body_of(soup), None) as stage:
+        found = passes.first_hit(view, stage, frame, spp=16, seed=3)
     covered = frame[found.mean[:, 0] > 0]
     window = covered_window(view.camera, soup.corners.reshape(-1, 3), size, size)
     assert 0 < len(covered) and set(covered) <= set(window)
