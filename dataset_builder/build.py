@@ -47,10 +47,11 @@ class Event:
 
 @dataclass(kw_only=True)
 class _Progress:
-    """What is known of examples so far, by key."""
+    """What is known so far: examples by key, published shards by stem."""
 
     digests: dict[str, str] = field(default_factory=dict)
     rejected: dict[str, Rejected] = field(default_factory=dict)
+    shards: dict[str, ShardIndex] = field(default_factory=dict)
 
     def settled(self, task: ShardTask) -> bool:
         return all(ref.key in self.digests or ref.key in self.rejected for ref in task.examples)
@@ -94,17 +95,18 @@ def build(loaded: LoadedSpec, folder: Path, job: Job, *, workers: int, only: Seq
     with build_lock(folder):
         rejections = Rejections(folder, loaded.spec_digest, made_by)
         tasks = decide(shard_tasks(planner.examples, loaded.dataset), folder, loaded.spec_digest, made_by, rejections.known)
-        progress = _Progress(rejected=dict(rejections.known))
-        wanted = [ref for task in tasks if not task.keep for ref in task.examples if not only or ref.index in only]
-        open_tasks = [task for task in tasks if not task.keep]
+        progress = _Progress(rejected=dict(rejections.known),
+                             shards={task.stem: task.keep for task in tasks if task.keep})
+        missing = [task for task in tasks if not task.keep]
+        wanted = [ref for task in missing for ref in task.examples if not only or ref.index in only]
         for outcomes in local.run(partial(run_unit, job), _todo(wanted, progress), workers=workers):
             _note(outcomes, progress, rejections)
             yield Event(outcomes=tuple(outcomes))
-            for task in [] if only else [task for task in open_tasks if progress.settled(task)]:
-                open_tasks.remove(task)
+            for task in [] if only else [task for task in missing if progress.settled(task)]:
+                missing.remove(task)
                 yield from _publish(task, folder, loaded, made_by, progress)
         if not only:
-            yield Event(manifest=_finish(tasks, folder, loaded, rejections, made_by))
+            yield Event(manifest=_finish(tasks, folder, loaded, progress))
 
 
 def probe(planner: Planner) -> None:
@@ -146,20 +148,20 @@ def _publish(task: ShardTask, folder: Path, loaded: LoadedSpec, made_by: dict[st
                           versions=made_by)
     for key, _ in examples:
         Staging(folder).drop(key)
+    progress.shards[task.stem] = index
     yield Event(shard=index)
 
 
-def _finish(tasks: Sequence[ShardTask], folder: Path, loaded: LoadedSpec, rejections: Rejections,
-            made_by: dict[str, str]) -> Manifest:
+def _finish(tasks: Sequence[ShardTask], folder: Path, loaded: LoadedSpec, progress: _Progress) -> Manifest:
     """Take away what no plan asks for, and write the manifest. Raises PlanError where a split is left without examples."""
-    indices = [index for task in tasks if (index := published(folder, task.stem)) is not None]
+    indices = [progress.shards[task.stem] for task in tasks if task.stem in progress.shards]
     for split in loaded.dataset.splits:
         if not any(index.shard.split == split.name for index in indices):
-            reasons = "; ".join(item.reason for item in rejections.known.values())
+            reasons = "; ".join(f"{item.key}: {item.reason}" for item in progress.rejected.values())
             raise PlanError(f"split {split.name}: expected at least one example that passes all gates, got none: {reasons}")
     remove_others(folder, [index.shard.stem for index in indices])
     manifest = make_manifest(loaded.dataset, layers=dict(layers_asked(loaded.dataset)), shards=indices,
-                             rejected=rejections.known.values(), spec_digest=loaded.spec_digest,
+                             rejected=progress.rejected.values(), spec_digest=loaded.spec_digest,
                              generator=f"dataset-builder {__version__}")
     Staging(folder).clear()
     publish_dataset(folder, manifest)

@@ -47,7 +47,7 @@ def parser() -> argparse.ArgumentParser:
     build = _verb(verbs, "build", _build, "build a dataset, or go on with an interrupted build")
     _spec_options(build)
     build.add_argument("--out", type=Path, help=f"output folder (default: {OUTPUT}/NAME)")
-    build.add_argument("--workers", type=int, default=max(1, cores() // 2), help="processes (default: half the cores)")
+    build.add_argument("--workers", type=_positive, help="processes (default: one per core, one with a GPU)")
     build.add_argument("--backend", choices=("auto", "cuda", "llvm"), default="auto")
     build.add_argument("--example", type=int, action="append", default=[],
                        help="only stage example N; repeat for more")
@@ -74,6 +74,12 @@ def _spec_options(verb: argparse.ArgumentParser) -> None:
     verb.add_argument("spec", type=Path, help="dataset spec, a YAML file")
     verb.add_argument("--set", action="append", default=[], metavar="A.B=C", dest="overrides",
                       help="override a value of the spec; repeat for more")
+
+
+def _positive(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"expected a whole number >= 1, got {text}")
+    return int(text)
 
 
 def _doctor(options: argparse.Namespace) -> int:
@@ -110,14 +116,16 @@ def _build(options: argparse.Namespace) -> int:
 
     console, start = Console(), perf_counter()
     loaded = load_dataset(options.spec, options.overrides)
-    console.print(f"backend: {choose(options.backend).summary}", highlight=False)
+    chosen = choose(options.backend)
+    console.print(f"backend: {chosen.summary}", highlight=False)
     folder = options.out or OUTPUT / loaded.dataset.name
-    threads = 0 if options.workers <= 1 else max(1, cores() // options.workers)
+    workers = options.workers or (1 if chosen.variant.startswith("cuda") else cores())
+    threads = max(1, cores() // workers)
     job = Job(spec_path=options.spec, overrides=tuple(options.overrides), folder=folder, backend=options.backend,
               threads=threads)
     total = len(options.example) or count_examples(loaded.dataset)
     outcomes, manifest = [], None
-    for event in follow(build(loaded, folder, job, workers=options.workers, only=options.example), total, console):
+    for event in follow(build(loaded, folder, job, workers=workers, only=options.example), total, console):
         outcomes += event.outcomes
         manifest = event.manifest or manifest
     for outcome in outcomes:

@@ -17,7 +17,7 @@ from dataset_builder.spec.numbers import draw
 
 Stream = Callable[..., np.random.Generator]
 """Makes the generator of a path below the view's."""
-LIT_SHARE = 0.25
+LIT_SHARE = 0.5
 """Least share of the visible points that must get direct light from a target light."""
 LEAST_CLEARANCE = 0.02
 """Metres between surfaces and a light without extent."""

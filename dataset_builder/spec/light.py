@@ -22,7 +22,7 @@ class SourceSpec(Model):
     dome: within(low=0) = 1.0  # type: ignore[valid-type]
     """Radiance from everywhere."""
     sun: SunSpec | None = None
-    open: tuple[Literal["ceiling", "walls"], ...] = ("ceiling",)
+    open: tuple[Literal["ceiling", "walls"], ...] = ("ceiling", "walls")
 
 
 class TargetSpec(Model):
