@@ -1,4 +1,5 @@
-"""Build a dataset: decide keep or build per shard, run the missing views, publish each shard when its examples are there."""
+"""Build a dataset: decide keep or build per shard, run the missing views, publish each shard when its examples are
+there."""
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
@@ -86,8 +87,8 @@ def _kept(task: ShardTask, index: ShardIndex | None, spec_digest: str, made_by: 
 def build(loaded: LoadedSpec, folder: Path, job: Job, *, workers: int, only: Sequence[int] = ()) -> Iterator[Event]:
     """Build `loaded` into `folder`, yielding news. `only`: indices of examples to stage, without publishing anything.
 
-    Raises PlanError where nothing can be planned, OutputError where the folder or the disk refuses; in both cases what was
-    finished before is kept, and a second run goes on from there.
+    Raises PlanError where nothing can be planned, OutputError where the folder or the disk refuses; in both cases what
+    was finished before is kept, and a second run goes on from there.
     """
     planner = Planner(loaded)
     probe(planner)
@@ -153,7 +154,8 @@ def _publish(task: ShardTask, folder: Path, loaded: LoadedSpec, made_by: dict[st
 
 
 def _finish(tasks: Sequence[ShardTask], folder: Path, loaded: LoadedSpec, progress: _Progress) -> Manifest:
-    """Take away what no plan asks for, and write the manifest. Raises PlanError where a split is left without examples."""
+    """Take away what no plan asks for, and write the manifest. Raises PlanError where a split is left without
+    examples."""
     indices = [progress.shards[task.stem] for task in tasks if task.stem in progress.shards]
     for split in loaded.dataset.splits:
         if not any(index.shard.split == split.name for index in indices):

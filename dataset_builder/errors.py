@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class Problem:
-    """One broken rule: `where` is `file:line` or a path, `path` the dotted key, `rule` the expectation with its value."""
+    """One broken rule: `where` is `file:line` or a path, `path` the dotted key, `rule` the expectation with its
+    value."""
 
     where: str
     path: str

@@ -15,8 +15,8 @@ Pass = Literal["source", "target", "rough", "first_hit", "first_hit_rough"]
 class Layer:
     """One layer of an example.
 
-    name: identifier; symbol: the paper's; geometry: which mesh of the target object; render_pass: the pass that makes it;
-    channels: 3 (R, G, B) or 1 (Y); low, high: closed range of valid values; unit; meaning: one sentence.
+    name: identifier; symbol: the paper's; geometry: which mesh of the target object; render_pass: the pass that makes
+    it; channels: 3 (R, G, B) or 1 (Y); low, high: closed range of valid values; unit; meaning: one sentence.
     """
 
     name: str
@@ -45,8 +45,8 @@ _TABLE = (
           meaning="diffuse reflectance: integral of f_d cos over the hemisphere, seen from the camera"),
     Layer(name="r", symbol="R-bar", geometry="3dm", render_pass="first_hit", channels=3, low=0, high=1, unit="1",
           meaning="directional reflectance of the specular lobes: integral of f_s cos, seen from the camera"),
-    Layer(name="i_t", symbol="I_t-bar", geometry="3dm", render_pass="target", channels=3, low=0, high=INF, unit=RADIANCE,
-          meaning="outgoing radiance of the clean mesh under the target illumination"),
+    Layer(name="i_t", symbol="I_t-bar", geometry="3dm", render_pass="target", channels=3, low=0, high=INF,
+          unit=RADIANCE, meaning="outgoing radiance of the clean mesh under the target illumination"),
     Layer(name="s_prime", symbol="S'", geometry="r3dm", render_pass="rough", channels=3, low=0, high=INF, unit=RADIANCE,
           meaning="raw lighting on the rough mesh: what a white Lambertian first surface would send back"),
     Layer(name="mask", symbol="M", geometry="3dm", render_pass="first_hit", channels=1, low=0, high=1, unit="1",
@@ -58,18 +58,19 @@ _TABLE = (
     Layer(name="mask_rough", symbol="M'", geometry="r3dm", render_pass="first_hit_rough", channels=1, low=0, high=1,
           unit="1", meaning="share of the pixel that the rough mesh of the target object covers"),
     Layer(name="depth", symbol="z", geometry="3dm", render_pass="first_hit", channels=1, low=0, high=INF, unit="m",
-          meaning="distance along the view axis to the first surface, mean over the samples that meet one; 0 where none does"),
+          meaning="distance along the view axis to the first surface, mean over the samples that meet one; 0 for none"),
     Layer(name="normal", symbol="n", geometry="3dm", render_pass="first_hit", channels=3, low=-1, high=1, unit="1",
           meaning="mean shading normal in world space, turned to the viewer; 0 where nothing is met"),
     Layer(name="normal_rough", symbol="n'", geometry="r3dm", render_pass="first_hit_rough", channels=3, low=-1, high=1,
           unit="1", meaning="as normal, on the rough mesh"),
-    Layer(name="instance", symbol="id", geometry="3dm", render_pass="first_hit", channels=1, low=0, high=65504, unit="id",
-          meaning="object at the pixel's centre: 0 none, 1 target, 2 room, 3.. furniture in plan order"),
+    Layer(name="instance", symbol="id", geometry="3dm", render_pass="first_hit", channels=1, low=0, high=65504,
+          unit="id", meaning="object at the pixel's centre: 0 none, 1 target, 2 room, 3.. furniture in plan order"),
 )
 
 _ERRORS = tuple(
     Layer(name=f"{layer.name}_se", symbol=f"se({layer.symbol})", geometry=layer.geometry, render_pass=layer.render_pass,
-          channels=layer.channels, low=0, high=INF, unit=layer.unit, meaning=f"standard error of {layer.name}, per pixel")
+          channels=layer.channels, low=0, high=INF, unit=layer.unit,
+          meaning=f"standard error of {layer.name}, per pixel")
     for layer in _TABLE if layer.radiometric
 )
 

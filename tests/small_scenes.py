@@ -9,7 +9,8 @@ from dataset_builder.planning.example_plan import CameraPlan, IlluminationPlan, 
 from dataset_builder.rendering.soup import Soup, merge, soup_of
 
 
-def ball(material: Material, centre=(0.0, 0.0, 0.0), radius: float = 1.0, instance: int = 1, segments: int = 24) -> Soup:
+def ball(material: Material, centre=(0.0, 0.0, 0.0), radius: float = 1.0, instance: int = 1,
+         segments: int = 24) -> Soup:
     """A latitude-longitude ball, smooth-shaded, with texture coordinates."""
     v, u = np.meshgrid(np.linspace(0, 1, segments + 1), np.linspace(0, 1, 2 * segments + 1), indexing="ij")
     theta, phi = np.pi * v, 2 * np.pi * u
@@ -61,12 +62,13 @@ def camera(position=(0.0, -4.0, 1.0), target=(0.0, 0.0, 0.0), fov: float = 40.0)
 
 def render_plan(size: int = 32, batches: int = 4, max_depth: int = 6, rr_depth: int = 5) -> RenderPlan:
     """A small square frame with all of the paper's layers."""
-    return RenderPlan(width=size, height=size, layers=(("i_t", "frame"),), spp_first_hit=16, spp_source=16, spp_target=16,
-                      spp_rough=16, batches=batches, max_depth=max_depth, rr_depth=rr_depth, seed="1")
+    return RenderPlan(width=size, height=size, layers=(("i_t", "frame"),), spp_first_hit=16, spp_source=16,
+                      spp_target=16, spp_rough=16, batches=batches, max_depth=max_depth, rr_depth=rr_depth, seed="1")
 
 
 def corner_of_a_room(target: Soup) -> Soup:
     """Floor and two walls about a target: something to bounce light and to cast shadows on."""
     red, green = matte((0.6, 0.2, 0.2)), Material(name="gloss", base_color=(0.2, 0.5, 0.3), roughness=0.4)
     return merge([target, box(matte((0.7, 0.7, 0.7)), (-3, -3, -1.2), (3, 3, -1)), box(red, (-3, 2, -1), (3, 2.2, 3)),
-                  box(green, (-2.2, -3, -1), (-2, 2, 3)), box(matte((0.3, 0.4, 0.7)), (0.9, -0.9, -1), (1.3, -0.5, 0.6), 3)])
+                  box(green, (-2.2, -3, -1), (-2, 2, 3)),
+                  box(matte((0.3, 0.4, 0.7)), (0.9, -0.9, -1), (1.3, -0.5, 0.6), 3)])

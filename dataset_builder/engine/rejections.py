@@ -1,4 +1,5 @@
-"""Examples that failed a gate, remembered beside the staged ones, so that a resumed build neither forgets nor repeats them."""
+"""Examples that failed a gate, remembered beside the staged ones, so that a resumed build neither forgets nor repeats
+them."""
 
 import json
 from pathlib import Path

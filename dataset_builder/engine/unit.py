@@ -45,7 +45,8 @@ class Job:
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What became of one example: digest it is staged under (empty where it could not be planned), or why it is rejected.
+    """What became of one example: digest it is staged under (empty where it could not be planned), or why it is
+    rejected.
 
     seconds: by pass and by stage (`plan`, `encode`); kept: True where it was staged already and nothing was rendered.
     """
@@ -114,7 +115,7 @@ def _finish(ref: ExampleRef, rendered: "Rendered", key_digest: str, spec: Datase
 
 def _violations(rendered: "Rendered", spec: DatasetSpec) -> list[Violation]:
     tolerances = {name: tolerance for name, _, tolerance in identity_table(spec.storage.dtype)}
-    masks = {name: rendered.evidence[name] for name in ("mask", "mask_rough") if name in rendered.evidence}
+    masks = {name: image for name, image in rendered.evidence.items() if name.startswith("mask")}
     found = check_layers({**masks, **rendered.layers}, dict(rendered.plan.render.layers), tolerances)
     return [*found, *check_gates(rendered.layers, spec.gates, rendered.evidence, rendered.plan.render)]
 

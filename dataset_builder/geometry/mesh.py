@@ -9,7 +9,8 @@ from dataset_builder.errors import UserError
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TriangleMesh:
-    """Indexed triangles, welded by position; texture coordinates and materials belong to faces, so a seam opens no crack.
+    """Indexed triangles, welded by position; texture coordinates and materials belong to faces, so a seam opens no
+    crack.
 
     positions: (V, 3) float64, metres. faces: (F, 3) int32 into positions, counter-clockwise seen from outside.
     uvs: (F, 3, 2) float64, per corner. material: (F,) int32 index into the materials of the asset.
@@ -32,7 +33,8 @@ class TriangleMesh:
 
     def _check(self) -> None:
         count = len(self.faces)
-        shapes = {"positions": (len(self.positions), 3), "faces": (count, 3), "uvs": (count, 3, 2), "material": (count,)}
+        shapes = {"positions": (len(self.positions), 3), "faces": (count, 3), "uvs": (count, 3, 2),
+                  "material": (count,)}
         for name, expected in shapes.items():
             if (got := getattr(self, name).shape) != expected:
                 raise UserError(f"mesh: {name}: expected shape {expected}, got {got}")

@@ -38,10 +38,9 @@ class Backend:
 
 
 def llvm_version(path: str) -> int | None:
-    """Major version of a libLLVM asked from the library itself, or None where it does not load or does not tell."""
-    if match := re.search(r"libLLVM(?:-|\.so\.)(\d+)", path):
-        return int(match.group(1))
-    return None
+    """Major version in a libLLVM's file name, `libLLVM-19.so` or `libLLVM.so.19.1`; None where it has none."""
+    match = re.search(r"libLLVM(?:-|\.so\.)(\d+)", path)
+    return int(match.group(1)) if match else None
 
 
 def find_llvm() -> str | None:
@@ -49,8 +48,8 @@ def find_llvm() -> str | None:
     if chosen := os.environ.get("DRJIT_LIBLLVM_PATH"):
         return chosen
     found = sorted({path for pattern in PATTERNS for path in glob.glob(pattern)})
-    good = [(abs(version - PREFERRED_LLVM), path) for path in found if (version := llvm_version(path)) in GOOD_LLVM]
-    return min(good)[1] if good else None
+    good = {path: version for path in found if (version := llvm_version(path)) is not None and version in GOOD_LLVM}
+    return min(good, key=lambda path: (abs(good[path] - PREFERRED_LLVM), path), default=None)
 
 
 def cuda_available() -> bool:
@@ -64,7 +63,8 @@ def cuda_available() -> bool:
 
 
 def choose(wanted: str = "auto") -> Backend:
-    """Backend for `wanted` in auto | cuda | llvm. Raises UserError where it cannot run, with the command that mends it."""
+    """Backend for `wanted` in auto | cuda | llvm. Raises UserError where it cannot run, with the command that mends
+    it."""
     if wanted not in ("auto", "cuda", "llvm"):
         raise UserError(f"backend: expected auto, cuda or llvm, got {wanted!r}")
     if wanted != "llvm" and cuda_available():

@@ -1,7 +1,7 @@
 """Lights of a plan -> Mitsuba emitters, padded to constant slots.
 
-Dr.Jit compiles a kernel per scene structure, so every scene holds a dome, a sun and at least one light of each other kind.
-The spare ones are dark, tiny, under the floor, and never sampled.
+Dr.Jit compiles a kernel per scene structure, so every scene holds a dome, a sun and at least one light of each other
+kind. The spare ones are dark, tiny, under the floor, and never sampled.
 """
 
 from collections.abc import Callable, Sequence
@@ -55,7 +55,8 @@ def _dome(light: LightPlan) -> dict[str, Any]:
 
 
 def _sun(light: LightPlan) -> dict[str, Any]:
-    return {"type": "directional", "direction": light.direction, "irradiance": _rgb(light), "sampling_weight": light.weight}
+    return {"type": "directional", "direction": light.direction, "irradiance": _rgb(light),
+            "sampling_weight": light.weight}
 
 
 def _area(light: LightPlan) -> mi.Shape:
@@ -81,7 +82,8 @@ def _spot(light: LightPlan) -> mi.Emitter:
 
 
 def _with_opaque(plugin: mi.Object, **values: Any) -> Any:
-    """The plugin with some of its parameters as device values; given in its dict they would be literals of the kernel."""
+    """The plugin with some of its parameters as device values; given in its dict they would be literals of the
+    kernel."""
     params = mi.traverse(plugin)
     for name, value in values.items():
         dr.make_opaque(value)

@@ -1,9 +1,9 @@
 """Monte Carlo means and standard errors on a list of pixels.
 
 A pixel's samples are split into independent batches, each stratified by Mitsuba's `multijitter` (Kensler, "Correlated
-multi-jittered sampling", Pixar technical memo 13-01, 2013). Samples within a batch are correlated on purpose, batches are
-not: the spread of their means gives an unbiased standard error, which the spread of the samples would overstate. Sums run
-over contiguous samples in a fixed order, so that a repetition gives the same bits.
+multi-jittered sampling", Pixar technical memo 13-01, 2013). Samples within a batch are correlated on purpose, batches
+are not: the spread of their means gives an unbiased standard error, which the spread of the samples would overstate.
+Sums run over contiguous samples in a fixed order, so that a repetition gives the same bits.
 """
 
 from collections.abc import Callable, Iterator
@@ -36,8 +36,8 @@ class Estimate:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Samplers:
-    """Random numbers of every lane. strata: for what comes first in a path, stratified within the lane's batch. rest: for
-    what comes after, independent: beyond some dozen dimensions strata gain nothing, and cost a tenth of the time.
+    """Random numbers of every lane. strata: for what comes first in a path, stratified within the lane's batch. rest:
+    for what comes after, independent: beyond some dozen dimensions strata gain nothing, and cost a tenth of the time.
     """
 
     strata: mi.Sampler
@@ -49,7 +49,8 @@ Integrand = Callable[[Samplers, mi.Vector2f], list[mi.Float]]
 
 
 def stratified(spp: int, batches: int) -> tuple[int, int]:
-    """(batches, samples per batch) that are used for `spp`: a batch is a full grid of strata, so spp may grow a little."""
+    """(batches, samples per batch) that are used for `spp`: a batch is a full grid of strata, so spp may grow a
+    little."""
     batches = min(batches, spp)
     sampler = mi.load_dict({"type": "multijitter", "sample_count": max(1, round(spp / batches))})
     return batches, sampler.sample_count()

@@ -3,11 +3,11 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
-from dataset_builder.layers import LAYERS
+from dataset_builder.layers import LAYERS, Pass
 from dataset_builder.planning.example_plan import ExamplePlan
 from dataset_builder.rendering import plugins
 from dataset_builder.rendering.passes import FIRST_HIT_CHANNELS, RADIANCE_CHANNELS, deviation, first_hit_layers
@@ -24,9 +24,9 @@ EVIDENCE = ("i_t", "s", "spec")
 class Rendered:
     """One example in pixels.
 
-    layers: name -> (H, W, C) float32. evidence: images of the same kind that gates need and that are not shipped. record:
-    figures for the label, the same bits on every repetition. seconds: wall time of every pass this example was first to
-    need.
+    layers: name -> (H, W, C) float32. evidence: images of the same kind that gates need and that are not shipped.
+    record: figures for the label, the same bits on every repetition. seconds: wall time of every pass this example was
+    first to need.
     """
 
     plan: ExamplePlan
@@ -54,14 +54,12 @@ def render_view(plans: Sequence[ExamplePlan], mesh_root: Path) -> Iterator[Rende
 
 def layer_image(shared: ViewPasses, plan: ExamplePlan, name: str, extent: str) -> np.ndarray:
     """(H, W, C) float32 of one layer; 0 outside its extent."""
-    layer = LAYERS[name]
     if name == "instance":
         return _image(plan, shared.instances().pixels, shared.instances().found.mean)
-    result = {"first_hit": shared.first_hit, "source": shared.source}.get(layer.render_pass)
-    result = result() if result else getattr(shared, layer.render_pass)(plan)
+    result = shared.result(LAYERS[name].render_pass, plan)
     values = _values(result, name)
     if extent == "object":
-        keep = _covered(shared, plan, layer.geometry)
+        keep = shared.covered() if LAYERS[name].geometry == "3dm" else shared.covered_by_either(plan)
         inside = np.isin(result.pixels, keep)
         return _image(plan, result.pixels[inside], values[inside])
     return _image(plan, result.pixels, values)
@@ -75,10 +73,6 @@ def _values(result: PassResult, name: str) -> np.ndarray:
     channels = RADIANCE_CHANNELS[RADIANCE_LAYERS[name.removesuffix(ERROR_SUFFIX)]]
     source = result.found.error if name.endswith(ERROR_SUFFIX) else result.found.mean
     return source[:, channels]
-
-
-def _covered(shared: ViewPasses, plan: ExamplePlan, geometry: str) -> np.ndarray:
-    return shared.covered() if geometry == "3dm" else shared.covered_by_either(plan)
 
 
 def _image(plan: ExamplePlan, pixels: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -114,7 +108,7 @@ def _record(shared: ViewPasses, plan: ExamplePlan) -> dict[str, Any]:
     """
     wanted = {LAYERS[name].render_pass for name, _ in plan.render.layers}
     record: dict[str, Any] = {"passes": []}
-    for name in ("first_hit", "first_hit_rough", "source", "target", "rough"):
+    for name in get_args(Pass):
         known = name in wanted or name == "first_hit"
         record["passes"].append(_pass_record(shared, plan, name) if known else _no_pass(name))
     roughness = shared.twin(plan.rough).roughness if wanted & {"rough", "first_hit_rough"} else None
@@ -128,8 +122,8 @@ def _no_pass(name: str) -> dict[str, Any]:
     return {"name": name, "pixels": 0, "spp": 0, "paths": 0, "relative_error": 0.0}
 
 
-def _pass_record(shared: ViewPasses, plan: ExamplePlan, name: str) -> dict[str, Any]:
-    result = getattr(shared, name)() if name in ("first_hit", "source") else getattr(shared, name)(plan)
+def _pass_record(shared: ViewPasses, plan: ExamplePlan, name: Pass) -> dict[str, Any]:
+    result = shared.result(name, plan)
     pixels, spp = len(result.pixels), result.found.spp
     error = 0.0
     if name in ("source", "target", "rough"):

@@ -29,33 +29,36 @@ class FirstHit:
     cosine: mi.Float
 
 
-def white_lambert(normal, si, wo):
+def white_lambert(normal: mi.Normal3f, si: mi.SurfaceInteraction3f, wo: mi.Vector3f) -> mi.Float:
     """cos / pi about a local shading normal, on the viewer's side of the surface."""
     above = mi.Frame3f.cos_theta(si.wi) * mi.Frame3f.cos_theta(wo) > 0
     return dr.select(above, dr.maximum(dr.dot(normal, wo), 0) * dr.inv_pi, 0)
 
 
-def cosine_direction(normal, sample):
+def cosine_direction(normal: mi.Normal3f, sample: mi.Point2f) -> mi.Vector3f:
     """A local direction about a local normal, with density cos / pi."""
     return mi.Frame3f(normal).to_world(mi.warp.square_to_cosine_hemisphere(sample))
 
 
-def mixture(density, cosine):
+def mixture(density: mi.Float, cosine: mi.Float) -> mi.Float:
     """Density of the scattered direction: BSDF and cosine lobe, so that it is positive on the whole hemisphere."""
     return dr.lerp(density, cosine, COSINE_SHARE)
 
 
-def first_hit(bsdf, si, light, take_cosine, sample1, sample2, active):
+def first_hit(bsdf: mi.BSDFPtr, si: mi.SurfaceInteraction3f, light: mi.Vector3f, take_cosine: mi.Bool,
+              sample1: mi.Float, sample2: mi.Point2f, active: mi.Bool) -> FirstHit:
     """`FirstHit` of any BSDF pointer; `light` is the local direction of a light sample."""
     return dr.dispatch(bsdf, _first_hit, si, light, take_cosine, sample1, sample2, active)
 
 
-def reflectance(bsdf, si, active):
+def reflectance(bsdf: mi.BSDFPtr, si: mi.SurfaceInteraction3f,
+                active: mi.Bool) -> tuple[mi.Color3f, mi.Color3f, mi.Normal3f]:
     """(D, R, local shading normal turned to the viewer) of any BSDF pointer."""
     return dr.dispatch(bsdf, _reflectance, si, active)
 
 
-def _first_hit(bsdf, si, light, take_cosine, sample1, sample2, active):
+def _first_hit(bsdf: mi.BSDF, si: mi.SurfaceInteraction3f, light: mi.Vector3f, take_cosine: mi.Bool,
+               sample1: mi.Float, sample2: mi.Point2f, active: mi.Bool) -> FirstHit:
     if hasattr(bsdf, "first_hit"):
         return bsdf.first_hit(si, light, take_cosine, sample1, sample2, active)
     ctx = mi.BSDFContext()
@@ -69,11 +72,12 @@ def _first_hit(bsdf, si, light, take_cosine, sample1, sample2, active):
                     value=mi.Color3f(value), density=density, cosine=white_lambert(normal, si, wo))
 
 
-def _reflectance(bsdf, si, active):
+def _reflectance(bsdf: mi.BSDF, si: mi.SurfaceInteraction3f,
+                 active: mi.Bool) -> tuple[mi.Color3f, mi.Color3f, mi.Normal3f]:
     if hasattr(bsdf, "reflectance"):
         return bsdf.reflectance(si, active)
     return mi.Color3f(bsdf.eval_diffuse_reflectance(si, active)), mi.Color3f(0), _viewer_normal(si)
 
 
-def _viewer_normal(si):
+def _viewer_normal(si: mi.SurfaceInteraction3f) -> mi.Normal3f:
     return mi.Normal3f(0, 0, dr.select(mi.Frame3f.cos_theta(si.wi) < 0, mi.Float(-1), mi.Float(1)))

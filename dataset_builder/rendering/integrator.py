@@ -11,6 +11,7 @@ frame; `rendering.estimate` calls it on lists of pixels.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -23,7 +24,8 @@ MAX_SURVIVAL = 0.95
 
 @dataclass(frozen=True, kw_only=True)
 class Radiometry:
-    """What one path gives: outgoing radiance, raw lighting, and the specular part of the radiance (emission included)."""
+    """What one path gives: outgoing radiance, raw lighting, and the specular part of the radiance (emission
+    included)."""
 
     image: mi.Color3f
     shading: mi.Color3f
@@ -31,7 +33,8 @@ class Radiometry:
     valid: mi.Bool
 
 
-def trace(scene, sampler, rest, ray, max_depth, rr_depth, active=True):
+def trace(scene: mi.Scene, sampler: mi.Sampler, rest: mi.Sampler, ray: mi.Ray3f, max_depth: mi.UInt32,
+          rr_depth: mi.UInt32, active: mi.Bool = True) -> Radiometry:
     """One path per lane. max_depth and rr_depth as in Mitsuba's `path`: edges of the longest path, start of roulette.
     sampler makes the random numbers up to the first scattering, `rest` those after it; they may be one and the same.
 
@@ -68,7 +71,9 @@ def trace(scene, sampler, rest, ray, max_depth, rr_depth, active=True):
 
 
 @dr.syntax
-def _follow(scene, sampler, si, direction, density, max_depth, rr_depth, active, scale):
+def _follow(scene: mi.Scene, sampler: mi.Sampler, si: mi.SurfaceInteraction3f, direction: mi.Vector3f,
+            density: mi.Float, max_depth: mi.UInt32, rr_depth: mi.UInt32, active: mi.Bool,
+            scale: mi.Float) -> mi.Color3f:
     """Radiance that arrives at `si` from `direction`, which was drawn with `density`; throughput starts at one.
 
     `scale` is the weight the result gets, which Russian roulette goes by.
@@ -111,7 +116,7 @@ def _follow(scene, sampler, si, direction, density, max_depth, rr_depth, active,
     return result
 
 
-def _balance(pdf, other):
+def _balance(pdf: mi.Float, other: mi.Float) -> mi.Float:
     """Balance heuristic, and 1 where the other technique cannot make the sample (Veach 1997, equation 9.8)."""
     return dr.select(other > 0, pdf / (pdf + other), 1)
 
@@ -125,12 +130,14 @@ class LightingIntegrator(mi.SamplingIntegrator):
         self.max_depth = props.get("max_depth", 8)
         self.rr_depth = props.get("rr_depth", 5)
 
-    def sample(self, scene, sampler, ray, medium=None, active=True):
+    def sample(self, scene: mi.Scene, sampler: mi.Sampler, ray: mi.Ray3f, medium: Any = None,
+               active: mi.Bool = True) -> tuple[mi.Color3f, mi.Bool, list[mi.Float]]:
         """Radiance, validity and the AOVs of one ray."""
-        found = trace(scene, sampler, sampler, ray, dr.opaque(mi.UInt32, self.max_depth), dr.opaque(mi.UInt32, self.rr_depth), active)
+        max_depth, rr_depth = (dr.opaque(mi.UInt32, depth) for depth in (self.max_depth, self.rr_depth))
+        found = trace(scene, sampler, sampler, ray, max_depth, rr_depth, active)
         return found.image, found.valid, [*found.shading, *found.specular]
 
-    def aov_names(self):
+    def aov_names(self) -> list[str]:
         """Channels after the colour."""
         return ["s.R", "s.G", "s.B", "spec.R", "spec.G", "spec.B"]
 

@@ -8,7 +8,7 @@ import mitsuba as mi
 import numpy as np
 
 from dataset_builder.planning.example_plan import CameraPlan, RenderPlan
-from dataset_builder.rendering.estimate import Estimate, estimate
+from dataset_builder.rendering.estimate import Estimate, Integrand, Samplers, estimate
 from dataset_builder.rendering.first_hit import reflectance
 from dataset_builder.rendering.integrator import trace
 from dataset_builder.rendering.scene import Stage, sensor_of
@@ -32,10 +32,10 @@ class View:
         """The camera, as Mitsuba's."""
         return sensor_of(self.camera, self.render.width, self.render.height)
 
-    def estimate(self, integrand, pixels: np.ndarray, spp: int, seed: int, batches: int | None = None) -> Estimate:
+    def estimate(self, integrand: Integrand, pixels: np.ndarray, spp: int, seed: int) -> Estimate:
         """`rendering.estimate.estimate` with this view's size and batches."""
         return estimate(integrand, pixels, width=self.render.width, height=self.render.height, spp=spp,
-                        batches=batches or self.render.batches, seed=seed)
+                        batches=self.render.batches, seed=seed)
 
 
 def radiance(view: View, stage: Stage, pixels: np.ndarray, *, spp: int, seed: int) -> Estimate:
@@ -43,7 +43,7 @@ def radiance(view: View, stage: Stage, pixels: np.ndarray, *, spp: int, seed: in
     sensor = view.sensor()
     max_depth, rr_depth = (dr.opaque(mi.UInt32, depth) for depth in (view.render.max_depth, view.render.rr_depth))
 
-    def integrand(samplers, position):
+    def integrand(samplers: Samplers, position: mi.Vector2f) -> list[mi.Float]:
         found = trace(stage.scene, samplers.strata, samplers.rest, _primary(sensor, position), max_depth, rr_depth)
         return [*found.image, *found.shading, *found.specular, *(found.shading * found.shading)]
 
@@ -57,7 +57,7 @@ def first_hit(view: View, stage: Stage, pixels: np.ndarray, *, spp: int, seed: i
     origin = mi.Point3f(sensor.world_transform() @ mi.Point3f(0, 0, 0))
     dr.make_opaque(forward, origin)
 
-    def integrand(samplers, position):
+    def integrand(samplers: Samplers, position: mi.Vector2f) -> list[mi.Float]:
         ray = _primary(sensor, position)
         si = stage.scene.ray_intersect(ray, mi.RayFlags.All, coherent=True)
         met = si.is_valid()

@@ -36,7 +36,8 @@ def split_sum_table() -> np.ndarray:
 def _split_sum(mu: np.ndarray, alpha: float) -> tuple[np.ndarray, np.ndarray]:
     """A and B, each (M,), for one alpha, by midpoint quadrature over visible normals.
 
-    The rim of the disc is GGX's long tail, down to a share of alpha squared, so the points crowd there: u = 1 - (1 - t)^4.
+    The rim of the disc is GGX's long tail, down to a share of alpha squared, so the points crowd there: u = 1 - (1 -
+    t)^4.
     """
     t, v = ((np.arange(count) + 0.5) / count for count in (RADII, ANGLES))
     u, share = 1 - (1 - t) ** 4, 4 * (1 - t) ** 3 / RADII / ANGLES

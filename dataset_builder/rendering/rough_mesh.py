@@ -25,7 +25,8 @@ class RoughTwin:
 
 
 def rough_twin(placed: PlacedObject, plan: RoughPlan, mesh_root: Path) -> RoughTwin:
-    """The rough twin of a placed object; shading normals follow the displaced surface and break at the 3DM's creases."""
+    """The rough twin of a placed object; shading normals follow the displaced surface and break at the 3DM's
+    creases."""
     asset = asset_of(placed.object, mesh_root)
     base = _base(placed.object, plan.edge_length, plan.rounds, plan.crease_angle, mesh_root)
     mesh = displace(base.mesh, sigma=plan.sigma, radius=bounding_radius(asset.mesh), direction=plan.direction,

@@ -35,7 +35,8 @@ class Soup:
 
 def soup_of(mesh: TriangleMesh, normals: np.ndarray, materials: tuple[Material, ...], world: np.ndarray,
             instance: int) -> Soup:
-    """The triangles of one object, moved by a rigid (4, 4) `world` transform. normals: (F, 3, 3) in the object's frame."""
+    """The triangles of one object, moved by a rigid (4, 4) `world` transform. normals: (F, 3, 3) in the object's
+    frame."""
     rotation, offset = world[:3, :3], world[:3, 3]
     return Soup(corners=mesh.corners @ rotation.T + offset, normals=normals @ rotation.T, uvs=mesh.uvs,
                 material=mesh.material, instance=np.full(len(mesh.faces), instance), materials=materials)

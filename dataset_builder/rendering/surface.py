@@ -1,14 +1,15 @@
 """The surface of everything in a scene: one Mitsuba BSDF plugin that looks its material up by triangle.
 
-A scene is one mesh with one BSDF, whatever it holds: face -> material row -> texels. The kernel that Dr.Jit compiles for
-it is therefore the same for every scene, so it is compiled once and found in the cache ever after (`docs/design.md`).
+A scene is one mesh with one BSDF, whatever it holds: face -> material row -> texels. The kernel that Dr.Jit compiles
+for it is therefore the same for every scene, so it is compiled once and found in the cache ever after
+(`docs/design.md`).
 
 The model is metallic-roughness: f = f_d + f_s with
     f_s = F D G / (4 cos cos), GGX with Schlick's Fresnel term, F0 = mix(specular, base_color, metallic),
     f_d = base_color (1 - metallic) (1 - E(wi)) / pi,
-where E is the directional reflectance of f_s seen from wi. Scaling the base by what the layer above leaves over, from the
-viewer's side alone, is the albedo scaling of OpenPBR and of Cycles. It makes f_d Lambertian in the other direction, so
-that outgoing radiance is exactly D * S + specular part with D = pi f_d and R = E, and D + R <= 1.
+where E is the directional reflectance of f_s seen from wi. Scaling the base by what the layer above leaves over, from
+the viewer's side alone, is the albedo scaling of OpenPBR and of Cycles. It makes f_d Lambertian in the other direction,
+so that outgoing radiance is exactly D * S + specular part with D = pi f_d and R = E, and D + R <= 1.
 """
 
 from dataclasses import dataclass
@@ -42,7 +43,8 @@ class MaterialTable:
 
 @dataclass
 class Lobes:
-    """Both lobes at a point: D, R, Schlick's F0 and F90, GGX alpha, and the local shading normal turned to the viewer."""
+    """Both lobes at a point: D, R, Schlick's F0 and F90, GGX alpha, and the local shading normal turned to the
+    viewer."""
 
     diffuse: mi.Color3f
     specular: mi.Color3f
@@ -69,7 +71,8 @@ class Surface(mi.BSDF):
 
     # Layers of the first hit
 
-    def first_hit(self, si, light, take_cosine, sample1, sample2, active):
+    def first_hit(self, si: mi.SurfaceInteraction3f, light: mi.Vector3f, take_cosine: mi.Bool, sample1: mi.Float,
+                  sample2: mi.Point2f, active: mi.Bool) -> FirstHit:
         """See `first_hit.FirstHit`; one look at the textures."""
         lobes = self._lobes(si, active)
         bs, _ = _sample(lobes, si, sample1, sample2, active & ~take_cosine)
@@ -80,42 +83,46 @@ class Surface(mi.BSDF):
                         em_cosine=white_lambert(lobes.normal, si, light), wo=wo, value=value, density=density,
                         cosine=white_lambert(lobes.normal, si, wo))
 
-    def reflectance(self, si, active):
+    def reflectance(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> tuple[mi.Color3f, mi.Color3f, mi.Normal3f]:
         """(D, R, local shading normal) at a surface point."""
         lobes = self._lobes(si, active)
         return lobes.diffuse, lobes.specular, lobes.normal
 
-    def eval_diffuse_reflectance(self, si, active):
+    def eval_diffuse_reflectance(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Color3f:
         """D: integral of f_d cos over the hemisphere, seen from si.wi."""
         return dr.select(active, self._lobes(si, active).diffuse, 0)
 
     # Scattering
 
-    def eval(self, ctx, si, wo, active):
+    def eval(self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, active: mi.Bool) -> mi.Color3f:
         """f cos, both lobes."""
         return self.eval_pdf(ctx, si, wo, active)[0]
 
-    def pdf(self, ctx, si, wo, active):
+    def pdf(self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, active: mi.Bool) -> mi.Float:
         """Solid-angle density of `sample`."""
         return self.eval_pdf(ctx, si, wo, active)[1]
 
-    def eval_pdf(self, ctx, si, wo, active):
+    def eval_pdf(self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f,
+                 active: mi.Bool) -> tuple[mi.Color3f, mi.Float]:
         """f cos and the density of `sample`."""
         value, density = _evaluate(self._lobes(si, active), si, wo)
         return dr.select(active, value, 0), dr.select(active, density, 0)
 
-    def sample(self, ctx, si, sample1, sample2, active):
+    def sample(self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample2: mi.Point2f,
+               active: mi.Bool) -> tuple[mi.BSDFSample3f, mi.Color3f]:
         """A direction of the diffuse or the GGX lobe, picked in proportion to their reflectance."""
         return _sample(self._lobes(si, active), si, sample1, sample2, active)
 
-    def eval_pdf_sample(self, ctx, si, wo, sample1, sample2, active):
+    def eval_pdf_sample(self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, sample1: mi.Float,
+                        sample2: mi.Point2f,
+                        active: mi.Bool) -> tuple[mi.Color3f, mi.Float, mi.BSDFSample3f, mi.Color3f]:
         """`eval_pdf` and `sample` at once, as path integrators ask."""
         lobes = self._lobes(si, active)
         value, density = _evaluate(lobes, si, wo)
         return (dr.select(active, value, 0), dr.select(active, density, 0),
                 *_sample(lobes, si, sample1, sample2, active))
 
-    def _lobes(self, si, active):
+    def _lobes(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> Lobes:
         """The two lobes at a surface point."""
         base, roughness, metallic, reflectance, normal = self._texels(si, active)
         viewer = dr.sign(mi.Frame3f.cos_theta(si.wi))
@@ -128,7 +135,8 @@ class Surface(mi.BSDF):
         return Lobes(diffuse=diffuse, specular=specular, f0=f0, f90=f90, normal=normal,
                      alpha=dr.maximum(roughness * roughness, MIN_ALPHA))
 
-    def _texels(self, si, active):
+    def _texels(self, si: mi.SurfaceInteraction3f,
+                active: mi.Bool) -> tuple[mi.Color3f, mi.Float, mi.Float, mi.Float, mi.Normal3f]:
         """Material factors times bilinearly interpolated texels, repeating, at si.uv."""
         row = dr.gather(mi.UInt32, self.table.face_material, si.prim_index, active)
         colour = dr.gather(mi.Vector4f, self.table.factors, 2 * row, active)
@@ -140,7 +148,7 @@ class Surface(mi.BSDF):
         tilt = mi.Normal3f(slope.x, _handedness(si) * slope.y, dr.safe_sqrt(1 - dr.squared_norm(slope)))
         return base, colour.w * low.w, scalar.x * high.x, scalar.y, dr.normalize(tilt)
 
-    def _bilinear(self, uv, extent, active):
+    def _bilinear(self, uv: mi.Point2f, extent: mi.Vector4u, active: mi.Bool) -> tuple[mi.Vector4f, mi.Vector4f]:
         """Eight interpolated texel channels as two vectors. extent = (first texel, width, height, 0)."""
         width, height = extent.y, extent.z
         x = uv.x * mi.Float(width) - 0.5
@@ -159,7 +167,7 @@ class Surface(mi.BSDF):
             high += weight * mi.Vector4f(dr.gather(half4, self.table.texels, texel + 1, active))
         return low, high
 
-    def _split_sum(self, cosine, roughness, active):
+    def _split_sum(self, cosine: mi.Float, roughness: mi.Float, active: mi.Bool) -> tuple[mi.Float, mi.Float]:
         """A and B of `reflectance.split_sum_table`, bilinear."""
         x = dr.clip(cosine, 0, 1) * (COSINES - 1)
         y = dr.clip(roughness, 0, 1) * (ROUGHNESSES - 1)
@@ -167,44 +175,45 @@ class Surface(mi.BSDF):
         line = dr.minimum(mi.UInt32(y), ROUGHNESSES - 2)
         fx, fy = x - mi.Float(column), y - mi.Float(line)
         first = line * COSINES + column
-        corners = [dr.gather(mi.Vector2f, self.split_sum, first + step, active) for step in (0, 1, COSINES, COSINES + 1)]
+        steps = (0, 1, COSINES, COSINES + 1)
+        corners = [dr.gather(mi.Vector2f, self.split_sum, first + step, active) for step in steps]
         low, high = dr.lerp(corners[0], corners[1], fx), dr.lerp(corners[2], corners[3], fx)
         both = dr.lerp(low, high, fy)
         return both.x, both.y
 
-    def to_string(self):
+    def to_string(self) -> str:
         """One line for logs."""
         return "Surface[]"
 
 
-def _wrap(coordinate, size):
+def _wrap(coordinate: mi.Float, size: mi.UInt32) -> mi.UInt32:
     """Integer texel of a floored coordinate, repeating; safe for negative and huge values."""
     share = coordinate / mi.Float(size)
     return dr.minimum(mi.UInt32((share - dr.floor(share)) * mi.Float(size) + 0.5), size - 1)
 
 
-def _handedness(si):
+def _handedness(si: mi.SurfaceInteraction3f) -> mi.Float:
     """-1 where the texture is mirrored on the surface, so that its v axis runs against the shading frame's."""
     return dr.select(dr.dot(si.dp_dv, si.sh_frame.t) < 0, mi.Float(-1), mi.Float(1))
 
 
-def _facing(normal, viewer, wi):
+def _facing(normal: mi.Normal3f, viewer: mi.Float, wi: mi.Vector3f) -> mi.Normal3f:
     """The normal on the viewer's side; the unperturbed one where a normal map would tilt it out of sight."""
     turned = mi.Normal3f(normal.x, normal.y, normal.z * viewer)
     return dr.select(dr.dot(turned, wi) > 1e-3, turned, mi.Normal3f(0, 0, viewer))
 
 
-def _ggx(lobes):
+def _ggx(lobes: Lobes) -> mi.MicrofacetDistribution:
     return mi.MicrofacetDistribution(mi.MicrofacetType.GGX, lobes.alpha, sample_visible=True)
 
 
-def _glossy_share(lobes):
+def _glossy_share(lobes: Lobes) -> mi.Float:
     """Probability of sampling the GGX lobe; both lobes keep a share wherever they send light."""
     diffuse, specular = dr.mean(lobes.diffuse), dr.mean(lobes.specular)
     return dr.select(diffuse + specular > 0, specular / (diffuse + specular), 0)
 
 
-def _evaluate(lobes, si, wo):
+def _evaluate(lobes: Lobes, si: mi.SurfaceInteraction3f, wo: mi.Vector3f) -> tuple[mi.Color3f, mi.Float]:
     """f cos and its sampling density; zero where wo is not on the viewer's side."""
     frame = mi.Frame3f(lobes.normal)
     wi, wo_facing = frame.to_local(si.wi), frame.to_local(wo)
@@ -221,7 +230,8 @@ def _evaluate(lobes, si, wo):
     return dr.select(valid, value, 0), dr.select(valid, density, 0)
 
 
-def _sample(lobes, si, sample1, sample2, active):
+def _sample(lobes: Lobes, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample2: mi.Point2f,
+            active: mi.Bool) -> tuple[mi.BSDFSample3f, mi.Color3f]:
     frame = mi.Frame3f(lobes.normal)
     wi = frame.to_local(si.wi)
     take_glossy = sample1 < _glossy_share(lobes)

@@ -1,5 +1,6 @@
 """Materials as flat arrays: what the surface plugin gathers from."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,7 +25,7 @@ class MaterialArrays:
     texels: np.ndarray
 
 
-def pack(materials: list[Material], face_material: np.ndarray) -> MaterialArrays:
+def pack(materials: Sequence[Material], face_material: np.ndarray) -> MaterialArrays:
     """Arrays of `materials` for a mesh whose faces name them; textures that materials share are stored once."""
     blocks: dict[int, tuple[int, np.ndarray]] = {}
     extents, first = [], 0

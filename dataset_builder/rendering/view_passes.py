@@ -1,7 +1,8 @@
-"""The passes of one view, shared: light-free layers once, source light once, target light once per light, S' once per level.
+"""The passes of one view, shared: light-free layers once, source light once, target light once per light, S' once per
+level.
 
-A pass runs when it is first asked for, on the pixels that its layers are wanted on, and is kept for the other examples of
-the view.
+A pass runs when it is first asked for, on the pixels that its layers are wanted on, and is kept for the other examples
+of the view.
 """
 
 from collections.abc import Callable
@@ -12,8 +13,8 @@ from time import perf_counter
 
 import numpy as np
 
-from dataset_builder.layers import LAYERS
-from dataset_builder.planning.example_plan import ExamplePlan, RoughPlan
+from dataset_builder.layers import LAYERS, Pass
+from dataset_builder.planning.example_plan import ExamplePlan, RenderPlan, RoughPlan
 from dataset_builder.rendering import passes
 from dataset_builder.rendering.estimate import Estimate
 from dataset_builder.rendering.passes import FIRST_HIT_CHANNELS, View
@@ -26,7 +27,8 @@ from dataset_builder.seeding import derive_seed
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PassResult:
-    """What one pass found. pixels: (P,) indices row * width + column, in rising order; seconds: scene building included."""
+    """What one pass found. pixels: (P,) indices row * width + column, in rising order; seconds: scene building
+    included."""
 
     pixels: np.ndarray
     found: Estimate
@@ -35,7 +37,8 @@ class PassResult:
 
 @dataclass(kw_only=True)
 class ViewPasses:
-    """Geometry, scenes and passes of the view that `plan` belongs to. spent: seconds of passes run since it was cleared."""
+    """Geometry, scenes and passes of the view that `plan` belongs to. spent: seconds of passes run since it was
+    cleared."""
 
     plan: ExamplePlan
     mesh_root: Path
@@ -84,6 +87,11 @@ class ViewPasses:
         return self._twins[rough]
 
     # Passes
+
+    def result(self, render_pass: Pass, plan: ExamplePlan) -> PassResult:
+        """What a pass found that an example of this view needs."""
+        return {"first_hit": lambda _: self.first_hit(), "source": lambda _: self.source(), "target": self.target,
+                "rough": self.rough, "first_hit_rough": self.first_hit_rough}[render_pass](plan)
 
     def first_hit(self) -> PassResult:
         """Light-free layers of the 3DM."""
@@ -150,14 +158,14 @@ class ViewPasses:
 
     def _wanted(self, render_pass: str, pixels: np.ndarray) -> np.ndarray:
         """The frame if a layer of the pass is wanted there, else `pixels`."""
-        on_frame = any(extent == "frame" and LAYERS[name].render_pass == render_pass and name not in ("mask", "mask_rough")
-                       for name, extent in self._render.layers)
+        wanted = {name: extent for name, extent in self._render.layers if LAYERS[name].render_pass == render_pass}
+        on_frame = any(extent == "frame" and not name.startswith("mask") for name, extent in wanted.items())
         return np.arange(self._render.width * self._render.height) if on_frame else pixels
 
     # Bookkeeping
 
     @property
-    def _render(self):
+    def _render(self) -> RenderPlan:
         return self.plan.render
 
     def _seed(self, *path: str | int) -> int:

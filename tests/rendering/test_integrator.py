@@ -19,7 +19,8 @@ MATERIALS = {
 }
 LIGHTS = {
     "dome and sun": (light("dome", weight=3), light("sun", (2, 2, 1.8), direction=(0.5, 0.6, -1), weight=2)),
-    "sphere": (light("dome", (0.05, 0.05, 0.06), weight=0.15), light("sphere", (20, 18, 15), position=(-0.8, -1.5, 2.5))),
+    "sphere": (light("dome", (0.05, 0.05, 0.06), weight=0.15),
+               light("sphere", (20, 18, 15), position=(-0.8, -1.5, 2.5))),
     "area and spot": (light("area", (8, 8, 8), position=(1.5, -2, 2), direction=(-1.5, 2, -2), size=0.8),
                       light("spot", (9, 6, 3), position=(0, -3, 2.5), direction=(0, 3, -2.5))),
     "points": (light("point", (6, 6, 6), position=(-1, -2, 1.5)), light("point", (1, 2, 4), position=(1, -1, 2))),

@@ -73,7 +73,8 @@ def test_directions_follow_their_density(name, cosine):
 
     def sample(numbers):
         width = np.array(numbers).shape[1]
-        bs, _ = surface.sample(ctx, interaction(cosine, width), numbers.x, mi.Point2f(numbers.y, numbers.z), mi.Bool(True))
+        pair = mi.Point2f(numbers.y, numbers.z)
+        bs, _ = surface.sample(ctx, interaction(cosine, width), numbers.x, pair, mi.Bool(True))
         return bs.wo, mi.Float(np.array(bs.pdf) > 0)
 
     def density(directions):
