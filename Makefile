@@ -35,8 +35,9 @@ check: $(STAMP)  ## lint and types
 	@$(PY) -m ruff check .
 	@$(PY) -m mypy
 
-schema: $(STAMP)  ## write the JSON Schemas that editors read, after a change of the models
+schema: $(STAMP)  ## write the JSON Schemas that editors read and the tables of docs/specs.md, after a change of the models
 	@$(PY) tools/export_schema.py
+	@$(PY) tools/spec_tables.py
 
 bench: $(STAMP)  ## the claims of the README, as ratios from one run each
 	@set -e; for file in benchmarks/*.py; do echo "== $$file"; $(PY) "$$file" $(ARGS); done

@@ -2,7 +2,7 @@
 there."""
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -10,11 +10,14 @@ from pathlib import Path
 from dataset_builder import __version__
 from dataset_builder.engine import local
 from dataset_builder.engine.rejections import Rejections
-from dataset_builder.engine.unit import Job, Outcome, run_unit, versions
-from dataset_builder.errors import PlanError
+from dataset_builder.engine.unit import Job, Outcome, remembered, run_unit, versions
+from dataset_builder.errors import PlanError, Problem
 from dataset_builder.planning.catalogue import ExampleRef
+from dataset_builder.planning.cost import expected_bytes
 from dataset_builder.planning.plan import Planner, layers_asked
-from dataset_builder.planning.views import ViewUnit, units
+from dataset_builder.planning.probe import probe
+from dataset_builder.planning.views import units
+from dataset_builder.shards.atomic import require_space
 from dataset_builder.shards.folder import build_lock
 from dataset_builder.shards.manifest import Manifest, Rejected, ShardIndex, make_manifest, shard_stem
 from dataset_builder.shards.publish import publish_dataset
@@ -23,8 +26,8 @@ from dataset_builder.shards.writer import publish_shard, published, remove_other
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.loaded import LoadedSpec
 
-PROBES = 3
-"""Views per split that are planned before anything is written; a spec under which all of them fail is refused."""
+MOST_REASONS = 5
+"""Reasons that are told where every example of a split was rejected."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,8 +42,10 @@ class ShardTask:
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """News of a build: outcomes of one unit, a shard that was published, or the finished manifest."""
+    """News of a build: how many examples there are to make (the first event of all), outcomes of one unit, a shard that
+    was published, or the finished manifest."""
 
+    wanted: int | None = None
     outcomes: tuple[Outcome, ...] = ()
     shard: ShardIndex | None = None
     manifest: Manifest | None = None
@@ -85,22 +90,30 @@ def _kept(task: ShardTask, index: ShardIndex | None, spec_digest: str, made_by: 
 
 
 def build(loaded: LoadedSpec, folder: Path, job: Job, *, workers: int, only: Sequence[int] = ()) -> Iterator[Event]:
-    """Build `loaded` into `folder`, yielding news. `only`: indices of examples to stage, without publishing anything.
+    """Build `loaded` into `folder`, yielding news, first of all how many examples there are to make.
 
-    Raises PlanError where nothing can be planned, OutputError where the folder or the disk refuses; in both cases what
-    was finished before is kept, and a second run goes on from there.
+    `only`: indices of examples to stage, without publishing anything. Raises PlanError where nothing can be planned or
+    an index is none, OutputError where the folder or the disk refuses; in both cases what was finished before is kept,
+    and a second run goes on from there.
     """
     planner = Planner(loaded)
+    chosen = _chosen(planner.examples, only)
     probe(planner)
     made_by = versions(job.backend)
+    if not folder.exists():
+        # Refused before anything is made
+        _require_space(folder, loaded.dataset, len(chosen))
     with build_lock(folder):
         rejections = Rejections(folder, loaded.spec_digest, made_by)
-        tasks = decide(shard_tasks(planner.examples, loaded.dataset), folder, loaded.spec_digest, made_by, rejections.known)
+        tasks = decide(shard_tasks(planner.examples, loaded.dataset), folder, loaded.spec_digest, made_by,
+                       rejections.known)
         progress = _Progress(rejected=dict(rejections.known),
                              shards={task.stem: task.keep for task in tasks if task.keep})
         missing = [task for task in tasks if not task.keep]
-        wanted = [ref for task in missing for ref in task.examples if not only or ref.index in only]
-        for outcomes in local.run(partial(run_unit, job), _todo(wanted, progress), workers=workers):
+        wanted = [ref for task in missing for ref in task.examples if ref in chosen]
+        _require_space(folder, loaded.dataset, len(wanted))
+        yield Event(wanted=len(wanted))
+        for outcomes in _outcomes(wanted, job, workers, rejections.known):
             _note(outcomes, progress, rejections)
             yield Event(outcomes=tuple(outcomes))
             for task in [] if only else [task for task in missing if progress.settled(task)]:
@@ -110,30 +123,35 @@ def build(loaded: LoadedSpec, folder: Path, job: Job, *, workers: int, only: Seq
             yield Event(manifest=_finish(tasks, folder, loaded, progress))
 
 
-def probe(planner: Planner) -> None:
-    """Plan a few views of every split. Raises the first PlanError where all of a split's fail."""
-    for split in planner.loaded.dataset.splits:
-        refs = [ref for ref in planner.examples if ref.view.pair.split == split.name]
-        problems = []
-        for ref in refs[::max(1, len(refs) // PROBES)][:PROBES]:
-            try:
-                planner.example(ref)
-                break
-            except PlanError as error:
-                problems.append(error)
-        else:
-            raise problems[0]
+def _chosen(examples: Sequence[ExampleRef], only: Sequence[int]) -> frozenset[ExampleRef]:
+    """The examples of these indices, or all. Raises PlanError for every index that is none."""
+    if wrong := [index for index in only if not 0 <= index < len(examples)]:
+        bounds = f"expected an example in [0, {len(examples)})"
+        raise PlanError(Problem(where="", path="example", rule=f"{bounds}, got {index}") for index in wrong)
+    return frozenset(examples[index] for index in only) if only else frozenset(examples)
 
 
-def _todo(wanted: Sequence[ExampleRef], progress: _Progress) -> tuple[ViewUnit, ...]:
-    return units(ref for ref in wanted if ref.key not in progress.rejected)
+def _require_space(folder: Path, spec: DatasetSpec, count: int) -> None:
+    """Raise OutputError where the disk will not hold `count` more examples, and the copies of one shard's meanwhile."""
+    copies = min(spec.storage.examples_per_shard, count)
+    require_space(folder, max(expected_bytes(spec, count + copies) - Staging(folder).size(), 0))
+
+
+def _outcomes(wanted: Sequence[ExampleRef], job: Job, workers: int,
+              rejected: Mapping[str, Rejected]) -> Iterator[Sequence[Outcome]]:
+    """What is known of the wanted examples, then what becomes of the others, view by view."""
+    if known := [remembered(ref, rejected[ref.key]) for ref in wanted if ref.key in rejected]:
+        yield known
+    others = units(ref for ref in wanted if ref.key not in rejected)
+    yield from local.run(partial(run_unit, job), others, workers=workers)
 
 
 def _note(outcomes: Sequence[Outcome], progress: _Progress, rejections: Rejections) -> None:
     for outcome in outcomes:
         if outcome.rejected:
             progress.rejected[outcome.ref.key] = outcome.rejected
-            rejections.add(outcome.rejected)
+            if not outcome.kept:
+                rejections.add(outcome.rejected)
         else:
             progress.digests[outcome.ref.key] = outcome.digest
 
@@ -154,13 +172,12 @@ def _publish(task: ShardTask, folder: Path, loaded: LoadedSpec, made_by: dict[st
 
 
 def _finish(tasks: Sequence[ShardTask], folder: Path, loaded: LoadedSpec, progress: _Progress) -> Manifest:
-    """Take away what no plan asks for, and write the manifest. Raises PlanError where a split is left without
-    examples."""
+    """Take away what no plan asks for, and write the manifest. Raises PlanError where a split has no examples left."""
     indices = [progress.shards[task.stem] for task in tasks if task.stem in progress.shards]
     for split in loaded.dataset.splits:
         if not any(index.shard.split == split.name for index in indices):
-            reasons = "; ".join(f"{item.key}: {item.reason}" for item in progress.rejected.values())
-            raise PlanError(f"split {split.name}: expected at least one example that passes all gates, got none: {reasons}")
+            keys = [ref.key for task in tasks if task.split == split.name for ref in task.examples]
+            raise _nothing_left(split.name, keys, progress.rejected)
     remove_others(folder, [index.shard.stem for index in indices])
     manifest = make_manifest(loaded.dataset, layers=dict(layers_asked(loaded.dataset)), shards=indices,
                              rejected=progress.rejected.values(), spec_digest=loaded.spec_digest,
@@ -168,3 +185,11 @@ def _finish(tasks: Sequence[ShardTask], folder: Path, loaded: LoadedSpec, progre
     Staging(folder).clear()
     publish_dataset(folder, manifest)
     return manifest
+
+
+def _nothing_left(split: str, keys: Sequence[str], rejected: Mapping[str, Rejected]) -> PlanError:
+    """That every example of a split was rejected, and why the first few were."""
+    problems = [Problem(where="", path=f"split {split}", hint="change the spec, or widen `gates`",
+                        rule=f"expected at least one example that passes all gates, got none of {len(keys)}")]
+    problems += [Problem(where=key, path=rejected[key].gate, rule=rejected[key].reason) for key in keys[:MOST_REASONS]]
+    return PlanError(problems)

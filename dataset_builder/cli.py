@@ -42,7 +42,8 @@ def parser() -> argparse.ArgumentParser:
         "--out", type=Path, default=OUTPUT, help="where datasets will be written")
     plan = _verb(verbs, "plan", _plan, "passes, pixels, paths, time and bytes of a dataset; renders nothing")
     _spec_options(plan)
-    plan.add_argument("--example", type=int, action="append", default=[], help="print the whole plan of example N as JSON")
+    plan.add_argument("--example", type=int, action="append", default=[],
+                      help="print the whole plan of example N as JSON")
     plan.add_argument("--sample", type=int, default=24, help="views to plan in full; the rest is extrapolated")
     build = _verb(verbs, "build", _build, "build a dataset, or go on with an interrupted build")
     _spec_options(build)
@@ -64,7 +65,8 @@ def parser() -> argparse.ArgumentParser:
     return root
 
 
-def _verb(verbs, name: str, run: Callable[[argparse.Namespace], int], text: str) -> argparse.ArgumentParser:
+def _verb(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]", name: str,
+          run: Callable[[argparse.Namespace], int], text: str) -> argparse.ArgumentParser:
     verb = verbs.add_parser(name, help=text, description=text)
     verb.set_defaults(run=run)
     return verb
@@ -107,10 +109,9 @@ def _plan(options: argparse.Namespace) -> int:
 
 def _build(options: argparse.Namespace) -> int:
     from dataset_builder.build import build
-    from dataset_builder.engine.unit import Job
-    from dataset_builder.planning.catalogue import count_examples
+    from dataset_builder.engine.unit import Job, Outcome
     from dataset_builder.rendering.backend import choose
-    from dataset_builder.report.console import build_table, follow
+    from dataset_builder.report.console import build_table, follow, rejected_lines
     from dataset_builder.report.contact_sheet import write_contact_sheet
     from dataset_builder.spec.load import load_dataset
 
@@ -121,21 +122,25 @@ def _build(options: argparse.Namespace) -> int:
     folder = options.out or OUTPUT / loaded.dataset.name
     workers = options.workers or (1 if chosen.variant.startswith("cuda") else cores())
     threads = max(1, cores() // workers)
-    job = Job(spec_path=options.spec, overrides=tuple(options.overrides), folder=folder, backend=options.backend,
-              threads=threads)
-    total = len(options.example) or count_examples(loaded.dataset)
-    outcomes, manifest = [], None
-    for event in follow(build(loaded, folder, job, workers=workers, only=options.example), total, console):
+    job = Job(spec_path=options.spec, overrides=tuple(options.overrides), spec_digest=loaded.spec_digest, folder=folder,
+              backend=options.backend, threads=threads)
+    outcomes: list[Outcome] = []
+    manifest = None
+    for event in follow(build(loaded, folder, job, workers=workers, only=options.example), console):
         outcomes += event.outcomes
         manifest = event.manifest or manifest
-    for outcome in outcomes:
-        if outcome.rejected:
-            console.print(f"rejected {outcome.rejected.key} ({outcome.rejected.gate}): {outcome.rejected.reason}")
-    if manifest:
+    rejected = manifest.rejected if manifest else [outcome.rejected for outcome in outcomes if outcome.rejected]
+    for line in rejected_lines(rejected):
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
+    if not manifest:
+        staged, before = len(outcomes) - len(rejected), len(set(options.example)) - len(outcomes)
+        console.print(f"{staged} examples staged in {folder}, {before} published before; build without --example to "
+                      "finish", highlight=False, soft_wrap=True)
+    else:
         console.print(build_table(manifest, outcomes, perf_counter() - start))
         sheet = folder / "previews" / "contact_sheet.png"
         write_contact_sheet(folder, sheet)
-        console.print(f"dataset: {folder}\ncontact sheet: {sheet}", highlight=False)
+        console.print(f"dataset: {folder}\ncontact sheet: {sheet}", highlight=False, soft_wrap=True)
     return 0
 
 
@@ -175,10 +180,13 @@ def _families(options: argparse.Namespace) -> int:
 
 
 def _schema(options: argparse.Namespace) -> int:
-    from dataset_builder.spec.schema import write_schemas
+    from dataset_builder.shards.atomic import output_errors
+    from dataset_builder.spec.schema import schema_files, write_schema
 
-    for path in write_schemas(options.folder):
-        print(path)
+    with output_errors(options.folder):
+        write_schema(options.folder)
+    for name in schema_files():
+        print(options.folder / name)
     return 0
 
 

@@ -3,6 +3,7 @@
 import multiprocessing
 import os
 import signal
+import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -33,7 +34,7 @@ def run(work: Callable[[Unit], Result], units: Iterable[Unit], *, workers: int) 
         return
     # A forked child would inherit the state of Dr.Jit and of thread pools
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=_ignore_interrupts) as pool:
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=_follow_the_parent) as pool:
         try:
             yield from _drain(pool, work, iter(units), workers * AHEAD)
         except BrokenProcessPool as error:
@@ -43,7 +44,8 @@ def run(work: Callable[[Unit], Result], units: Iterable[Unit], *, workers: int) 
             pool.shutdown(cancel_futures=True)
 
 
-def _drain(pool: ProcessPoolExecutor, work: Callable[[Unit], Result], units: Iterator[Unit], most: int) -> Iterator[Result]:
+def _drain(pool: ProcessPoolExecutor, work: Callable[[Unit], Result], units: Iterator[Unit],
+           most: int) -> Iterator[Result]:
     pending: set[Future[Result]] = {pool.submit(work, unit) for unit in islice(units, most)}
     while pending:
         done, pending = wait(pending, return_when=FIRST_COMPLETED)
@@ -52,6 +54,14 @@ def _drain(pool: ProcessPoolExecutor, work: Callable[[Unit], Result], units: Ite
             yield future.result()
 
 
-def _ignore_interrupts() -> None:
-    """Leave Ctrl-C to the parent, which lets running units end and keeps what they made."""
+def _follow_the_parent() -> None:
+    """Leave Ctrl-C to the parent, which lets running units end and keeps what they made; end where it was killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_the_parent, daemon=True).start()
+
+
+def _end_with_the_parent() -> None:
+    """A pool's processes hold both ends of their queue, so that none would notice that nobody feeds it any more."""
+    if parent := multiprocessing.parent_process():
+        parent.join()
+        os._exit(1)

@@ -31,5 +31,6 @@ class Rejections:
             content = json.loads(self._path.read_bytes())
         except (FileNotFoundError, ValueError):
             return {}
-        items = content["rejected"] if content.get("maker") == self._maker else []
-        return {item["key"]: Rejected.model_validate(item) for item in items}
+        if not isinstance(content, dict) or content.get("maker") != self._maker:
+            return {}
+        return {item["key"]: Rejected.model_validate(item) for item in content["rejected"]}

@@ -1,14 +1,14 @@
 """One unit of work, in whatever process: plan the examples of a view, render, gate, encode and stage them."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
 from dataset_builder.digest import digest
-from dataset_builder.errors import PlanError
+from dataset_builder.errors import PlanError, Problem, SpecError
 from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.planning.example_plan import ExamplePlan
 from dataset_builder.planning.plan import Planner
@@ -34,10 +34,14 @@ PLANNING = "planning"
 
 @dataclass(frozen=True, kw_only=True)
 class Job:
-    """What a worker needs to know to find the spec and the output; the same for every unit of a build."""
+    """What a worker needs to know to find the spec and the output; the same for every unit of a build.
+
+    spec_digest: of the spec that the build began with; another one found at `spec_path` later is refused.
+    """
 
     spec_path: Path
     overrides: tuple[str, ...]
+    spec_digest: str
     folder: Path
     backend: str
     threads: int
@@ -45,10 +49,9 @@ class Job:
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What became of one example: digest it is staged under (empty where it could not be planned), or why it is
-    rejected.
+    """What became of one example: digest it is staged under (empty where it was not planned), or why it is rejected.
 
-    seconds: by pass and by stage (`plan`, `encode`); kept: True where it was staged already and nothing was rendered.
+    seconds: by pass and by stage (`plan`, `encode`); kept: True where that was known already and nothing was rendered.
     """
 
     ref: ExampleRef
@@ -71,9 +74,13 @@ def plan_digest(plan: ExamplePlan, spec: DatasetSpec, made_by: dict[str, str]) -
 
 
 def run_unit(job: Job, unit: ViewUnit) -> list[Outcome]:
-    """Make the examples of one view; those that are staged already are kept. One outcome per example, in order."""
+    """Make the examples of one view; those that are staged already are kept. One outcome per example, in order.
+
+    Raises SpecError where the spec is no longer the one that the build began with.
+    """
     activate(job.backend, job.threads)
     planner = _planner(job)
+    start = perf_counter()
     outcomes: list[Outcome] = []
     planned: list[tuple[ExampleRef, ExamplePlan]] = []
     for ref in unit.examples:
@@ -81,8 +88,15 @@ def run_unit(job: Job, unit: ViewUnit) -> list[Outcome]:
             planned.append((ref, planner.example(ref)))
         except PlanError as error:
             outcomes.append(_outcome(ref, rejected=_rejected(ref, PLANNING, str(error))))
-    outcomes += _make(planned, planner.loaded, job)
-    return sorted(outcomes, key=lambda outcome: outcome.ref.index)
+    planning = perf_counter() - start
+    outcomes = sorted([*outcomes, *_make(planned, planner.loaded, job)], key=lambda outcome: outcome.ref.index)
+    # The first example was the first to need what the view's examples share
+    return [replace(outcomes[0], seconds={"plan": planning, **outcomes[0].seconds}), *outcomes[1:]]
+
+
+def remembered(ref: ExampleRef, rejected: Rejected) -> Outcome:
+    """The outcome of an example that an earlier run of the same build rejected."""
+    return _outcome(ref, rejected=rejected, kept=True)
 
 
 def _make(planned: Sequence[tuple[ExampleRef, ExamplePlan]], loaded: LoadedSpec, job: Job) -> Iterator[Outcome]:
@@ -132,4 +146,8 @@ def _outcome(ref: ExampleRef, *, digest: str = "", rejected: Rejected | None = N
 @lru_cache(maxsize=2)
 def _planner(job: Job) -> Planner:
     """The planner of a job, kept for the life of the process, so that neighbours share what they share."""
-    return Planner(load_dataset(job.spec_path, job.overrides))
+    loaded = load_dataset(job.spec_path, job.overrides)
+    if loaded.spec_digest != job.spec_digest:
+        rule = "expected the spec that the build began with, got one that was changed since"
+        raise SpecError([Problem(where=str(job.spec_path), path="", rule=rule, hint="run the build again")])
+    return Planner(loaded)

@@ -99,14 +99,28 @@ def _spp(render: RenderPlan, name: Pass) -> int:
         name, render.spp_first_hit)
 
 
-def example_bytes(plan: ExamplePlan, dtype: str, rates: Rates) -> float:
-    """Stored bytes of one example: values where a layer has them, next to nothing elsewhere, and its record."""
-    frame, total = plan.render.width * plan.render.height, rates.example_bytes
-    for name, extent in plan.render.layers:
-        full = 1.0 if extent == "frame" else plan.camera.coverage
+def stored_bytes(layers: Iterable[tuple[str, Extent]], frame: int, coverage: float, dtype: str, rates: Rates) -> float:
+    """Stored bytes of one example: values where a layer has them, next to nothing elsewhere, and its record.
+
+    frame: pixels of an image; coverage: share of them that the object covers.
+    """
+    total = rates.example_bytes
+    for name, extent in layers:
+        full = 1.0 if extent == "frame" else coverage
         share = full * rates.kept_share + (1 - full) * rates.empty_share
         total += frame * LAYERS[name].channels * CHANNEL_BYTES[dtype] * share
     return total
+
+
+def example_bytes(plan: ExamplePlan, dtype: str, rates: Rates) -> float:
+    """Stored bytes of one planned example."""
+    return stored_bytes(plan.render.layers, plan.render.width * plan.render.height, plan.camera.coverage, dtype, rates)
+
+
+def expected_bytes(spec: DatasetSpec, count: int) -> int:
+    """Stored bytes of `count` examples before any is planned, the object in the middle of the coverage asked for."""
+    frame, coverage = spec.image.width * spec.image.height, sum(spec.camera.coverage) / 2
+    return round(count * stored_bytes(layers_asked(spec), frame, coverage, spec.storage.dtype, Rates()))
 
 
 def view_cost(plan: ExamplePlan, lights: int, levels: int, window: float, dtype: str, rates: Rates,

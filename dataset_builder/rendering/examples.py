@@ -72,7 +72,8 @@ def _values(result: PassResult, name: str) -> np.ndarray:
         return first_hit_layers(result.found)[name.removesuffix("_rough")]
     channels = RADIANCE_CHANNELS[RADIANCE_LAYERS[name.removesuffix(ERROR_SUFFIX)]]
     source = result.found.error if name.endswith(ERROR_SUFFIX) else result.found.mean
-    return source[:, channels]
+    # The specular part is a difference of floats, which rounding may leave a hair below 0
+    return np.maximum(source[:, channels], 0) if name == "spec" else source[:, channels]
 
 
 def _image(plan: ExamplePlan, pixels: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -11,22 +11,28 @@ from dataset_builder.build import Event
 from dataset_builder.engine.unit import Outcome
 from dataset_builder.planning.cost import Estimate
 from dataset_builder.report.doctor import Finding
-from dataset_builder.shards.manifest import Manifest
+from dataset_builder.shards.manifest import Manifest, Rejected
 
 MIB = 2**20
 
 
-def follow(events: Iterable[Event], total: int, console: Console) -> Iterator[Event]:
-    """Pass events on while a progress bar shows them."""
+def follow(events: Iterable[Event], console: Console) -> Iterator[Event]:
+    """Pass events on while a progress bar shows them, out of as many examples as the first event wants."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]}"),
                TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn())
     with Progress(*columns, console=console) as progress:
-        bar = progress.add_task("examples", total=total, rate="")
+        bar = progress.add_task("examples", total=None, rate="")
         for event in events:
             task = progress.tasks[0]
             speed = task.finished_speed or task.speed
-            progress.update(bar, advance=len(event.outcomes), rate=f"{speed:.2f}/s" if speed else "")
+            progress.update(bar, total=task.total if event.wanted is None else event.wanted,
+                            advance=len(event.outcomes), rate=f"{speed:.2f}/s" if speed else "")
             yield event
+
+
+def rejected_lines(rejected: Iterable[Rejected]) -> list[str]:
+    """One line per example that is not shipped: its key, the gate that it failed, and the figures."""
+    return [f"rejected {item.key} ({item.gate}): {item.reason}" for item in rejected]
 
 
 def finding_table(findings: Sequence[Finding]) -> Table:
@@ -44,9 +50,8 @@ def estimate_table(estimate: Estimate, cores: int) -> Table:
     for name, count in estimate.runs.items():
         table.add_row(f"passes: {name}", f"{count}")
     total, error = estimate.total, estimate.error
-    for label, unit, value, deviation in (("passes", "", total.passes, error.passes), ("pixels", "", total.pixels, error.pixels),
-                                          ("paths", "", total.paths, error.paths)):
-        table.add_row(label, f"{value:,.4g}{unit}{_plus_minus(deviation)}")
+    for label in ("passes", "pixels", "paths"):
+        table.add_row(label, f"{getattr(total, label):,.4g}{_plus_minus(getattr(error, label))}")
     table.add_row(f"time on {cores} cores", f"{duration(total.seconds)}{_plus_minus(error.seconds, ' s')}")
     table.add_row("size", f"{total.bytes / MIB:,.1f} MiB{_plus_minus(error.bytes / MIB, ' MiB')}")
     return table
@@ -57,6 +62,8 @@ def build_table(manifest: Manifest, outcomes: Sequence[Outcome], seconds: float)
     table = Table("split", "examples", "shards", title=manifest.name, title_justify="left")
     for split in manifest.splits:
         table.add_row(split.name, str(split.examples), str(len(split.shards)))
+    if manifest.totals.rejected:
+        table.add_row("rejected", f"{manifest.totals.rejected}", "", style="red")
     table.add_row("all", f"{manifest.totals.examples}", f"{manifest.totals.shards}", end_section=True)
     table.add_row("size", f"{manifest.totals.bytes / MIB:.1f} MiB", "")
     paths = sum(outcome.paths for outcome in outcomes)
@@ -76,9 +83,9 @@ def pass_seconds(outcomes: Iterable[Outcome]) -> Counter[str]:
 
 def duration(seconds: float) -> str:
     """Seconds for people: `42 s`, `3 min 05 s`, `7 h 30 min`."""
-    if seconds < 60:
-        return f"{seconds:.0f} s"
     minutes, rest = divmod(round(seconds), 60)
+    if not minutes:
+        return f"{rest} s"
     if minutes < 60:
         return f"{minutes} min {rest:02d} s"
     return f"{minutes // 60} h {minutes % 60:02d} min"

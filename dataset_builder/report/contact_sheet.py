@@ -1,6 +1,7 @@
 """The contact sheet: examples as rows, layers as columns, one tone mapping for all radiometric layers."""
 
 from collections.abc import Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from dataset_builder.layers import LAYERS
+from dataset_builder.shards.atomic import write_atomic
 from dataset_builder.shards.reader import Dataset, open_dataset
 from dataset_builder.shards.tonemap import exposure, to_8bit
 
@@ -22,8 +24,8 @@ PALETTE = np.array([(0, 0, 0), (230, 120, 40), (150, 160, 170), (60, 130, 200), 
 def contact_sheet(folder: Path, *, rows: int = 12, cell: int = 128) -> Image.Image:
     """A picture of up to `rows` examples, taken evenly from every split. cell: width of a layer in pixels.
 
-    Radiometric layers share one exposure over the whole sheet, so that brightness can be compared; reflectances and masks
-    are shown as they are, depth is scaled per example, normals are mapped from [-1, 1].
+    Radiometric layers share one exposure over the whole sheet, so that brightness can be compared; reflectances and
+    masks are shown as they are, depth is scaled per example, normals are mapped from [-1, 1].
     """
     dataset = open_dataset(folder)
     names = [name for name in LAYERS if name in dataset.layers]
@@ -45,12 +47,12 @@ def contact_sheet(folder: Path, *, rows: int = 12, cell: int = 128) -> Image.Ima
 
 
 def spread(dataset: Dataset, count: int) -> list[str]:
-    """Keys of up to `count` examples: every split gets its share, at least one, spaced evenly."""
-    keys: list[str] = []
-    for split in dataset.splits.values():
-        share = min(len(split), max(1, round(count * len(split) / len(dataset))))
-        keys += [split[i * len(split) // share] for i in range(share)]
-    return keys[:max(count, len(dataset.splits))]
+    """Keys of up to `count` examples: every split gets its share, at least one (be it more in all), spaced evenly."""
+    splits = list(dataset.splits.values())
+    shares = [min(len(split), max(1, round(count * len(split) / len(dataset)))) for split in splits]
+    while sum(shares) > max(count, len(splits)):
+        shares[shares.index(max(shares))] -= 1
+    return [split[i * len(split) // share] for split, share in zip(splits, shares, strict=True) for i in range(share)]
 
 
 def cell_pixels(name: str, array: np.ndarray, factor: float) -> np.ndarray:
@@ -67,9 +69,10 @@ def cell_pixels(name: str, array: np.ndarray, factor: float) -> np.ndarray:
 
 
 def write_contact_sheet(folder: Path, target: Path, *, rows: int = 12) -> None:
-    """Write the sheet of the dataset in `folder` as a PNG file."""
-    target.parent.mkdir(parents=True, exist_ok=True)
-    contact_sheet(folder, rows=rows).save(target)
+    """Write the sheet of the dataset in `folder` as a PNG file, whole or not at all. Raises OutputError."""
+    stream = BytesIO()
+    contact_sheet(folder, rows=rows).save(stream, "PNG")
+    write_atomic(target, stream.getvalue())
 
 
 def _left(column: int, cell: int) -> int:
@@ -80,8 +83,8 @@ def _label(draw: ImageDraw.ImageDraw, meta: dict[str, Any], top: int) -> None:
     plan = meta["plan"]
     lights = " + ".join(light["kind"] for light in plan["target_light"]["lights"])
     lines: Sequence[tuple[str, tuple[int, int, int]]] = (
-        (meta["key"], INK), (plan["split"], PALE), (plan["target"]["object"]["name"], PALE), (plan["room"]["name"], PALE),
-        (lights, PALE), (f"sigma {plan['rough']['sigma']:.4f}", PALE))
+        (meta["key"], INK), (plan["split"], PALE), (plan["target"]["object"]["name"], PALE),
+        (plan["room"]["name"], PALE), (lights, PALE), (f"sigma {plan['rough']['sigma']:.4f}", PALE))
     for number, (text, colour) in enumerate(lines):
         draw.text((MARGIN, top + 16 * number), text[:28], fill=colour, font=_font(12))
 

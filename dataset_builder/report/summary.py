@@ -31,7 +31,7 @@ def _splits(dataset: Dataset, labels: list[dict]) -> Table:
 
 def _layers(dataset: Dataset, labels: list[dict]) -> Table:
     table = Table("layer", "extent", "type", "least", "mean", "largest", "relative error", title="layers")
-    errors = {entry["name"]: [] for entry in labels[0]["record"]["passes"]}
+    errors: dict[str, list[float]] = {entry["name"]: [] for entry in labels[0]["record"]["passes"]}
     for label in labels:
         for entry in label["record"]["passes"]:
             errors[entry["name"]].append(entry["relative_error"])

@@ -50,6 +50,10 @@ class Staging:
             raise ShardError([Problem(where=str(self._folder), path="", rule=rule, hint="run the build again")])
         return staged
 
+    def size(self) -> int:
+        """Bytes of everything that is kept."""
+        return sum(path.stat().st_size for path in self._files("*"))
+
     def drop(self, key: str) -> None:
         """Forget an example, whatever it was made from."""
         self._drop(key, but=None)

@@ -30,13 +30,16 @@ class ObjectsSpec(Model):
     source: Annotated[tuple[str, ...], Field(min_length=1, alias="from")]
     """Object files, relative to the dataset file; used in turn."""
     count: PositiveInt
+    """Different objects; files with distributions give a new object each time they are used."""
 
 
 class ScenesSpec(Model):
     """Which scene files a split draws from, and how many different scenes."""
 
     source: Annotated[tuple[str, ...], Field(min_length=1, alias="from")]
+    """Scene files, relative to the dataset file; used in turn."""
     count: PositiveInt
+    """Different scenes."""
 
 
 def _all_or_count(value: Any) -> str | None:
@@ -55,8 +58,11 @@ class SplitSpec(Model):
     """One split: its own objects and scenes, disjoint from every other split's by construction."""
 
     name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9]*$")]
+    """Part of the names of shards; lower-case letters and digits."""
     objects: ObjectsSpec
+    """Target objects."""
     scenes: ScenesSpec
+    """Rooms with furniture."""
     pairs: Pairs = "all"
     """How many (object, scene) pairs; `all` is every one."""
     views: PositiveInt = 1
@@ -77,7 +83,9 @@ class StorageSpec(Model):
     """How layers are stored."""
 
     dtype: Literal["float32", "float16"] = "float32"
+    """Type of the pixels; float16 refuses what lies beyond its range."""
     examples_per_shard: PositiveInt = 16
+    """Neighbouring examples that share a tar file."""
     standard_errors: bool = False
     """Also ship a standard-error layer for every radiometric layer."""
 
@@ -97,21 +105,37 @@ class DatasetSpec(Model):
     """One dataset."""
 
     name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]*$")]
+    """Folder and shards are named by it; lower-case letters, digits and hyphens."""
     version: Annotated[str, Field(pattern=r"^\d+\.\d+\.\d+$")] = "1.0.0"
+    """Three numbers; the first is part of the names of shards."""
     title: str = ""
+    """For people; the name where it is empty."""
     description: str = ""
+    """One or two sentences for the card."""
     licence: str = "CC0-1.0"
+    """SPDX identifier of the dataset."""
     seed: Annotated[int, Field(ge=0, lt=2**64)] = 0
+    """All draws derive from it; 0 is a seed like any other."""
     image: ImageSpec = ImageSpec()
+    """Size of every layer."""
     layers: LayerExtents = dict.fromkeys(PAPER_LAYERS, "object")
+    """Layers by name, each with the pixels that it is wanted on."""
     render: RenderSpec = RenderSpec()
+    """Samples and path lengths."""
     rough: RoughSpec = RoughSpec()
+    """How the rough twin is made."""
     camera: CameraSpec = CameraSpec()
+    """Viewpoints."""
     source: SourceSpec = SourceSpec()
+    """Source light."""
     target: TargetSpec = TargetSpec()
+    """Target light."""
     gates: GatesSpec = GatesSpec()
+    """What an example must keep to be shipped."""
     storage: StorageSpec = StorageSpec()
+    """Files."""
     splits: Annotated[tuple[SplitSpec, ...], Field(min_length=1)]
+    """One or more, with different names."""
 
     @model_validator(mode="after")
     def _distinct_splits(self) -> "DatasetSpec":

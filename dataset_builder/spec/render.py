@@ -12,16 +12,22 @@ class ImageSpec(Model):
     """Size of every layer in pixels."""
 
     width: Annotated[int, Field(ge=1, le=16384)] = 128
+    """Pixels."""
     height: Annotated[int, Field(ge=1, le=16384)] = 128
+    """Pixels."""
 
 
 class SppSpec(Model):
     """Monte Carlo samples per pixel of each pass."""
 
     first_hit: PositiveInt = 64
+    """Light-free layers, of both meshes."""
     source: PositiveInt = 64
+    """`i_s`."""
     target: PositiveInt = 64
+    """`i_t`, `s`, `spec`."""
     rough: PositiveInt = 64
+    """`s_prime`."""
 
 
 def _every_pass(value: Any) -> Any:

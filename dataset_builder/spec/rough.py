@@ -33,6 +33,7 @@ class RoughSpec(Model):
     crease_angle: Annotated[float, Field(ge=0, le=180)] = 30.0
     """Edges whose faces meet at more than this angle (degrees) stay sharp."""
     direction: Literal["isotropic", "normal"] = "isotropic"
+    """Vertices move independently along each axis, or along their normal only."""
 
     @property
     def levels(self) -> tuple[AnyNumber, ...]:

@@ -12,11 +12,17 @@ class RoomSpec(Model):
     """A room of drawn size, in metres."""
 
     width: within(low=1, high=100) = 5.0  # type: ignore[valid-type]
+    """Metres along x."""
     depth: within(low=1, high=100) = 4.0  # type: ignore[valid-type]
+    """Metres along y."""
     height: within(low=1.5, high=30) = 2.7  # type: ignore[valid-type]
+    """Metres from floor to ceiling."""
     ceiling: bool = True
+    """Whether there is one."""
     windows: within(low=0, high=4) = 1.0  # type: ignore[valid-type]
+    """How many, at most one in each wall; drawn numbers are rounded."""
     skirting: within(low=0, high=0.5) = 0.08  # type: ignore[valid-type]
+    """Height of the skirting boards in metres; 0 is none."""
 
 
 class ObjectSpec(Model):
@@ -31,6 +37,7 @@ class ObjectSpec(Model):
     category: str = ""
     """Filled from the family where it is empty."""
     licence: str = "CC0-1.0"
+    """SPDX identifier; written into the label of every example with this object."""
     scale: Annotated[float, Field(gt=0)] = 1.0
     """Factor from file units to metres."""
     up: Literal["x", "y", "z"] = "y"
@@ -52,6 +59,7 @@ class FurnitureSpec(Model):
     object: str
     """Object file, relative to the scene file."""
     count: within(low=0, high=50) = 1.0  # type: ignore[valid-type]
+    """How many; drawn numbers are rounded."""
     place: Literal["near", "wall", "floor"] = "floor"
     """near: within reach of the target, to cast shadows on it. wall: back to a wall. floor: anywhere."""
 
@@ -62,5 +70,6 @@ class SceneSpec(Model):
     room: str
     """Room file, relative to the scene file."""
     furniture: tuple[FurnitureSpec, ...] = ()
+    """What else stands there; pieces that find no free place are left out, with a note in the plan."""
     target: Literal["near", "wall", "floor"] = "floor"
-    """Where the target object stands."""
+    """Where the target object stands; `near` is `floor`."""

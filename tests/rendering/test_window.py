@@ -1,9 +1,9 @@
 """Projection against the camera that renders, and windows that hold what they must."""
 
 import numpy as np
-from tests.small_scenes import ball, camera, matte, render_plan
 
 from dataset_builder.rendering.window import covered_window, project
+from tests.small_scenes import ball, camera, matte, render_plan
 
 
 def test_projection_is_mitsubas():
@@ -32,7 +32,7 @@ def test_window_holds_every_covered_pixel_and_little_else():
         found = passes.first_hit(view, stage, frame, spp=16, seed=3)
     covered = frame[found.mean[:, 0] > 0]
     window = covered_window(view.camera, soup.corners.reshape(-1, 3), size, size)
-    assert 0 < len(covered) and set(covered) <= set(window)
+    assert len(covered) > 0 and set(covered) <= set(window)
     assert len(window) < 2.5 * len(covered)
 
 

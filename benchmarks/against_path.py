@@ -1,0 +1,95 @@
+"""All layers of one geometry under one light in one pass, and the whole tuple, against Mitsuba's own `path`.
+
+Equal spp, pixels, depth and scene, embedded room, 256x256. Bounds: 1.15 for one pass, 0.7 for the tuple against three
+full-frame renders (color under two lights, and one more for the rough mesh), scene loading included on both sides.
+"""
+
+import gc
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import common
+import numpy as np
+
+from dataset_builder.planning.example_plan import ExamplePlan
+
+SPP, SIZE, EXAMPLES = 64, 256, (0, 3, 20)
+ASKED = (f"image.width={SIZE}", f"image.height={SIZE}", f"render.spp={SPP}")
+PAPER = "layers={i_s: object, d: object, r: object, i_t: object, s_prime: object, mask: object}"
+ONE_PASS, TUPLE = 1.15, 0.7
+SPECS = common.MINI.parent
+
+
+def path_render(plan: ExamplePlan, sampler: str) -> Callable[[object], np.ndarray]:
+    """Full-frame render of a staged scene with Mitsuba's C++ path integrator."""
+    import mitsuba as mi
+
+    from dataset_builder.rendering.scene import sensor_of
+
+    sensor = sensor_of(plan.camera, SIZE, SIZE)
+    path = mi.load_dict({"type": "path", "max_depth": plan.render.max_depth, "rr_depth": plan.render.rr_depth})
+    scene_sampler = mi.load_dict({"type": sampler, "sample_count": SPP})
+    sensor.sampler().assign(scene_sampler) if hasattr(sensor.sampler(), "assign") else None
+    return lambda stage: np.array(mi.render(stage.scene, integrator=path, sensor=sensor, spp=SPP, seed=1))
+
+
+def one_pass(plan: ExamplePlan) -> tuple[float, float]:
+    """Seconds of our pass and of `path`, the scene being there."""
+    from dataset_builder.rendering import passes
+    from dataset_builder.rendering.scene import body_of, staged
+    from dataset_builder.rendering.soup import clean, merge, surroundings
+
+    body = body_of(merge([clean(plan.target, SPECS), surroundings(plan, (), SPECS)]))
+    view, pixels = passes.View(camera=plan.camera, render=plan.render), np.arange(SIZE * SIZE)
+    render = path_render(plan, "independent")
+    with staged(body, plan.target_light) as stage:
+        ours, theirs = common.best([lambda: passes.radiance(view, stage, pixels, spp=SPP, seed=1),
+                                    lambda: render(stage)])
+    return ours, theirs
+
+
+def three_renders(plan: ExamplePlan, root: Path) -> None:
+    """Source light, target light, and the rough mesh under the target light, each on the full frame."""
+    from dataset_builder.rendering.rough_mesh import rough_twin
+    from dataset_builder.rendering.scene import body_of, staged
+    from dataset_builder.rendering.soup import clean, merge, surroundings
+
+    render, target, room = path_render(plan, "independent"), clean(plan.target, root), surroundings(plan, (), root)
+    opened = surroundings(plan, plan.source_light.open, root)
+    rough = rough_twin(plan.target, plan.rough, root).soup
+    for parts, light in (([target, opened], plan.source_light), ([target, room], plan.target_light),
+                         ([rough, room], plan.target_light)):
+        with staged(body_of(merge(parts)), light) as stage:
+            render(stage)
+        gc.collect()
+
+
+def whole_tuple(plan: ExamplePlan) -> None:
+    """Every layer of one example."""
+    from dataset_builder.rendering.examples import render_view
+
+    list(render_view([plan], SPECS))
+
+
+def ratio_of(times: list[tuple[float, float]]) -> float:
+    """Geometric mean of ours over theirs."""
+    return float(np.exp(np.mean([np.log(ours / theirs) for ours, theirs in times])))
+
+
+def main() -> int:
+    """Print the ratios; exit code 1 where a bound is broken."""
+    common.start()
+    mini, paper = ([common.plan(index, *ASKED, *more) for index in EXAMPLES] for more in ((), (PAPER,)))
+    passes = ratio_of([one_pass(plan) for plan in mini])
+    print(f"one pass, image + shading + specular part + errors, over path alone: {passes:.2f}x (bound {ONE_PASS}x)")
+    tuples = {}
+    for name, plans in (("object", paper), ("i_s and i_t on the frame", mini)):
+        tuples[name] = ratio_of([tuple(common.best([lambda plan=plan: whole_tuple(plan),
+                                                    lambda plan=plan: three_renders(plan, SPECS)], 3)) for plan in plans])
+        print(f"whole tuple, {name}, over three path renders: {tuples[name]:.2f}x (bound {TUPLE}x)")
+    return 0 if passes <= ONE_PASS and tuples["object"] <= TUPLE else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,40 @@
+"""Running units: in this process or in several."""
+
+import math
+import os
+from pathlib import Path
+
+import pytest
+
+from dataset_builder.engine.local import cores, run
+from dataset_builder.errors import OutputError, SpecError
+from dataset_builder.spec.load import load_dataset
+
+
+def test_one_worker_is_this_process_and_keeps_the_order() -> None:
+    started: list[int] = []
+    results = run(lambda unit: started.append(unit) or -unit, [3, 1, 2], workers=1)
+    assert next(results) == -3 and started == [3]
+    assert list(results) == [-1, -2]
+
+
+def test_several_do_every_unit_once() -> None:
+    assert sorted(run(abs, range(-12, 0), workers=2)) == list(range(1, 13))
+    assert list(run(abs, [], workers=2)) == []
+
+
+def test_what_goes_wrong_in_a_process_comes_back_whole(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"math domain error|nonnegative"):
+        list(run(math.sqrt, [4.0, -1.0], workers=2))
+    with pytest.raises(SpecError, match=r"none\.yaml: expected a file, found none") as caught:
+        list(run(load_dataset, [tmp_path / "none.yaml"], workers=2))
+    assert [problem.rule for problem in caught.value.problems] == ["expected a file, found none"]
+
+
+def test_a_process_that_dies_is_told() -> None:
+    with pytest.raises(OutputError, match="a worker process died, perhaps for want of memory; finished examples"):
+        list(run(os._exit, [9], workers=2))
+
+
+def test_there_is_a_core() -> None:
+    assert 1 <= cores() <= (os.cpu_count() or 1)

@@ -1,0 +1,123 @@
+"""Passes to layers: what is traced where, and what is not traced at all."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from dataset_builder.layers import LAYERS
+from dataset_builder.planning.example_plan import ExamplePlan
+from dataset_builder.planning.plan import plan_example
+from dataset_builder.spec.load import load_dataset
+
+if TYPE_CHECKING:
+    from dataset_builder.rendering.examples import Rendered
+
+Plan = Callable[..., ExamplePlan]
+
+
+@pytest.fixture
+def plan(small_spec: Path) -> Plan:
+    """Plans example `index` of the small dataset with other layers."""
+
+    def make(index: int = 1, **layers: str) -> ExamplePlan:
+        whole = plan_example(load_dataset(small_spec), index)
+        return whole.model_copy(update={"render": whole.render.model_copy(update={"layers": tuple(layers.items())})})
+
+    return make
+
+
+@pytest.fixture
+def traced(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[tuple[str, int, bool]]]:
+    """(integrand, pixels, lit) of every pass that runs."""
+    from dataset_builder.rendering import passes, view_passes
+
+    ran: list[tuple[str, int, bool]] = []
+    lights: list[Any] = []
+    staged = view_passes.staged
+    monkeypatch.setattr(view_passes, "staged", lambda body, light: lights.append(light) or staged(body, light))
+    for name in ("first_hit", "radiance", "instances"):
+        monkeypatch.setattr(passes, name, _watched(name, getattr(passes, name), ran, lights))
+    yield ran
+
+
+def _watched(name: str, run: Callable[..., Any], ran: list[tuple[str, int, bool]], lights: list[Any]) -> Any:
+    def watched(view: Any, stage: Any, pixels: np.ndarray, **rest: Any) -> Any:
+        ran.append((name, len(pixels), lights[-1] is not None))
+        return run(view, stage, pixels, **rest)
+    return watched
+
+
+def rendered(*plans: ExamplePlan) -> "Rendered":
+    """The one example of a plan."""
+    from dataset_builder.rendering.examples import render_view
+
+    example, = render_view(plans, Path())
+    return example
+
+
+def test_a_mask_needs_no_light_and_looks_about_the_object_only(plan: Plan, traced: list[tuple[str, int, bool]]) -> None:
+    example = rendered(plan(mask="object"))
+    assert list(example.layers) == ["mask"] and set(example.seconds) == {"first_hit"}
+    (name, pixels, lit), = traced
+    assert name == "first_hit" and not lit
+    assert np.count_nonzero(example.layers["mask"]) <= pixels < 24 * 20
+    assert {entry["name"]: entry["paths"] for entry in example.record["passes"]} == {
+        "first_hit": pixels * 16, "first_hit_rough": 0, "source": 0, "target": 0, "rough": 0}
+
+
+def test_light_is_traced_on_the_object_only(plan: Plan, traced: list[tuple[str, int, bool]]) -> None:
+    example = rendered(plan(i_s="object", s_prime="object"))
+    covered, either = (np.count_nonzero(mask) for mask in (
+        example.evidence["mask"], example.evidence["mask"] + example.evidence["mask_rough"]))
+    assert [(name, pixels) for name, pixels, lit in traced if lit] == [("radiance", covered), ("radiance", either)]
+    assert covered < either < 24 * 20
+
+
+def test_the_frame_is_traced_where_it_is_wanted(plan: Plan, traced: list[tuple[str, int, bool]]) -> None:
+    example = rendered(plan(i_t="frame", depth="object"))
+    assert [pixels for name, pixels, lit in traced if lit] == [24 * 20]
+    assert np.all(example.layers["i_t"].max(axis=2) > 0)
+    inside = example.evidence["mask"][..., 0] > 0
+    assert np.all(example.layers["depth"][inside] > 0) and not example.layers["depth"][~inside].any()
+
+
+def test_an_extent_cuts_and_changes_nothing_else(plan: Plan) -> None:
+    on_frame = rendered(plan(i_s="frame", d="frame", mask="object")).layers
+    on_object = rendered(plan(i_s="frame", d="object", mask="frame")).layers
+    assert np.array_equal(on_frame["i_s"], on_object["i_s"])
+    inside = on_object["mask"][..., 0] > 0
+    assert not on_object["d"][~inside].any() and on_frame["d"][~inside].any()
+
+
+def test_instances_are_those_of_the_plan(plan: Plan) -> None:
+    whole = plan(instance="object", mask="object")
+    layers = rendered(whole).layers
+    ids = layers["instance"][..., 0]
+    assert set(np.unique(ids)) <= {1, 2, *(piece.instance for piece in whole.furniture)}
+    assert layers["mask"][ids == 1].min() > 0 and not layers["mask"][ids == 2].all()
+
+
+def test_standard_errors_are_of_their_layers(plan: Plan) -> None:
+    layers = rendered(plan(i_t="object", i_t_se="object", mask="object")).layers
+    inside = layers["mask"][..., 0] > 0
+    assert not layers["i_t_se"][~inside].any() and layers["i_t_se"].min() >= 0
+    assert 0 < layers["i_t_se"][inside].mean() < layers["i_t"][inside].mean()
+
+
+def test_layers_have_their_channels_and_ranges(plan: Plan) -> None:
+    wanted = {name: "object" for name in LAYERS}
+    layers = rendered(plan(**wanted)).layers
+    assert list(layers) == list(LAYERS)
+    for name, array in layers.items():
+        layer = LAYERS[name]
+        assert array.shape == (20, 24, layer.channels) and array.dtype == np.float32
+        assert layer.low - 1e-5 <= array.min() and array.max() <= layer.high + 1e-5
+        assert layer.low < 0 or array.min() >= 0
+
+
+def test_views_are_not_mixed(plan: Plan) -> None:
+    with pytest.raises(ValueError, match="expected plans of one view"):
+        rendered(plan(0, mask="object"), plan(4, mask="object"))

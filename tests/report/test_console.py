@@ -1,0 +1,113 @@
+"""What the terminal shows of a build, a plan and a dataset."""
+
+import io
+from collections.abc import Iterable
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+from rich.table import Table
+
+from dataset_builder.build import Event
+from dataset_builder.engine.unit import Outcome
+from dataset_builder.errors import ShardError, UserError
+from dataset_builder.planning.catalogue import ExampleRef, PairRef, ViewRef
+from dataset_builder.planning.cost import estimate
+from dataset_builder.planning.plan import Planner
+from dataset_builder.report.console import build_table, duration, estimate_table, follow, pass_seconds, rejected_lines
+from dataset_builder.report.families import family_tables
+from dataset_builder.report.summary import summary_tables
+from dataset_builder.shards.manifest import Rejected
+from dataset_builder.shards.reader import load_manifest
+from dataset_builder.spec.families import FAMILIES
+from dataset_builder.spec.load import load_dataset
+
+
+def printed(tables: Iterable[Table]) -> str:
+    """Tables as text, on a wide terminal."""
+    stream = io.StringIO()
+    console = Console(file=stream, width=240)
+    for table in tables:
+        console.print(table)
+    return stream.getvalue()
+
+
+def row(text: str, name: str) -> list[str]:
+    """Cells of the row that begins with `name`."""
+    rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in text.splitlines() if line.startswith("│")]
+    found, = (cells for cells in rows if cells[0] == name)
+    return found[1:]
+
+
+def outcome(index: int, **seconds: float) -> Outcome:
+    view = ViewRef(number=0, camera=0, pair=PairRef(split="train", object=0, scene=0))
+    return Outcome(ref=ExampleRef(index=index, view=view, light=0, level=0), digest="0", rejected=None, kept=False,
+                   paths=1_000_000, seconds=seconds)
+
+
+@pytest.mark.parametrize(("seconds", "text"), [
+    (0.2, "0 s"), (42.4, "42 s"), (59.6, "1 min 00 s"), (60, "1 min 00 s"), (185, "3 min 05 s"), (3599.7, "1 h 00 min"),
+    (27_000, "7 h 30 min"), (100_000, "27 h 46 min")])
+def test_durations(seconds: float, text: str) -> None:
+    assert duration(seconds) == text
+
+
+def test_progress_counts_to_what_the_build_wants() -> None:
+    events = [Event(wanted=3), Event(outcomes=(outcome(0), outcome(1))), Event(), Event(outcomes=(outcome(2),))]
+    stream = io.StringIO()
+    console = Console(file=stream, width=120, force_terminal=True)
+    assert list(follow(events, console)) == events
+    assert "3/3" in stream.getvalue()
+
+
+def test_progress_of_nothing() -> None:
+    stream = io.StringIO()
+    assert list(follow([Event(wanted=0)], Console(file=stream, width=120, force_terminal=True))) == [Event(wanted=0)]
+    assert "0/0" in stream.getvalue()
+
+
+def test_what_a_build_made(small_dataset: Path) -> None:
+    manifest = load_manifest(small_dataset)
+    outcomes = [outcome(0, source=2.0, rough=0.5), outcome(1, rough=1.25)]
+    assert pass_seconds(outcomes) == {"source": 2.0, "rough": 1.75}
+    text = printed([build_table(manifest, outcomes, 4.0)])
+    assert row(text, "train") == ["8", "3"] and row(text, "test") == ["2", "1"] and row(text, "all") == ["10", "4"]
+    assert row(text, "time") == ["4 s", "0.50 M paths/s"]
+    assert row(text, "source") == ["2.0 s", ""] and text.index("source") < text.index("rough")
+    assert "rejected" not in text
+    totals = manifest.totals.model_copy(update={"rejected": 2})
+    assert row(printed([build_table(manifest.model_copy(update={"totals": totals}), [], 0.0)]), "rejected") == ["2", ""]
+
+
+def test_rejected_examples_are_lines() -> None:
+    item = Rejected(key="00000007", view="train/000003", gate="coverage", reason="expected more, got 0.1")
+    assert rejected_lines([item]) == ["rejected 00000007 (coverage): expected more, got 0.1"]
+
+
+def test_what_a_dataset_will_cost(small_spec: Path) -> None:
+    text = printed([estimate_table(estimate(Planner(load_dataset(small_spec)), sample=3), cores=2)])
+    assert "10 examples in 3 views, 3 of them planned in full" in " ".join(text.split())
+    # Three views: source, clean and two rough meshes each; five targets, both levels under each
+    assert [row(text, f"passes: {name}") for name in ("source", "target", "rough", "first_hit", "first_hit_rough")] == [
+        ["3"], ["5"], ["10"], ["3"], ["6"]]
+    assert row(text, "passes") == ["27"] and "MiB" in row(text, "size")[0]
+
+
+def test_a_dataset_in_tables(small_dataset: Path, tmp_path: Path) -> None:
+    text = printed(summary_tables(small_dataset))
+    assert row(text, "train") == ["8", "2", "1", "cabinet 4, nightstand 4"] or \
+        row(text, "train") == ["8", "2", "1", "nightstand 4, cabinet 4"]
+    assert row(text, "test") == ["2", "1", "1", "ottoman 2"]
+    assert row(text, "s_prime")[:2] == ["object", "float32"] and row(text, "s_prime")[-1].endswith("%")
+    assert row(text, "d")[-1] == "" and float(row(text, "mask")[-2]) == 1
+    with pytest.raises(ShardError, match="expected a finished dataset"):
+        summary_tables(tmp_path)
+
+
+def test_families_in_tables() -> None:
+    text = printed(family_tables(None))
+    assert all(row(text, name)[0] == family.summary for name, family in FAMILIES.items())
+    width = FAMILIES["chair"].param("width")
+    assert row(printed(family_tables("chair")), "width")[:2] == [width.unit, f"{width.low:g} to {width.high:g}"]
+    with pytest.raises(UserError, match=r"family: expected one of chair, .* got chiar"):
+        family_tables("chiar")

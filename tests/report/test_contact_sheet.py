@@ -1,0 +1,80 @@
+"""The contact sheet shows every layer of every row, at one exposure."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from dataset_builder.errors import OutputError
+from dataset_builder.report.contact_sheet import (
+    GAP,
+    HEADER,
+    LABEL_WIDTH,
+    MARGIN,
+    PALETTE,
+    cell_pixels,
+    contact_sheet,
+    spread,
+    write_contact_sheet,
+)
+from dataset_builder.shards.reader import open_dataset
+
+CELL, CELL_HEIGHT = 48, 40
+
+
+@pytest.fixture(scope="module")
+def sheet(small_dataset: Path) -> np.ndarray:
+    """(H, W, 3) uint8 sheet of six rows."""
+    return np.asarray(contact_sheet(small_dataset, rows=6, cell=CELL))
+
+
+def cells(sheet: np.ndarray, row: int) -> list[np.ndarray]:
+    """The pictures of one row."""
+    top = MARGIN + HEADER + row * (CELL_HEIGHT + GAP)
+    lefts = [MARGIN + LABEL_WIDTH + column * (CELL + GAP) for column in range(13)]
+    return [sheet[top:top + CELL_HEIGHT, left:left + CELL] for left in lefts]
+
+
+def test_layers_are_columns_and_examples_rows(sheet: np.ndarray) -> None:
+    height, width = HEADER + 6 * (CELL_HEIGHT + GAP), LABEL_WIDTH + 13 * (CELL + GAP)
+    assert sheet.shape == (2 * MARGIN + height, 2 * MARGIN + width, 3)
+
+
+def test_no_picture_is_blank_and_each_has_its_label(sheet: np.ndarray) -> None:
+    for row in range(6):
+        assert all(picture.std() > 1 for picture in cells(sheet, row))
+        top = MARGIN + HEADER + row * (CELL_HEIGHT + GAP)
+        assert sheet[top:top + 14, MARGIN:MARGIN + LABEL_WIDTH].min() < 100
+    assert all(sheet[MARGIN:MARGIN + HEADER - 4, MARGIN + LABEL_WIDTH + column * (CELL + GAP):][:, :CELL].min() < 100
+               for column in range(13))
+
+
+def test_all_splits_are_among_few_rows(small_dataset: Path) -> None:
+    dataset = open_dataset(small_dataset, layers=())
+    assert spread(dataset, 2) == ["00000000", "00000008"] == spread(dataset, 1)
+    assert spread(dataset, 5) == ["00000000", "00000002", "00000004", "00000006", "00000008"]
+    assert len(spread(dataset, 3)) == 3 and spread(dataset, 3)[-1] == "00000008"
+    assert len(spread(dataset, 100)) == 10 == len(set(spread(dataset, 100)))
+
+
+def test_what_values_look_like() -> None:
+    ramp = np.linspace(0, 1, 5, dtype=np.float32).reshape(1, 5, 1).repeat(3, axis=2)
+    assert cell_pixels("d", ramp, 100.0)[0, :, 0].tolist() == cell_pixels("d", ramp, 1.0)[0, :, 0].tolist()
+    assert cell_pixels("i_t", ramp, 0.5).astype(int).sum() < cell_pixels("i_t", ramp, 1.0).astype(int).sum()
+    depth = np.array([[[0.0], [2.0], [4.0]]], np.float32)
+    assert cell_pixels("depth", depth, 1.0)[0, 2].tolist() == [255, 255, 255]
+    normals = np.array([[[0, 0, 0], [0, 0, 1], [-1, 0, 0]]], np.float32)
+    assert cell_pixels("normal", normals, 1.0)[0].tolist() == [[0, 0, 0], [128, 128, 255], [0, 128, 128]]
+    ids = np.array([[[0], [1], [2], [3], [9]]], np.float32)
+    shown = cell_pixels("instance", ids, 1.0)[0]
+    assert shown[:4].tolist() == PALETTE[:4].tolist() and shown[4].tolist() == PALETTE[3].tolist()
+
+
+def test_it_is_written_whole(small_dataset: Path, tmp_path: Path) -> None:
+    write_contact_sheet(small_dataset, tmp_path / "new" / "sheet.png", rows=1)
+    with Image.open(tmp_path / "new" / "sheet.png") as image:
+        assert image.size[1] == 2 * MARGIN + HEADER + 2 * (round(128 * 20 / 24) + GAP)
+    (tmp_path / "file").touch()
+    with pytest.raises(OutputError, match="choose another output folder"):
+        write_contact_sheet(small_dataset, tmp_path / "file" / "sheet.png", rows=1)

@@ -1,0 +1,212 @@
+"""What the pages say is true of the code: blocks run, links lead somewhere, names exist, tables are in step."""
+
+import argparse
+import re
+import shlex
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+import trimesh
+
+from dataset_builder.cli import main, parser
+from dataset_builder.layers import LAYERS, PAPER_LAYERS
+from dataset_builder.shards import gates
+from dataset_builder.shards.identities import identity_table
+from dataset_builder.spec.dataset import DatasetSpec
+from tools import spec_tables
+
+ROOT = Path(__file__).parent.parent
+PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
+OTHERS = [ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]
+MINI = "3df-lighting-mini"
+CHEAP = ("--set", "image={width: 24, height: 24}", "--set", "render.spp=4", "--set", "render.max_depth=3",
+         "--set", "rough.edge_length=0.2", "--set", "gates.mask_overlap=0.1", "--set", "splits.train.pairs=1",
+         "--set", "splits.train.views=1", "--workers", "1", "--backend", "llvm")
+CHEAP_MINI = (*CHEAP, "--set", "splits.evaluation.pairs=1", "--set", "splits.evaluation.views=1")
+"""Added to every build that a page shows, so that it takes seconds; later values win."""
+PLAIN_TOOLS = ("cp", "diff")
+FEW_BYTES = 1_500_000
+
+
+def blocks(page: Path, language: str) -> list[str]:
+    """Fenced blocks of one language, in order."""
+    return re.findall(rf"^```{language}\n(.*?)^```$", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+
+
+def prose(page: Path) -> str:
+    """A page without its fenced blocks."""
+    return re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+
+
+def inline(page: Path) -> list[str]:
+    """What stands between backticks in running text."""
+    return re.findall(r"`([^`\n]+)`", prose(page))
+
+
+def verbs() -> dict[str, argparse.ArgumentParser]:
+    """Parsers of the command's verbs."""
+    return next(action.choices for action in parser()._actions if isinstance(action, argparse._SubParsersAction))
+
+
+def cheap(arguments: list[str]) -> list[str]:
+    """A command as the pages show it, made to take seconds."""
+    if arguments[0] == "plan":
+        return [*arguments, "--sample", "2"]
+    if arguments[0] == "build":
+        return [*arguments, *(CHEAP if "teapots" in arguments[1] else CHEAP_MINI)]
+    return arguments
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder like the repository after `make dataset`, with a mini dataset of two examples."""
+    site = tmp_path_factory.mktemp("site")
+    shutil.copytree(ROOT / "scene_specs", site / "scene_specs")
+    spec, out = site / "scene_specs" / f"{MINI}.yaml", site / "datasets" / MINI
+    assert main(["build", str(spec), "--out", str(out), *CHEAP_MINI]) == 0
+    objects = site / "teapots" / "objects"
+    objects.mkdir(parents=True)
+    trimesh.creation.box(extents=(40, 30, 20)).export(objects / "teapot.glb")
+    texts = blocks(ROOT / "docs" / "own-meshes.md", "yaml")
+    (objects / "teapot.yaml").write_text(texts[0])
+    (site / "teapots" / "teapots.yaml").write_text(texts[1])
+    return site
+
+
+@pytest.fixture
+def site(built: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """`built`, as the working folder."""
+    monkeypatch.chdir(built)
+    return built
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "python")], ids=lambda page: page.stem)
+def test_python_blocks_run(page: Path, site: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Blocks of one page share their names, as if typed one after the other."""
+    names: dict[str, object] = {}
+    for block in blocks(page, "python"):
+        exec(compile(block, str(page), "exec"), names)
+    assert capsys.readouterr().out
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "sh")], ids=lambda page: page.stem)
+def test_shell_blocks_run(page: Path, site: Path) -> None:
+    targets = re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    for line in filter(None, "\n".join(blocks(page, "sh")).splitlines()):
+        tool, *arguments = shlex.split(line)
+        if tool == "make":
+            assert arguments[0] in targets, line
+        elif tool == "dataset-builder":
+            assert main(cheap(arguments)) == 0, line
+        else:
+            assert tool in PLAIN_TOOLS, f"{line}: teach this test to run it"
+            assert subprocess.run([tool, *arguments], check=False).returncode == 0, line
+
+
+def test_the_message_of_the_meshes_page(site: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    shutil.copytree(site / "teapots", site / "wrong" / "teapots")
+    spec = site / "wrong" / "teapots" / "objects" / "teapot.yaml"
+    spec.write_text(spec.read_text().replace("teapot.glb", "teapto.glb"))
+    (site / "wrong" / "scene_specs").symlink_to(site / "scene_specs")
+    assert main(["plan", "wrong/teapots/teapots.yaml"]) == 2
+    shown = blocks(ROOT / "docs" / "own-meshes.md", "text")[0].strip()
+    assert shown in capsys.readouterr().err.replace("wrong/", "")
+
+
+def test_the_tree_of_the_reading_page_is_whole(site: Path) -> None:
+    tree = next(block for block in re.findall(r"^```\n(.*?)^```$", (ROOT / "docs" / "reading.md").read_text(),
+                                              re.MULTILINE | re.DOTALL) if "dataset.json" in block)
+    folder = site / "datasets" / MINI
+    for path in folder.iterdir():
+        assert path.name in tree
+    for name in re.findall(rf"(?:shards|index)/{MINI}[\w.-]+", tree):
+        assert (folder / name).is_file()
+
+
+@pytest.mark.parametrize("page", [*PAGES, *OTHERS], ids=lambda page: page.stem)
+def test_links_lead_somewhere(page: Path) -> None:
+    for target in re.findall(r"\]\(([^)\s]+)\)", prose(page)):
+        if not re.match(r"https?://", target):
+            assert (page.parent / target.partition("#")[0]).exists(), target
+
+
+@pytest.mark.parametrize("page", [*PAGES, *OTHERS], ids=lambda page: page.stem)
+def test_commands_in_running_text_exist(page: Path) -> None:
+    known, targets = verbs(), re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    options = {option for verb in known.values() for action in verb._actions for option in action.option_strings}
+    for code in inline(page):
+        words = code.removeprefix(".venv/bin/").split()
+        if words[0] == "dataset-builder" and len(words) > 1:
+            assert words[1] in known, code
+        if words[0] == "make" and len(words) > 1:
+            assert words[1] in targets, code
+        for option in re.findall(r"(?<!\S)--[a-z-]+", code):
+            assert option in options, code
+
+
+def test_every_verb_is_on_the_first_page() -> None:
+    shown = {code.split()[1] for code in inline(ROOT / "README.md") if code.startswith("dataset-builder ")}
+    assert set(verbs()) <= shown
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_keys_of_specs_exist(page: Path) -> None:
+    """`render.spp`, `gates.coverage` and the like, wherever they are mentioned."""
+    keys = known_keys()
+    for code in [*inline(page), *re.findall(r"--set '?([\w.]+)=", "\n".join(blocks(page, "sh")))]:
+        path = re.sub(r"^splits\.\w+", "splits[]", re.split(r"[:=\s]", code)[0])
+        if path.partition(".")[0].removesuffix("[]") in DatasetSpec.model_fields and "." in path:
+            assert path in keys, code
+
+
+def known_keys() -> set[str]:
+    """Dotted path of every key of a dataset file."""
+    models = {"": DatasetSpec, **{f"{path}.": model for path, model in spec_tables.nested(DatasetSpec, "")}}
+    return {prefix + (field.alias or name) for prefix, model in models.items()
+            for name, field in model.model_fields.items()}
+
+
+def test_tables_of_specs_are_in_step() -> None:
+    page = spec_tables.PAGE.read_text(encoding="utf-8")
+    assert page == spec_tables.renewed(page), "run `make schema`"
+
+
+def test_every_key_of_every_spec_is_explained() -> None:
+    page = spec_tables.PAGE.read_text(encoding="utf-8")
+    for heading, model in spec_tables.sections():
+        section = page.partition(f"{heading}\n")[2].partition("\n#")[0]
+        for name, field in model.model_fields.items():
+            assert re.search(rf"^\| `{field.alias or name}` \|.*\| \S[^|]* \|$", section, re.MULTILINE), (heading, name)
+
+
+def test_every_layer_is_defined_and_no_other() -> None:
+    page = ROOT / "docs" / "layers.md"
+    table = prose(page).partition("## Definitions")[2].partition("\n## ")[0]
+    named = re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE)
+    errors = re.findall(r"`(\w+_se)`", table)
+    assert [*named, *errors] == list(LAYERS) and tuple(named[:6]) == PAPER_LAYERS
+
+
+def test_first_page_knows_every_layer_but_errors() -> None:
+    table = prose(ROOT / "README.md").partition("| layer |")[2].partition("\n\n")[0]
+    rows = re.findall(r"^\| ([^|]+) \|", table, re.MULTILINE)
+    named = {name for row in rows for name in re.findall(r"`(\w+)`", row)}
+    assert {name for name in LAYERS if not name.endswith("_se")} <= named <= set(LAYERS)
+
+
+def test_identities_and_gates_are_in_step() -> None:
+    page = prose(ROOT / "docs" / "layers.md")
+    half = {name: tolerance for name, _, tolerance in identity_table("float16")}
+    rows = re.findall(r"^\| `(\w+)` \|[^|]*\| (\S+) \| (\S+) \|$", page.partition("## Identities")[2], re.MULTILINE)
+    assert [(name, float(full), float(low)) for name, full, low in rows] == [
+        (name, tolerance, half[name]) for name, _, tolerance in identity_table("float32")]
+    named = re.findall(r"^\| `(\w+)` \|", page.partition("## Gates")[2].partition("\n## ")[0], re.MULTILINE)
+    assert named == [gates.COVERAGE, gates.OVERLAP, gates.ENERGY, gates.SPLIT]
+    assert f"<= {gates.SIGMAS:g} e" in page and f"{gates.RARE:.1%}" in page and f"{gates.ROUNDING:.0e}"[0] == "1"
+
+
+def test_pictures_are_small_enough_to_clone() -> None:
+    pictures = list((ROOT / "docs" / "images").iterdir())
+    assert pictures and sum(picture.stat().st_size for picture in pictures) < FEW_BYTES
