@@ -15,7 +15,7 @@ import numpy as np
 from dataset_builder.planning.example_plan import ExamplePlan
 
 SPP, SIZE, EXAMPLES = 64, 256, (0, 3, 20)
-ASKED = (f"image.width={SIZE}", f"image.height={SIZE}", f"render.spp={SPP}")
+ASKED = ("render.max_depth=8", "render.rr_depth=5", f"image.width={SIZE}", f"image.height={SIZE}", f"render.spp={SPP}")
 PAPER = "layers={i_s: object, d: object, r: object, i_t: object, s_prime: object, mask: object}"
 ONE_PASS, TUPLE = 1.15, 0.7
 SPECS = common.MINI.parent

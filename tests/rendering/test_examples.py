@@ -1,6 +1,7 @@
 """Passes to layers: what is traced where, and what is not traced at all."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -116,6 +117,23 @@ def test_layers_have_their_channels_and_ranges(plan: Plan) -> None:
         assert array.shape == (20, 24, layer.channels) and array.dtype == np.float32
         assert layer.low - 1e-5 <= array.min() and array.max() <= layer.high + 1e-5
         assert layer.low < 0 or array.min() >= 0
+
+
+def test_rounding_leaves_no_specular_part_below_zero(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is a difference of floats; a layer of radiance may not be negative at all."""
+    from dataset_builder.rendering import passes
+
+    run = passes.radiance
+    monkeypatch.setattr(passes, "radiance", lambda *args, **rest: _rounded(run(*args, **rest)))
+    layers = rendered(plan(spec="object", i_t="object", mask="object")).layers
+    assert layers["spec"].min() == 0 < layers["spec"].max() and layers["i_t"].min() >= 0
+
+
+def _rounded(found: Any) -> Any:
+    """An estimate whose first pixel has a specular part a hair below zero."""
+    mean = found.mean.copy()
+    mean[0, 6:9] = -1e-9
+    return replace(found, mean=mean)
 
 
 def test_views_are_not_mixed(plan: Plan) -> None:

@@ -122,6 +122,9 @@ def test_a_disk_that_is_too_small_is_refused_before_anything_is_made(
     said = refused("build", small_spec, "--out", tmp_path / "out", "--workers", "1")
     assert "out: expected 0.001 GB free, got 0.000 GB (choose another disk)" in said
     assert not (tmp_path / "out").exists()
+    (tmp_path / "out").mkdir()
+    assert "expected 0.001 GB free" in refused("build", small_spec, "--out", tmp_path / "out", "--workers", "1")
+    assert contents(tmp_path / "out") == {}
 
 
 @pytest.mark.parametrize(("code", "message"), [
