@@ -24,7 +24,8 @@ def ball(material: Material, centre=(0.0, 0.0, 0.0), radius: float = 1.0, instan
     area = np.linalg.norm(np.cross(normals[:, 1] - normals[:, 0], normals[:, 2] - normals[:, 0]), axis=1)
     normals, uv = normals[area > 1e-9], uv[area > 1e-9]
     return Soup(corners=np.array(centre) + radius * normals, normals=normals, uvs=uv, materials=(material,),
-                material=np.zeros(len(normals), int), instance=np.full(len(normals), instance))
+                material=np.zeros(len(normals), int), instance=np.full(len(normals), instance),
+                part=np.zeros(len(normals), int))
 
 
 def box(material: Material, low, high, instance: int = 2) -> Soup:

@@ -27,8 +27,8 @@ class Material:
     """Metallic-roughness surface, as glTF 2.0 (appendix B) means it, two-sided.
 
     base_color: three factors in [0, 1], linear Rec.709. roughness: perceptual, in [0, 1] (alpha = roughness squared).
-    metallic: in [0, 1]. specular: reflectance at normal incidence of the dielectric part, in [0, 0.16]; 0.04 is an index
-    of refraction of 1.5, 0 switches the dielectric's specular lobe off and leaves a Lambertian surface.
+    metallic: in [0, 1]. specular: reflectance at normal incidence of the dielectric part, in [0, 0.16]; 0.04 is an
+    index of refraction of 1.5, 0 switches the dielectric's specular lobe off and leaves a Lambertian surface.
     """
 
     name: str

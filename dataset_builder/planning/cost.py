@@ -29,12 +29,12 @@ class Rates:
     example_bytes: of the record and the preview.
     """
 
-    light_paths: float = 4.0e5
-    free_paths: float = 2.0e6
-    seconds_per_pass: float = 0.05
-    seconds_per_view: float = 0.3
-    seconds_per_example: float = 0.1
-    kept_share: float = 0.85
+    light_paths: float = 8.5e5
+    free_paths: float = 2.4e6
+    seconds_per_pass: float = 0.02
+    seconds_per_view: float = 0.35
+    seconds_per_example: float = 0.05
+    kept_share: float = 0.92
     empty_share: float = 0.002
     example_bytes: float = 20_000.0
 
@@ -127,7 +127,7 @@ def view_cost(plan: ExamplePlan, lights: int, levels: int, window: float, dtype:
               cores: int = 1) -> Cost:
     """Cost of the `lights` x `levels` examples of the view that `plan` belongs to.
 
-    window: share of the frame in the rectangle about the object. Paths share the cores, everything else uses one.
+    window: share of the frame in the rectangle about the object. Views are independent, so they share the cores evenly.
     """
     frame, examples = plan.render.width * plan.render.height, lights * levels
     seconds, pixels, paths = rates.seconds_per_view + rates.seconds_per_example * examples, 0.0, 0.0
@@ -137,9 +137,10 @@ def view_cost(plan: ExamplePlan, lights: int, levels: int, window: float, dtype:
         rate = rates.free_paths if name.startswith("first_hit") else rates.light_paths
         pixels += traced
         paths += traced * _spp(plan.render, name)
-        seconds += traced * _spp(plan.render, name) / (rate * cores)
+        seconds += traced * _spp(plan.render, name) / rate
     passes = sum(runs.values())
-    return Cost(passes=passes, pixels=pixels, paths=paths, seconds=seconds + passes * rates.seconds_per_pass,
+    seconds = (seconds + passes * rates.seconds_per_pass) / cores
+    return Cost(passes=passes, pixels=pixels, paths=paths, seconds=seconds,
                 bytes=examples * example_bytes(plan, dtype, rates))
 
 

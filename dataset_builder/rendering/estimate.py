@@ -63,9 +63,17 @@ def estimate(integrand: Integrand, pixels: np.ndarray, *, width: int, height: in
     lanes = batches * per_batch
     parts = [_batch_means(integrand, chunk, width, height, batches, per_batch, derive_seed(seed, int(chunk[0])))
              for chunk in _chunks(pixels, max(1, LANES // lanes))]
-    means = np.concatenate(parts)
-    error = means.std(axis=1, ddof=1) / np.sqrt(batches) if batches > 1 else np.full_like(means[:, 0], np.inf)
-    return Estimate(mean=means.mean(axis=1), error=error, spp=lanes)
+    return _over_batches(np.concatenate(parts), lanes)
+
+
+def _over_batches(means: np.ndarray, spp: int) -> Estimate:
+    """Mean and standard error of (P, B, C) batch means; one batch has no error that could be known, so infinity."""
+    batches = means.shape[1]
+    # Batch by batch: NumPy's reductions over a short axis in the middle take ten times as long
+    mean = sum(means[:, b] for b in range(batches)) / batches
+    squares = sum((means[:, b] - mean) ** 2 for b in range(batches))
+    error = np.sqrt(squares / (batches * (batches - 1))) if batches > 1 else np.full_like(mean, np.inf)
+    return Estimate(mean=mean, error=error, spp=spp)
 
 
 def _chunks(pixels: np.ndarray, size: int) -> Iterator[np.ndarray]:

@@ -47,9 +47,11 @@ def render_view(plans: Sequence[ExamplePlan], mesh_root: Path) -> Iterator[Rende
     shared = ViewPasses(plan=plans[0], mesh_root=mesh_root)
     for plan in plans:
         shared.spent.clear()
+        shared.run(plan)
         layers = {name: layer_image(shared, plan, name, extent) for name, extent in plan.render.layers}
         yield Rendered(plan=plan, layers=layers, evidence=_evidence(shared, plan), record=_record(shared, plan),
                        seconds=dict(shared.spent))
+    shared.close()
 
 
 def layer_image(shared: ViewPasses, plan: ExamplePlan, name: str, extent: str) -> np.ndarray:

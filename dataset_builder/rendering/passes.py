@@ -58,8 +58,7 @@ def first_hit(view: View, stage: Stage, pixels: np.ndarray, *, spp: int, seed: i
     dr.make_opaque(forward, origin)
 
     def integrand(samplers: Samplers, position: mi.Vector2f) -> list[mi.Float]:
-        ray = _primary(sensor, position)
-        si = stage.scene.ray_intersect(ray, mi.RayFlags.All, coherent=True)
+        ray, si = _beyond_lamps(stage.scene, mi.ShapePtr(stage.shape), _primary(sensor, position))
         met = si.is_valid()
         diffuse, specular, normal = reflectance(si.bsdf(ray), si, met)
         target = met & (_instance(stage, si) == TARGET_INSTANCE)
@@ -77,7 +76,7 @@ def instances(view: View, stage: Stage, pixels: np.ndarray) -> np.ndarray:
     size = mi.Vector2f(dr.opaque(mi.Float, view.render.width), dr.opaque(mi.Float, view.render.height))
     row, column = np.divmod(pixels, view.render.width)
     centre = mi.Vector2f(mi.Float(column + CENTRE), mi.Float(row + CENTRE)) / size
-    si = stage.scene.ray_intersect(_primary(sensor, centre))
+    _, si = _beyond_lamps(stage.scene, mi.ShapePtr(stage.shape), _primary(sensor, centre))
     return np.array(dr.select(si.is_valid(), _instance(stage, si), 0))
 
 
@@ -97,6 +96,22 @@ def deviation(found: Estimate, channels: Mapping[str, slice], name: str) -> np.n
 def _primary(sensor: mi.Sensor, position: mi.Vector2f) -> mi.Ray3f:
     ray, _ = sensor.sample_ray(0, CENTRE, position, mi.Point2f(CENTRE), True)
     return ray
+
+
+@dr.syntax
+def _beyond_lamps(scene: mi.Scene, body: mi.ShapePtr, ray: mi.Ray3f) -> tuple[mi.Ray3f, mi.SurfaceInteraction3f]:
+    """The first point of the body that a ray meets, and the ray that meets it: the shapes of lamps are no surfaces.
+
+    So the light-free layers are the same bits whatever light the scene holds.
+    """
+    ray = mi.Ray3f(ray)
+    si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=True)
+    lamp = si.is_valid() & (si.shape != body)
+    while lamp:
+        ray = si.spawn_ray(ray.d)
+        si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=True, active=lamp)
+        lamp = lamp & si.is_valid() & (si.shape != body)
+    return ray, si
 
 
 def _instance(stage: Stage, si: mi.SurfaceInteraction3f) -> mi.UInt32:

@@ -20,8 +20,7 @@ from dataset_builder.rendering.buffers import owned
 from dataset_builder.rendering.emitters import emitters
 from dataset_builder.rendering.shapes import Triangles, mesh_of, upload
 from dataset_builder.rendering.soup import Soup
-from dataset_builder.rendering.surface import MaterialTable, Surface
-from dataset_builder.rendering.texels import pack
+from dataset_builder.rendering.surface import MaterialTable, Surface, Textures
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -42,10 +41,11 @@ class Stage:
     shape: mi.Mesh
 
 
-def body_of(soup: Soup) -> Body:
-    """Upload a soup."""
+def body_of(soup: Soup, textures: Textures | None = None) -> Body:
+    """Upload a soup; `textures` are its materials where they are on the device already."""
     return Body(triangles=upload(soup.corners, soup.normals, soup.uvs),
-                materials=MaterialTable.upload(pack(soup.materials, soup.material)),
+                materials=MaterialTable(textures=textures or Textures.upload(soup.materials),
+                                        face_material=owned(mi.UInt32, soup.material.astype(np.uint32))),
                 instance=owned(mi.UInt32, soup.instance.astype(np.uint32)))
 
 

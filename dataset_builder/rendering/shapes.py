@@ -8,7 +8,6 @@ import numpy as np
 
 from dataset_builder.rendering.buffers import owned
 
-
 LEAST_HALF_SIZE = 16.0
 
 

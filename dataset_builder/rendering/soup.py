@@ -1,7 +1,7 @@
 """A scene as one heap of triangles with materials: what the renderer is given, still without a renderer."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -10,11 +10,13 @@ import numpy as np
 from dataset_builder.assets.asset import Asset, Material
 from dataset_builder.geometry.mesh import TriangleMesh
 from dataset_builder.geometry.normals import corner_normals
-from dataset_builder.planning.example_plan import ExamplePlan, ObjectPlan, PlacedObject
+from dataset_builder.planning.example_plan import ExamplePlan, ObjectPlan, PlacedObject, RoomPlan
 from dataset_builder.planning.realise import asset_of, room_parts, world_from_object
 
 KEPT_NORMALS = 256
 ROOM_INSTANCE = 2
+PARTS = ("furniture", "floor", "walls", "ceiling")
+"""What a triangle belongs to: an object, or a part of the room."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -22,7 +24,8 @@ class Soup:
     """F triangles in world space.
 
     corners, normals: (F, 3, 3), metres and unit vectors. uvs: (F, 3, 2). material: (F,) index into `materials`.
-    instance: (F,) value in the `instance` layer.
+    instance: (F,) value in the `instance` layer. part: (F,) index into `PARTS` of what may be taken out of a light's
+    way.
     """
 
     corners: np.ndarray
@@ -30,7 +33,15 @@ class Soup:
     uvs: np.ndarray
     material: np.ndarray
     instance: np.ndarray
+    part: np.ndarray
     materials: tuple[Material, ...]
+
+    def without(self, parts: Sequence[str]) -> "Soup":
+        """The triangles that belong to none of `parts`; materials stay as they are."""
+        keep = ~np.isin(self.part, [PARTS.index(name) for name in parts])
+        return Soup(corners=self.corners[keep], normals=self.normals[keep], uvs=self.uvs[keep],
+                    material=self.material[keep], instance=self.instance[keep], part=self.part[keep],
+                    materials=self.materials)
 
 
 def soup_of(mesh: TriangleMesh, normals: np.ndarray, materials: tuple[Material, ...], world: np.ndarray,
@@ -39,7 +50,8 @@ def soup_of(mesh: TriangleMesh, normals: np.ndarray, materials: tuple[Material, 
     frame."""
     rotation, offset = world[:3, :3], world[:3, 3]
     return Soup(corners=mesh.corners @ rotation.T + offset, normals=normals @ rotation.T, uvs=mesh.uvs,
-                material=mesh.material, instance=np.full(len(mesh.faces), instance), materials=materials)
+                material=mesh.material, instance=np.full(len(mesh.faces), instance),
+                part=np.zeros(len(mesh.faces), dtype=int), materials=materials)
 
 
 def merge(soups: Sequence[Soup]) -> Soup:
@@ -51,15 +63,21 @@ def merge(soups: Sequence[Soup]) -> Soup:
         uvs=np.concatenate([soup.uvs for soup in soups]),
         material=np.concatenate([soup.material + first for soup, first in zip(soups, firsts, strict=False)]),
         instance=np.concatenate([soup.instance for soup in soups]),
+        part=np.concatenate([soup.part for soup in soups]),
         materials=tuple(material for soup in soups for material in soup.materials),
     )
 
 
-def surroundings(plan: ExamplePlan, open_parts: Sequence[str], mesh_root: Path) -> Soup:
-    """Everything but the target object; room parts named in `open_parts` are left out."""
-    parts = [asset for name, asset in room_parts(plan.room).items() if name not in open_parts]
-    room = [soup_of(part.mesh, _normals(part), part.materials, np.eye(4), ROOM_INSTANCE) for part in parts]
-    return merge([*room, *(clean(placed, mesh_root) for placed in plan.furniture)])
+def surroundings(plan: ExamplePlan, mesh_root: Path) -> Soup:
+    """Everything but the target object."""
+    return merge([_room(plan.room), *(clean(placed, mesh_root) for placed in plan.furniture)])
+
+
+@lru_cache(maxsize=KEPT_NORMALS)
+def _room(plan: RoomPlan) -> Soup:
+    return merge([replace(soup_of(asset.mesh, _normals(asset), asset.materials, np.eye(4), ROOM_INSTANCE),
+                          part=np.full(len(asset.mesh.faces), PARTS.index(name)))
+                  for name, asset in room_parts(plan).items()])
 
 
 def clean(placed: PlacedObject, mesh_root: Path) -> Soup:

@@ -12,33 +12,43 @@ the viewer's side alone, is the albedo scaling of OpenPBR and of Cycles. It make
 so that outgoing radiance is exactly D * S + specular part with D = pi f_d and R = E, and D + R <= 1.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import drjit as dr
 import mitsuba as mi
 
+from dataset_builder.assets.asset import Material
 from dataset_builder.rendering.buffers import owned
 from dataset_builder.rendering.first_hit import FirstHit, cosine_direction, white_lambert
 from dataset_builder.rendering.reflectance import COSINES, MIN_ALPHA, ROUGHNESSES, split_sum_table
-from dataset_builder.rendering.texels import MaterialArrays
+from dataset_builder.rendering.texels import pack
 
 PLUGIN = "threedf_surface"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class MaterialTable:
-    """`MaterialArrays` on the device."""
+class Textures:
+    """`MaterialArrays` on the device, for as many meshes as name these materials."""
 
-    face_material: mi.UInt32
     factors: mi.Float
     extents: mi.UInt32
     texels: mi.Float
 
     @classmethod
-    def upload(cls, arrays: MaterialArrays) -> "MaterialTable":
-        """Copy the arrays."""
-        return cls(face_material=owned(mi.UInt32, arrays.face_material), factors=owned(mi.Float, arrays.factors),
-                   extents=owned(mi.UInt32, arrays.extents), texels=owned(dr.float16_array_t(mi.Float), arrays.texels))
+    def upload(cls, materials: Sequence[Material]) -> "Textures":
+        """Pack and copy."""
+        arrays = pack(materials)
+        return cls(factors=owned(mi.Float, arrays.factors), extents=owned(mi.UInt32, arrays.extents),
+                   texels=owned(dr.float16_array_t(mi.Float), arrays.texels))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MaterialTable:
+    """Materials, and the row of the material of each face of one mesh."""
+
+    textures: Textures
+    face_material: mi.UInt32
 
 
 @dataclass
@@ -139,9 +149,9 @@ class Surface(mi.BSDF):
                 active: mi.Bool) -> tuple[mi.Color3f, mi.Float, mi.Float, mi.Float, mi.Normal3f]:
         """Material factors times bilinearly interpolated texels, repeating, at si.uv."""
         row = dr.gather(mi.UInt32, self.table.face_material, si.prim_index, active)
-        colour = dr.gather(mi.Vector4f, self.table.factors, 2 * row, active)
-        scalar = dr.gather(mi.Vector4f, self.table.factors, 2 * row + 1, active)
-        extent = dr.gather(mi.Vector4u, self.table.extents, row, active)
+        colour = dr.gather(mi.Vector4f, self.table.textures.factors, 2 * row, active)
+        scalar = dr.gather(mi.Vector4f, self.table.textures.factors, 2 * row + 1, active)
+        extent = dr.gather(mi.Vector4u, self.table.textures.extents, row, active)
         low, high = self._bilinear(si.uv, extent, active)
         base = mi.Color3f(colour.x, colour.y, colour.z) * mi.Color3f(low.x, low.y, low.z)
         slope = mi.Vector2f(high.y, high.z)
@@ -163,8 +173,8 @@ class Surface(mi.BSDF):
                              (column, next_line, (1 - fx) * fy), (next_column, next_line, fx * fy)):
             texel = 2 * (extent.x + j * width + i)
             half4 = dr.float16_array_t(mi.Vector4f)
-            low += weight * mi.Vector4f(dr.gather(half4, self.table.texels, texel, active))
-            high += weight * mi.Vector4f(dr.gather(half4, self.table.texels, texel + 1, active))
+            low += weight * mi.Vector4f(dr.gather(half4, self.table.textures.texels, texel, active))
+            high += weight * mi.Vector4f(dr.gather(half4, self.table.textures.texels, texel + 1, active))
         return low, high
 
     def _split_sum(self, cosine: mi.Float, roughness: mi.Float, active: mi.Bool) -> tuple[mi.Float, mi.Float]:

@@ -15,18 +15,17 @@ CHANNELS = 8
 class MaterialArrays:
     """The materials of one scene.
 
-    face_material: (F,) uint32 row of the material of each face. factors: (M, 8) float32: base colour (3), roughness,
+    factors: (M, 8) float32: base colour (3), roughness,
     metallic, specular, 0, 0. extents: (M, 4) uint32: first texel, width, height, 0. texels: (T, 8) float16.
     """
 
-    face_material: np.ndarray
     factors: np.ndarray
     extents: np.ndarray
     texels: np.ndarray
 
 
-def pack(materials: Sequence[Material], face_material: np.ndarray) -> MaterialArrays:
-    """Arrays of `materials` for a mesh whose faces name them; textures that materials share are stored once."""
+def pack(materials: Sequence[Material]) -> MaterialArrays:
+    """Arrays of `materials`; textures that materials share are stored once."""
     blocks: dict[int, tuple[int, np.ndarray]] = {}
     extents, first = [], 0
     for material in materials:
@@ -38,8 +37,7 @@ def pack(materials: Sequence[Material], face_material: np.ndarray) -> MaterialAr
         start, block = blocks[key]
         extents.append((start, block.shape[1], block.shape[0], 0))
     factors = [(*m.base_color, m.roughness, m.metallic, m.specular, 0, 0) for m in materials]
-    return MaterialArrays(face_material=np.ascontiguousarray(face_material, dtype=np.uint32),
-                          factors=np.array(factors, dtype=np.float32).reshape(-1, CHANNELS),
+    return MaterialArrays(factors=np.array(factors, dtype=np.float32).reshape(-1, CHANNELS),
                           extents=np.array(extents, dtype=np.uint32).reshape(-1, 4),
                           texels=np.concatenate([block.reshape(-1, CHANNELS) for _, block in blocks.values()]))
 

@@ -6,6 +6,7 @@ of the view.
 """
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -14,15 +15,18 @@ from time import perf_counter
 import numpy as np
 
 from dataset_builder.layers import LAYERS, Pass
-from dataset_builder.planning.example_plan import ExamplePlan, RenderPlan, RoughPlan
+from dataset_builder.planning.example_plan import ExamplePlan, IlluminationPlan, RenderPlan, RoughPlan
 from dataset_builder.rendering import passes
 from dataset_builder.rendering.estimate import Estimate
 from dataset_builder.rendering.passes import FIRST_HIT_CHANNELS, View
 from dataset_builder.rendering.rough_mesh import RoughTwin, rough_twin
-from dataset_builder.rendering.scene import Body, body_of, staged
+from dataset_builder.rendering.scene import Body, Stage, body_of, staged
 from dataset_builder.rendering.soup import Soup, clean, merge, surroundings
+from dataset_builder.rendering.surface import Textures
 from dataset_builder.rendering.window import covered_window
 from dataset_builder.seeding import derive_seed
+
+ORDER: tuple[Pass, ...] = ("first_hit", "target", "source", "first_hit_rough", "rough")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,15 +42,31 @@ class PassResult:
 @dataclass(kw_only=True)
 class ViewPasses:
     """Geometry, scenes and passes of the view that `plan` belongs to. spent: seconds of passes run since it was
-    cleared."""
+    cleared.
+
+    Passes over one geometry under one light share the scene that is open; `close` lets it go.
+    """
 
     plan: ExamplePlan
     mesh_root: Path
     spent: dict[str, float] = field(default_factory=dict)
     _results: dict[tuple[str, ...], PassResult] = field(default_factory=dict)
     _twins: dict[RoughPlan, RoughTwin] = field(default_factory=dict)
-    _rough_bodies: dict[RoughPlan, Body] = field(default_factory=dict)
-    """The body of the last noise level only: they are large."""
+    _scene: ExitStack = field(default_factory=ExitStack)
+    _open: tuple[object, Stage] | None = None
+
+    def run(self, plan: ExamplePlan) -> None:
+        """Every pass that a layer of the example needs, in the order that opens the fewest scenes."""
+        wanted = {LAYERS[name].render_pass for name, _ in plan.render.layers} | {"first_hit"}
+        for render_pass in (name for name in ORDER if name in wanted):
+            self.result(render_pass, plan)
+        if any(name == "instance" for name, _ in plan.render.layers):
+            self.instances()
+
+    def close(self) -> None:
+        """Let the open scene go; results stay."""
+        self._open = None
+        self._scene.close()
 
     # Geometry
 
@@ -61,30 +81,51 @@ class ViewPasses:
 
     @cached_property
     def _room(self) -> Soup:
-        return surroundings(self.plan, (), self.mesh_root)
+        return surroundings(self.plan, self.mesh_root)
+
+    @cached_property
+    def _materials(self) -> Textures:
+        """Materials of the target and of everything about it: the same for every geometry of the view."""
+        return Textures.upload([*self._target.materials, *self._room.materials])
 
     @cached_property
     def _clean_body(self) -> Body:
-        return body_of(merge([self._target, self._room]))
+        return body_of(merge([self._target, self._room]), self._materials)
 
     @cached_property
     def _open_body(self) -> Body:
         """The clean scene without the parts that block the source light."""
-        opened = self.plan.source_light.open
-        if not opened:
-            return self._clean_body
-        return body_of(merge([self._target, surroundings(self.plan, opened, self.mesh_root)]))
+        opened = self._room.without(self.plan.source_light.open)
+        return body_of(merge([self._target, opened]), self._materials)
 
     def _rough_body(self, rough: RoughPlan) -> Body:
-        if rough not in self._rough_bodies:
-            self._rough_bodies = {rough: body_of(merge([self.twin(rough).soup, self._room]))}
-        return self._rough_bodies[rough]
+        return body_of(merge([self.twin(rough).soup, self._room]), self._materials)
 
     def twin(self, rough: RoughPlan) -> RoughTwin:
         """The R3DM of one noise level."""
         if rough not in self._twins:
             self._twins[rough] = rough_twin(self.plan.target, rough, self.mesh_root)
         return self._twins[rough]
+
+    # Scenes
+
+    def _clean_scene(self, plan: ExamplePlan) -> Stage:
+        return self._stage(("clean", plan.light), lambda: self._clean_body, self._lit(plan, "target"))
+
+    def _rough_scene(self, plan: ExamplePlan) -> Stage:
+        key = "rough", plan.rough, plan.light
+        return self._stage(key, lambda: self._rough_body(plan.rough), self._lit(plan, "rough"))
+
+    def _lit(self, plan: ExamplePlan, render_pass: Pass) -> IlluminationPlan | None:
+        """The target light, if a pass will need it in this scene."""
+        needed = any(LAYERS[name].render_pass == render_pass for name, _ in plan.render.layers)
+        return plan.target_light if needed else None
+
+    def _stage(self, key: object, body: Callable[[], Body], light: IlluminationPlan | None) -> Stage:
+        if self._open is None or self._open[0] != key:
+            self.close()
+            self._open = key, self._scene.enter_context(staged(body(), light))
+        return self._open[1]
 
     # Passes
 
@@ -96,49 +137,44 @@ class ViewPasses:
     def first_hit(self) -> PassResult:
         """Light-free layers of the 3DM."""
         def make(pixels: np.ndarray) -> Estimate:
-            with staged(self._clean_body, None) as stage:
-                return passes.first_hit(self.view, stage, pixels, spp=self._render.spp_first_hit,
-                                        seed=self._seed("first_hit"))
+            return passes.first_hit(self.view, self._clean_scene(self.plan), pixels, spp=self._render.spp_first_hit,
+                                    seed=self._seed("first_hit"))
         return self._once(("first_hit",), lambda: self._wanted("first_hit", self._window(self._target)), make)
 
     def first_hit_rough(self, plan: ExamplePlan) -> PassResult:
-        """Light-free layers of the R3DM."""
+        """Light-free layers of the R3DM, at the random numbers of the 3DM's."""
         def make(pixels: np.ndarray) -> Estimate:
-            with staged(self._rough_body(plan.rough), None) as stage:
-                return passes.first_hit(self.view, stage, pixels, spp=self._render.spp_first_hit,
-                                        seed=self._seed("first_hit"))
+            return passes.first_hit(self.view, self._rough_scene(plan), pixels, spp=self._render.spp_first_hit,
+                                    seed=self._seed("first_hit"))
         return self._once(("first_hit_rough", plan.rough.model_dump_json()),
                           lambda: self._wanted("first_hit_rough", self._window(self.twin(plan.rough).soup)), make)
 
     def instances(self) -> PassResult:
         """Instance at every pixel's centre."""
         def make(pixels: np.ndarray) -> Estimate:
-            with staged(self._clean_body, None) as stage:
-                found = passes.instances(self.view, stage, pixels)
+            found = passes.instances(self.view, self._clean_scene(self.plan), pixels)
             return Estimate(mean=found[:, None], error=np.zeros((len(found), 1)), spp=1)
         return self._once(("instance",), lambda: np.arange(self._render.width * self._render.height), make)
 
     def source(self) -> PassResult:
         """The 3DM under the source illumination, with what blocks it out of the way."""
         def make(pixels: np.ndarray) -> Estimate:
-            with staged(self._open_body, self.plan.source_light) as stage:
-                return passes.radiance(self.view, stage, pixels, spp=self._render.spp_source, seed=self._seed("source"))
+            stage = self._stage("source", lambda: self._open_body, self.plan.source_light)
+            return passes.radiance(self.view, stage, pixels, spp=self._render.spp_source, seed=self._seed("source"))
         return self._once(("source",), lambda: self._wanted("source", self.covered()), make)
 
     def target(self, plan: ExamplePlan) -> PassResult:
         """The 3DM under one target illumination."""
         def make(pixels: np.ndarray) -> Estimate:
-            with staged(self._clean_body, plan.target_light) as stage:
-                return passes.radiance(self.view, stage, pixels, spp=self._render.spp_target,
-                                       seed=self._seed("target", plan.light))
+            return passes.radiance(self.view, self._clean_scene(plan), pixels, spp=self._render.spp_target,
+                                   seed=self._seed("target", plan.light))
         return self._once(("target", str(plan.light)), lambda: self._wanted("target", self.covered()), make)
 
     def rough(self, plan: ExamplePlan) -> PassResult:
         """The R3DM of one noise level under one target illumination."""
         def make(pixels: np.ndarray) -> Estimate:
-            with staged(self._rough_body(plan.rough), plan.target_light) as stage:
-                return passes.radiance(self.view, stage, pixels, spp=self._render.spp_rough,
-                                       seed=self._seed("rough", plan.light, plan.rough.level))
+            return passes.radiance(self.view, self._rough_scene(plan), pixels, spp=self._render.spp_rough,
+                                   seed=self._seed("rough", plan.light, plan.rough.level))
         return self._once(("rough", str(plan.light), plan.rough.model_dump_json()),
                           lambda: self._wanted("rough", self.covered_by_either(plan)), make)
 

@@ -5,7 +5,6 @@ import pytest
 from scipy import stats
 
 from dataset_builder.assets.asset import Material, Texture
-from dataset_builder.rendering.texels import pack
 
 SAMPLES = 1 << 18
 MATERIALS = {
@@ -21,10 +20,11 @@ COSINES = (0.999, 0.7, 0.3, 0.08)
 def surface_of(*materials):
     import mitsuba as mi
 
-    from dataset_builder.rendering.surface import PLUGIN, MaterialTable
+    from dataset_builder.rendering.surface import PLUGIN, MaterialTable, Textures
 
     surface = mi.load_dict({"type": PLUGIN})
-    surface.bind(MaterialTable.upload(pack(list(materials), np.arange(len(materials)))))
+    rows = mi.UInt32(np.arange(len(materials), dtype=np.uint32))
+    surface.bind(MaterialTable(textures=Textures.upload(materials), face_material=rows))
     return surface
 
 
