@@ -8,7 +8,7 @@ is for the paper's six layers on the object; with i_s and i_t on the frame it is
 
 import gc
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -73,7 +73,7 @@ def whole_tuple(plan: ExamplePlan) -> None:
     list(render_view([plan], SPECS))
 
 
-def ratio_of(times: list[tuple[float, float]]) -> float:
+def ratio_of(times: Sequence[Sequence[float]]) -> float:
     """Geometric mean of ours over theirs."""
     return float(np.exp(np.mean([np.log(ours / theirs) for ours, theirs in times])))
 
@@ -86,8 +86,8 @@ def main() -> int:
     print(f"one pass, image + shading + specular part + errors, over path alone: {passes:.2f}x (bound {ONE_PASS}x)")
     tuples = {}
     for name, plans in (("object", paper), ("i_s and i_t on the frame", mini)):
-        tuples[name] = ratio_of([tuple(common.best([partial(whole_tuple, plan), partial(three_renders, plan, SPECS)], 3))
-                                 for plan in plans])
+        works = [(partial(whole_tuple, plan), partial(three_renders, plan, SPECS)) for plan in plans]
+        tuples[name] = ratio_of([common.best(pair, 3) for pair in works])
         print(f"whole tuple, {name}, over three path renders: {tuples[name]:.2f}x (bound {TUPLE}x)")
     return 0 if passes <= ONE_PASS and tuples["object"] <= TUPLE else 1
 

@@ -1,8 +1,8 @@
 """What a pass costs beyond its kernels, on the mini dataset after its first example, and the rates `plan` predicts by.
 
 One thread, as a build with one worker per core runs. Fixed cost of a pass = its wall time (scene, upload, acceleration
-structure, tracing, launches, copies, Python) less the execution of its kernels. Bound: 15% of wall time; meshes, planning
-and encoding count as wall time.
+structure, tracing, launches, copies, Python) less the execution of its kernels. Bound: 15% of wall time; meshes,
+planning and encoding count as wall time.
 """
 
 import gc

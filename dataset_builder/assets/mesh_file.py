@@ -1,21 +1,21 @@
 """Mesh files (.glb .gltf .obj .ply) -> Asset."""
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
-from urllib.parse import unquote
 
 import numpy as np
 import trimesh
 
 from dataset_builder.assets.asset import Asset, Material
 from dataset_builder.assets.file_materials import file_material
-from dataset_builder.assets.file_references import check_references, exact_factors
+from dataset_builder.assets.file_references import checked_references, exact_factors
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.geometry.mesh import TriangleMesh, concatenate, transform
 from dataset_builder.geometry.repair import RepairReport, repair
+from dataset_builder.spec.mesh_source import Reference
 
 Up = Literal["x", "y", "z"]
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply")
@@ -41,9 +41,9 @@ def load_mesh_file(path: Path, *, name: str, category: str, licence: str, scale:
     """
     path = Path(path)
     _check_file(path)
-    check_references(path)
+    named = checked_references(path)
     try:
-        mesh, materials, mended = _scene(path, _world_from_file(scale, up), max_texture)
+        mesh, materials, mended = _scene(path, named, _world_from_file(scale, up), max_texture)
     except UserError as error:
         raise UserError([replace(problem, where=problem.where or str(path)) for problem in error.problems]) from error
     placed, moved = _stand(mesh)
@@ -53,13 +53,13 @@ def load_mesh_file(path: Path, *, name: str, category: str, licence: str, scale:
     return Asset(name=name, category=category, mesh=placed, materials=materials, meta=meta)
 
 
-def _scene(path: Path, world_from_file: np.ndarray, max_texture: int) \
+def _scene(path: Path, named: Sequence[Reference], world_from_file: np.ndarray, max_texture: int) \
         -> tuple[TriangleMesh, tuple[Material, ...], RepairReport]:
     """Everything in the file as one mended mesh with its materials."""
     meshes: list[TriangleMesh] = []
     materials: list[tuple[Any, Material]] = []
     factors = exact_factors(path)
-    for part, world_from_part in _parts(_read(path)):
+    for part, world_from_part in _parts(_read(path, named)):
         try:
             index = _material_index(part.visual, materials, factors, max_texture)
         except OSError as error:
@@ -82,21 +82,25 @@ def _check_file(path: Path) -> None:
         raise _problem(path, "expected an existing file, got none", "paths are relative to the spec that names them")
 
 
-def _read(path: Path) -> trimesh.Scene:
+def _read(path: Path, named: Sequence[Reference]) -> trimesh.Scene:
     try:
-        return trimesh.load_scene(path, process=False, resolver=_Resolver(str(path), allow_anywhere=True))
+        return trimesh.load_scene(path, process=False, resolver=_Resolver(path, named))
     except READER_ERRORS as error:
         detail = str(error) or type(error).__name__
         raise _problem(path, f"expected a readable {path.suffix.lower()} file, got: {detail}") from error
 
 
 class _Resolver(trimesh.resolvers.FilePathResolver):
-    """Files beside the mesh, also under the percent-encoded names that glTF gives them."""
+    """Files by what the mesh file says of them: glTF encodes names, and an .mtl counts from its own folder."""
+
+    def __init__(self, path: Path, named: Sequence[Reference]):
+        super().__init__(str(path), allow_anywhere=True)
+        # Of two libraries the reader takes the first
+        self._names = {reference.written: reference.name for reference in reversed(named)}
 
     def get(self, name: str) -> bytes:
-        """Content of a file by its path relative to the mesh."""
-        known = (Path(self.parent) / name).is_file()
-        return super().get(name if known else unquote(name))
+        """Content of a file by its name as written."""
+        return super().get(self._names.get(name, name))
 
 
 def _parts(scene: trimesh.Scene) -> Iterator[tuple[trimesh.Trimesh, np.ndarray]]:

@@ -9,15 +9,17 @@ from dataset_builder.shards.atomic import write_atomic
 from dataset_builder.shards.folder import WORK
 from dataset_builder.shards.manifest import Rejected
 
-FILE = "rejected.json"
+FILE = "rejected.{maker}.json"
+MAKER_DIGITS = 16
 
 
 class Rejections:
-    """The rejected examples of one output folder, for one spec made by one set of versions; others are forgotten."""
+    """The rejected examples of one output folder, for one spec made by one set of versions; a file of their own keeps
+    them from every other."""
 
     def __init__(self, folder: Path, spec_digest: str, made_by: dict[str, str]):
-        self._path = folder / WORK / FILE
         self._maker = digest({"spec": spec_digest, "versions": made_by})
+        self._path = folder / WORK / FILE.format(maker=self._maker[:MAKER_DIGITS])
         self.known: dict[str, Rejected] = self._load()
 
     def add(self, rejected: Rejected) -> None:

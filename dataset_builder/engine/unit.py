@@ -1,14 +1,18 @@
 """One unit of work, in whatever process: plan the examples of a view, render, gate, encode and stage them."""
 
-from collections.abc import Iterator, Sequence
+import importlib.metadata
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from dataset_builder.digest import digest
-from dataset_builder.errors import PlanError, Problem, SpecError
+import numpy as np
+
+import dataset_builder
+from dataset_builder.digest import digest, sha256_file
+from dataset_builder.errors import OutputError, PlanError, Problem, SpecError, UserError
 from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.planning.example_plan import ExamplePlan
 from dataset_builder.planning.plan import Planner
@@ -16,7 +20,7 @@ from dataset_builder.planning.views import ViewUnit
 from dataset_builder.rendering.backend import activate, renderer_versions
 from dataset_builder.shards.example import Example, encode_members, preview
 from dataset_builder.shards.gates import check_gates
-from dataset_builder.shards.identities import Violation, check_layers, identity_table
+from dataset_builder.shards.identities import Violation, check_layers, identity_table, storable
 from dataset_builder.shards.manifest import Rejected
 from dataset_builder.shards.segment import segment
 from dataset_builder.shards.staging import Staging
@@ -30,6 +34,9 @@ if TYPE_CHECKING:
 
 PLANNING = "planning"
 """Gate that an example fails which cannot be planned."""
+
+RENDERING = "rendering"
+"""Gate that an example fails whose plan asks for what cannot be made, such as a mesh beyond all bounds."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,7 +71,15 @@ class Outcome:
 
 def versions(backend: str) -> dict[str, str]:
     """Versions of whatever turns a plan into bytes: a change of any makes an example another one."""
-    return {**writer_versions(), **renderer_versions(backend)}
+    libraries = {name: importlib.metadata.version(name) for name in ("open3d", "scipy", "trimesh")}
+    return {**writer_versions(), **renderer_versions(backend), **libraries, "source": _source_digest()}
+
+
+@cache
+def _source_digest() -> str:
+    """Digest of this package's own code: a version number alone would take examples of older code for current."""
+    package = Path(dataset_builder.__file__).parent
+    return digest({path.relative_to(package).as_posix(): sha256_file(path) for path in package.rglob("*.py")})
 
 
 def plan_digest(plan: ExamplePlan, spec: DatasetSpec, made_by: dict[str, str]) -> str:
@@ -109,8 +124,22 @@ def _make(planned: Sequence[tuple[ExampleRef, ExamplePlan]], loaded: LoadedSpec,
     yield from (_outcome(ref, digest=digests[ref.key], kept=True) for ref, _ in planned if ref.key in there)
     if missing:
         rendered = render_view([plan for _, plan in missing], loaded.path.parent)
-        for (ref, _), example in zip(missing, rendered, strict=True):
-            yield _finish(ref, example, digests[ref.key], loaded.dataset, staging)
+        yield from _finished(missing, rendered, digests, loaded.dataset, staging)
+
+
+def _finished(missing: Sequence[tuple[ExampleRef, ExamplePlan]], rendered: Iterator["Rendered"],
+              digests: Mapping[str, str], spec: DatasetSpec, staging: Staging) -> Iterator[Outcome]:
+    """Outcomes of the examples of one view as they are rendered; where a plan cannot be made, of all that are left."""
+    for position, (ref, _) in enumerate(missing):
+        try:
+            example = next(rendered)
+        except UserError as error:
+            if isinstance(error, OutputError):
+                raise
+            for left, _ in missing[position:]:
+                yield _outcome(left, rejected=_rejected(left, RENDERING, str(error)))
+            return
+        yield _finish(ref, example, digests[ref.key], spec, staging)
 
 
 def _finish(ref: ExampleRef, rendered: "Rendered", key_digest: str, spec: DatasetSpec, staging: Staging) -> Outcome:
@@ -128,9 +157,13 @@ def _finish(ref: ExampleRef, rendered: "Rendered", key_digest: str, spec: Datase
 
 
 def _violations(rendered: "Rendered", spec: DatasetSpec) -> list[Violation]:
+    """What is wrong with the example as it would be stored, and with the evidence."""
     tolerances = {name: tolerance for name, _, tolerance in identity_table(spec.storage.dtype)}
     masks = {name: image for name, image in rendered.evidence.items() if name.startswith("mask")}
-    found = check_layers({**masks, **rendered.layers}, dict(rendered.plan.render.layers), tolerances)
+    if beyond := storable(rendered.layers, spec.storage.dtype):
+        return beyond
+    stored = {name: image.astype(spec.storage.dtype).astype(np.float32) for name, image in rendered.layers.items()}
+    found = check_layers({**masks, **stored}, dict(rendered.plan.render.layers), tolerances)
     return [*found, *check_gates(rendered.layers, spec.gates, rendered.evidence, rendered.plan.render)]
 
 

@@ -70,7 +70,7 @@ def object_plan(loaded: LoadedSpec, key: str, split: str, path: Path, number: in
 def _file_plan(loaded: LoadedSpec, spec: ObjectSpec, key: str, shared: dict[str, Any]) -> ObjectPlan:
     """A mesh file is named relative to the folder of the dataset file, as every file of the spec."""
     source = normpath(PurePosixPath(key).parent / PurePosixPath(str(spec.file)))
-    return ObjectPlan(kind="file", source=source, source_sha256=loaded.meshes[key].sha256, params=(), scale=spec.scale,
+    return ObjectPlan(kind="file", source=source, source_sha256=loaded.meshes[key].digest, params=(), scale=spec.scale,
                       up=spec.up, **shared)
 
 
@@ -111,7 +111,10 @@ def split_contents(loaded: LoadedSpec, split: SplitSpec) -> SplitContents:
 
 
 def shape_digest(plan: ObjectPlan) -> str:
-    """Digest of an object's geometry: two that differ in name and material only share it."""
+    """Digest of an object's geometry: two that differ in name and material only share it.
+
+    A mesh file counts with all that it names, its textures included.
+    """
     own = plan.model_dump(include={"kind", "params", "scale", "up"})
     return digest({**own, "source": plan.source_sha256 or plan.source})
 

@@ -29,7 +29,8 @@ class ObjectPlan(Model):
     source: str
     """Family name, or path of the mesh file as the spec gives it."""
     source_sha256: str
-    """SHA-256 of the mesh file; empty for a family."""
+    """Digest over the mesh file and every file that it names (buffers, material libraries, textures); empty for a
+    family."""
     category: str
     licence: str
     seed: str

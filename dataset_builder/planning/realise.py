@@ -10,11 +10,11 @@ from dataset_builder.assets.asset import Asset
 from dataset_builder.assets.mesh_file import load_mesh_file
 from dataset_builder.assets.procedural.furniture import make_furniture
 from dataset_builder.assets.procedural.rooms import make_room
-from dataset_builder.digest import sha256_file
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.planning.example_plan import ObjectPlan, PlacedObject, RoomPlan
+from dataset_builder.spec.mesh_source import companions, mesh_source
 
-KEPT_ASSETS, KEPT_ROOMS = 64, 8
+KEPT_ASSETS, KEPT_ROOMS = 128, 16
 """Kept in memory: those of a few scenes."""
 
 
@@ -22,17 +22,26 @@ KEPT_ASSETS, KEPT_ROOMS = 64, 8
 def asset_of(plan: ObjectPlan, mesh_root: Path) -> Asset:
     """The asset that a plan names; mesh files are found below `mesh_root`. Equal plans share one asset.
 
-    Raises PlanError where a mesh file is not the one that was planned (its SHA-256 differs).
+    Raises PlanError where a mesh file, or a file that it names, is not the one that was planned.
     """
     if plan.kind == "procedural":
         return make_furniture(family=plan.source, params={param.name: param.value for param in plan.params},
                               seed=int(plan.seed), name=plan.name)
     path = mesh_root / plan.source
-    if (got := sha256_file(path)) != plan.source_sha256:
-        raise PlanError([Problem(where=str(path), path="", rule=f"expected SHA-256 {plan.source_sha256}, got {got}",
-                                 hint="the file changed after planning; plan again")])
+    if (got := _content_digest(path)) != plan.source_sha256:
+        raise PlanError([Problem(where=str(path), path="", rule=f"expected content of SHA-256 {plan.source_sha256}, "
+                                 f"got {got}", hint="the file, or one that it names, changed after planning; "
+                                 "plan again")])
     return load_mesh_file(path, name=plan.name, category=plan.category, licence=plan.licence, scale=plan.scale,
                           up=plan.up)
+
+
+def _content_digest(path: Path) -> str:
+    """The digest of a mesh file and its companions as they are now, or what keeps it from being taken."""
+    try:
+        return mesh_source(path, companions(path)).digest
+    except (OSError, ValueError) as error:
+        return str(error)
 
 
 @lru_cache(maxsize=KEPT_ROOMS)

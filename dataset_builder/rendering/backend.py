@@ -83,7 +83,8 @@ def choose(wanted: str = "auto") -> Backend:
 def renderer_versions(wanted: str = "auto") -> dict[str, str]:
     """Versions and variant that pixels depend on; raises UserError as `choose` does. Mitsuba is not imported."""
     packages = {name: importlib.metadata.version(name) for name in ("mitsuba", "drjit")}
-    return {**packages, "variant": choose(wanted).variant}
+    backend = choose(wanted)
+    return {**packages, "variant": backend.variant, "llvm": str(llvm_version(backend.llvm) or "")}
 
 
 @cache

@@ -4,7 +4,7 @@ Dr.Jit compiles a kernel per scene structure, so every scene holds a dome, a sun
 kind. The spare ones are dark, tiny, under the floor, and never sampled.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import drjit as dr
@@ -13,19 +13,18 @@ import numpy as np
 
 from dataset_builder.errors import PlanError
 from dataset_builder.planning.example_plan import IlluminationPlan, LightPlan
+from dataset_builder.planning.irradiance import BEAM_SHARE
 
 SPARE_DEPTH = -0.05
 """Height of spare lights in metres: inside the floor."""
 
 SPARE_SIZE = 1e-4
-BEAM_SHARE = 0.75
-"""Share of a spot's half angle that has full intensity; it falls off linearly from there to the edge."""
 
 
 def emitters(illumination: IlluminationPlan) -> dict[str, Any]:
     """Entries of a Mitsuba scene dict. Raises PlanError for more than one dome or sun, or no light at all.
 
-    Lights are sampled in proportion to the irradiance that planning expects from each of them at the target object.
+    Lights are sampled in proportion to their weight, the unoccluded irradiance at the target object.
     """
     entries: dict[str, Any] = {}
     for kind, (make, slots) in _KINDS.items():
@@ -116,8 +115,3 @@ _KINDS: dict[str, tuple[Callable[[LightPlan], Any], int]] = {
     "spot": (_spot, 0),
 }
 """Maker of each kind, and its number of slots; 0 is as many as needed."""
-
-
-def kinds() -> Sequence[str]:
-    """Kinds of light, in scene order."""
-    return tuple(_KINDS)

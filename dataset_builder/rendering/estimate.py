@@ -6,6 +6,7 @@ are not: the spread of their means gives an unbiased standard error, which the s
 Sums run over contiguous samples in a fixed order, so that a repetition gives the same bits.
 """
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -52,7 +53,7 @@ def stratified(spp: int, batches: int) -> tuple[int, int]:
     """(batches, samples per batch) that are used for `spp`: a batch is a full grid of strata, so spp may grow a
     little."""
     batches = min(batches, spp)
-    sampler = mi.load_dict({"type": "multijitter", "sample_count": max(1, round(spp / batches))})
+    sampler = mi.load_dict({"type": "multijitter", "sample_count": max(1, math.ceil(spp / batches))})
     return batches, sampler.sample_count()
 
 

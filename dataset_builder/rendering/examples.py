@@ -11,7 +11,7 @@ from dataset_builder.layers import LAYERS, Pass
 from dataset_builder.planning.example_plan import ExamplePlan
 from dataset_builder.rendering import plugins
 from dataset_builder.rendering.passes import FIRST_HIT_CHANNELS, RADIANCE_CHANNELS, deviation, first_hit_layers
-from dataset_builder.rendering.view_passes import PassResult, ViewPasses
+from dataset_builder.rendering.view_passes import PassResult, ViewPasses, needed_passes
 
 RADIANCE_LAYERS = {"i_s": "image", "i_t": "image", "s": "shading", "s_prime": "shading", "spec": "specular"}
 """Channels of a radiance pass that a layer takes."""
@@ -51,7 +51,6 @@ def render_view(plans: Sequence[ExamplePlan], mesh_root: Path) -> Iterator[Rende
         layers = {name: layer_image(shared, plan, name, extent) for name, extent in plan.render.layers}
         yield Rendered(plan=plan, layers=layers, evidence=_evidence(shared, plan), record=_record(shared, plan),
                        seconds=dict(shared.spent))
-    shared.close()
 
 
 def layer_image(shared: ViewPasses, plan: ExamplePlan, name: str, extent: str) -> np.ndarray:
@@ -87,10 +86,10 @@ def _image(plan: ExamplePlan, pixels: np.ndarray, values: np.ndarray) -> np.ndar
 def _evidence(shared: ViewPasses, plan: ExamplePlan) -> dict[str, np.ndarray]:
     """Layers that the gates need, on the object: masks of both meshes, and radiance, its parts and its errors."""
     names = {"mask", "d"}
-    passes = {LAYERS[name].render_pass for name, _ in plan.render.layers}
+    passes = needed_passes(plan)
     if "target" in passes:
         names |= {name + suffix for name in EVIDENCE for suffix in ("", ERROR_SUFFIX)}
-    if "rough" in passes or "first_hit_rough" in passes:
+    if "first_hit_rough" in passes:
         names.add("mask_rough")
     images = {name: layer_image(shared, plan, name, "object") for name in sorted(names)}
     return images | (_deviations(shared, plan) if "target" in passes else {})
@@ -109,12 +108,10 @@ def _record(shared: ViewPasses, plan: ExamplePlan) -> dict[str, Any]:
     relative_error: root mean square of the standard error over the object's pixels, over the mean of the layer there.
     paths: camera paths of the pass, shared or not.
     """
-    wanted = {LAYERS[name].render_pass for name, _ in plan.render.layers}
-    record: dict[str, Any] = {"passes": []}
-    for name in get_args(Pass):
-        known = name in wanted or name == "first_hit"
-        record["passes"].append(_pass_record(shared, plan, name) if known else _no_pass(name))
-    roughness = shared.twin(plan.rough).roughness if wanted & {"rough", "first_hit_rough"} else None
+    ran = needed_passes(plan)
+    record: dict[str, Any] = {"passes": [_pass_record(shared, plan, name) if name in ran else _no_pass(name)
+                                         for name in get_args(Pass)]}
+    roughness = shared.twin(plan.rough).roughness if "first_hit_rough" in ran else None
     record["roughness_rms"] = roughness.rms if roughness else 0.0
     record["roughness_max"] = roughness.maximum if roughness else 0.0
     record["bounding_radius"] = roughness.radius if roughness else 0.0

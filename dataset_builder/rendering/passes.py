@@ -8,12 +8,12 @@ import mitsuba as mi
 import numpy as np
 
 from dataset_builder.planning.example_plan import CameraPlan, RenderPlan
+from dataset_builder.planning.stage import TARGET_INSTANCE
 from dataset_builder.rendering.estimate import Estimate, Integrand, Samplers, estimate
 from dataset_builder.rendering.first_hit import reflectance
 from dataset_builder.rendering.integrator import trace
 from dataset_builder.rendering.scene import Stage, sensor_of
 
-TARGET_INSTANCE = 1
 RADIANCE_CHANNELS = {"image": slice(0, 3), "shading": slice(3, 6), "specular": slice(6, 9),
                      "shading_squared": slice(9, 12)}
 FIRST_HIT_CHANNELS = {"mask": slice(0, 1), "d": slice(1, 4), "r": slice(4, 7), "normal": slice(7, 10),
@@ -102,7 +102,7 @@ def _primary(sensor: mi.Sensor, position: mi.Vector2f) -> mi.Ray3f:
 def _beyond_lamps(scene: mi.Scene, body: mi.ShapePtr, ray: mi.Ray3f) -> tuple[mi.Ray3f, mi.SurfaceInteraction3f]:
     """The first point of the body that a ray meets, and the ray that meets it: the shapes of lamps are no surfaces.
 
-    So the light-free layers are the same bits whatever light the scene holds.
+    So a lamp in the picture hides nothing in the light-free layers.
     """
     ray = mi.Ray3f(ray)
     si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=True)

@@ -11,10 +11,10 @@ from dataset_builder.assets.asset import Asset, Material
 from dataset_builder.geometry.mesh import TriangleMesh
 from dataset_builder.geometry.normals import corner_normals
 from dataset_builder.planning.example_plan import ExamplePlan, ObjectPlan, PlacedObject, RoomPlan
-from dataset_builder.planning.realise import asset_of, room_parts, world_from_object
+from dataset_builder.planning.realise import KEPT_ROOMS, asset_of, room_parts, world_from_object
+from dataset_builder.planning.stage import ROOM_INSTANCE
 
 KEPT_NORMALS = 256
-ROOM_INSTANCE = 2
 PARTS = ("furniture", "floor", "walls", "ceiling")
 """What a triangle belongs to: an object, or a part of the room."""
 
@@ -73,7 +73,7 @@ def surroundings(plan: ExamplePlan, mesh_root: Path) -> Soup:
     return merge([_room(plan.room), *(clean(placed, mesh_root) for placed in plan.furniture)])
 
 
-@lru_cache(maxsize=KEPT_NORMALS)
+@lru_cache(maxsize=KEPT_ROOMS)
 def _room(plan: RoomPlan) -> Soup:
     return merge([replace(soup_of(asset.mesh, _normals(asset), asset.materials, np.eye(4), ROOM_INSTANCE),
                           part=np.full(len(asset.mesh.faces), PARTS.index(name)))

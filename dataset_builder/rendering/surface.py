@@ -21,6 +21,7 @@ import mitsuba as mi
 from dataset_builder.assets.asset import Material
 from dataset_builder.rendering.buffers import owned
 from dataset_builder.rendering.first_hit import FirstHit, cosine_direction, white_lambert
+from dataset_builder.rendering.lobes import Lobes, evaluate, sample
 from dataset_builder.rendering.reflectance import COSINES, MIN_ALPHA, ROUGHNESSES, split_sum_table
 from dataset_builder.rendering.texels import pack
 
@@ -51,19 +52,6 @@ class MaterialTable:
     face_material: mi.UInt32
 
 
-@dataclass
-class Lobes:
-    """Both lobes at a point: D, R, Schlick's F0 and F90, GGX alpha, and the local shading normal turned to the
-    viewer."""
-
-    diffuse: mi.Color3f
-    specular: mi.Color3f
-    f0: mi.Color3f
-    f90: mi.Float
-    alpha: mi.Float
-    normal: mi.Normal3f
-
-
 class Surface(mi.BSDF):
     """Two-sided metallic-roughness surfaces of one merged mesh; `bind` the arrays before use."""
 
@@ -85,10 +73,10 @@ class Surface(mi.BSDF):
                   sample2: mi.Point2f, active: mi.Bool) -> FirstHit:
         """See `first_hit.FirstHit`; one look at the textures."""
         lobes = self._lobes(si, active)
-        bs, _ = _sample(lobes, si, sample1, sample2, active & ~take_cosine)
+        bs, _ = sample(lobes, si, sample1, sample2, active & ~take_cosine)
         wo = dr.select(take_cosine, cosine_direction(lobes.normal, sample2), bs.wo)
-        em_value, em_density = _evaluate(lobes, si, light)
-        value, density = _evaluate(lobes, si, wo)
+        em_value, em_density = evaluate(lobes, si, light)
+        value, density = evaluate(lobes, si, wo)
         return FirstHit(diffuse=lobes.diffuse, em_value=em_value, em_density=em_density,
                         em_cosine=white_lambert(lobes.normal, si, light), wo=wo, value=value, density=density,
                         cosine=white_lambert(lobes.normal, si, wo))
@@ -115,22 +103,22 @@ class Surface(mi.BSDF):
     def eval_pdf(self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f,
                  active: mi.Bool) -> tuple[mi.Color3f, mi.Float]:
         """f cos and the density of `sample`."""
-        value, density = _evaluate(self._lobes(si, active), si, wo)
+        value, density = evaluate(self._lobes(si, active), si, wo)
         return dr.select(active, value, 0), dr.select(active, density, 0)
 
     def sample(self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample2: mi.Point2f,
                active: mi.Bool) -> tuple[mi.BSDFSample3f, mi.Color3f]:
         """A direction of the diffuse or the GGX lobe, picked in proportion to their reflectance."""
-        return _sample(self._lobes(si, active), si, sample1, sample2, active)
+        return sample(self._lobes(si, active), si, sample1, sample2, active)
 
     def eval_pdf_sample(self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, sample1: mi.Float,
                         sample2: mi.Point2f,
                         active: mi.Bool) -> tuple[mi.Color3f, mi.Float, mi.BSDFSample3f, mi.Color3f]:
         """`eval_pdf` and `sample` at once, as path integrators ask."""
         lobes = self._lobes(si, active)
-        value, density = _evaluate(lobes, si, wo)
+        value, density = evaluate(lobes, si, wo)
         return (dr.select(active, value, 0), dr.select(active, density, 0),
-                *_sample(lobes, si, sample1, sample2, active))
+                *sample(lobes, si, sample1, sample2, active))
 
     def _lobes(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> Lobes:
         """The two lobes at a surface point."""
@@ -211,51 +199,6 @@ def _facing(normal: mi.Normal3f, viewer: mi.Float, wi: mi.Vector3f) -> mi.Normal
     """The normal on the viewer's side; the unperturbed one where a normal map would tilt it out of sight."""
     turned = mi.Normal3f(normal.x, normal.y, normal.z * viewer)
     return dr.select(dr.dot(turned, wi) > 1e-3, turned, mi.Normal3f(0, 0, viewer))
-
-
-def _ggx(lobes: Lobes) -> mi.MicrofacetDistribution:
-    return mi.MicrofacetDistribution(mi.MicrofacetType.GGX, lobes.alpha, sample_visible=True)
-
-
-def _glossy_share(lobes: Lobes) -> mi.Float:
-    """Probability of sampling the GGX lobe; both lobes keep a share wherever they send light."""
-    diffuse, specular = dr.mean(lobes.diffuse), dr.mean(lobes.specular)
-    return dr.select(diffuse + specular > 0, specular / (diffuse + specular), 0)
-
-
-def _evaluate(lobes: Lobes, si: mi.SurfaceInteraction3f, wo: mi.Vector3f) -> tuple[mi.Color3f, mi.Float]:
-    """f cos and its sampling density; zero where wo is not on the viewer's side."""
-    frame = mi.Frame3f(lobes.normal)
-    wi, wo_facing = frame.to_local(si.wi), frame.to_local(wo)
-    cos_i, cos_o = mi.Frame3f.cos_theta(wi), mi.Frame3f.cos_theta(wo_facing)
-    above = mi.Frame3f.cos_theta(si.wi) * mi.Frame3f.cos_theta(wo) > 0
-    valid = (cos_i > 0) & (cos_o > 0) & above
-    half = dr.normalize(wi + wo_facing)
-    ggx = _ggx(lobes)
-    schlick = lobes.f0 + (lobes.f90 - lobes.f0) * (dr.maximum(1 - dr.dot(wi, half), 0) ** 5)
-    mirror = schlick * ggx.eval(half) * ggx.G(wi, wo_facing, half) / (4 * cos_i)
-    glossy = _glossy_share(lobes)
-    density = dr.lerp(cos_o * dr.inv_pi, ggx.pdf(wi, half) / (4 * dr.dot(wo_facing, half)), glossy)
-    value = lobes.diffuse * (cos_o * dr.inv_pi) + mirror
-    return dr.select(valid, value, 0), dr.select(valid, density, 0)
-
-
-def _sample(lobes: Lobes, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample2: mi.Point2f,
-            active: mi.Bool) -> tuple[mi.BSDFSample3f, mi.Color3f]:
-    frame = mi.Frame3f(lobes.normal)
-    wi = frame.to_local(si.wi)
-    take_glossy = sample1 < _glossy_share(lobes)
-    facet, _ = _ggx(lobes).sample(wi, sample2)
-    wo = dr.select(take_glossy, mi.reflect(wi, facet), mi.warp.square_to_cosine_hemisphere(sample2))
-    bs = dr.zeros(mi.BSDFSample3f)
-    bs.wo = frame.to_world(wo)
-    value, density = _evaluate(lobes, si, bs.wo)
-    active = active & (density > 0)
-    bs.pdf, bs.eta = dr.select(active, density, 0), 1
-    bs.sampled_component = dr.select(take_glossy, mi.UInt32(1), mi.UInt32(0))
-    bs.sampled_type = dr.select(take_glossy, mi.UInt32(+mi.BSDFFlags.GlossyReflection),
-                                mi.UInt32(+mi.BSDFFlags.DiffuseReflection))
-    return bs, dr.select(active, value / density, 0)
 
 
 def register() -> None:

@@ -27,6 +27,8 @@ from dataset_builder.rendering.window import covered_window
 from dataset_builder.seeding import derive_seed
 
 ORDER: tuple[Pass, ...] = ("first_hit", "target", "source", "first_hit_rough", "rough")
+EVERYWHERE = ("mask", "mask_rough", "instance")
+"""Layers whose extent needs no further pixels: 0 where the object is not, or a pass of its own."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -44,7 +46,8 @@ class ViewPasses:
     """Geometry, scenes and passes of the view that `plan` belongs to. spent: seconds of passes run since it was
     cleared.
 
-    Passes over one geometry under one light share the scene that is open; `close` lets it go.
+    The light-free passes of the 3DM have a scene without lamps, so that they are the same bits whatever light comes
+    first; those of the R3DM share the scene of their light, the last that is open until `close`.
     """
 
     plan: ExamplePlan
@@ -52,16 +55,19 @@ class ViewPasses:
     spent: dict[str, float] = field(default_factory=dict)
     _results: dict[tuple[str, ...], PassResult] = field(default_factory=dict)
     _twins: dict[RoughPlan, RoughTwin] = field(default_factory=dict)
+    _rough_bodies: dict[RoughPlan, Body] = field(default_factory=dict)
+    """Of the last noise level only: they are large."""
     _scene: ExitStack = field(default_factory=ExitStack)
     _open: tuple[object, Stage] | None = None
 
     def run(self, plan: ExamplePlan) -> None:
-        """Every pass that a layer of the example needs, in the order that opens the fewest scenes."""
-        wanted = {LAYERS[name].render_pass for name, _ in plan.render.layers} | {"first_hit"}
-        for render_pass in (name for name in ORDER if name in wanted):
-            self.result(render_pass, plan)
+        """Every pass that a layer of the example needs, in the order that opens the fewest scenes; none stays open."""
+        self.first_hit()
         if any(name == "instance" for name, _ in plan.render.layers):
             self.instances()
+        for render_pass in needed_passes(plan):
+            self.result(render_pass, plan)
+        self.close()
 
     def close(self) -> None:
         """Let the open scene go; results stay."""
@@ -95,11 +101,15 @@ class ViewPasses:
     @cached_property
     def _open_body(self) -> Body:
         """The clean scene without the parts that block the source light."""
+        if not self.plan.source_light.open:
+            return self._clean_body
         opened = self._room.without(self.plan.source_light.open)
         return body_of(merge([self._target, opened]), self._materials)
 
     def _rough_body(self, rough: RoughPlan) -> Body:
-        return body_of(merge([self.twin(rough).soup, self._room]), self._materials)
+        if rough not in self._rough_bodies:
+            self._rough_bodies = {rough: body_of(merge([self.twin(rough).soup, self._room]), self._materials)}
+        return self._rough_bodies[rough]
 
     def twin(self, rough: RoughPlan) -> RoughTwin:
         """The R3DM of one noise level."""
@@ -109,17 +119,12 @@ class ViewPasses:
 
     # Scenes
 
-    def _clean_scene(self, plan: ExamplePlan) -> Stage:
-        return self._stage(("clean", plan.light), lambda: self._clean_body, self._lit(plan, "target"))
+    def _dark_scene(self) -> Stage:
+        return self._stage("dark", lambda: self._clean_body, None)
 
     def _rough_scene(self, plan: ExamplePlan) -> Stage:
-        key = "rough", plan.rough, plan.light
-        return self._stage(key, lambda: self._rough_body(plan.rough), self._lit(plan, "rough"))
-
-    def _lit(self, plan: ExamplePlan, render_pass: Pass) -> IlluminationPlan | None:
-        """The target light, if a pass will need it in this scene."""
-        needed = any(LAYERS[name].render_pass == render_pass for name, _ in plan.render.layers)
-        return plan.target_light if needed else None
+        key, light = ("rough", plan.rough, plan.light), plan.target_light if _asked(plan, "rough") else None
+        return self._stage(key, lambda: self._rough_body(plan.rough), light)
 
     def _stage(self, key: object, body: Callable[[], Body], light: IlluminationPlan | None) -> Stage:
         if self._open is None or self._open[0] != key:
@@ -137,22 +142,23 @@ class ViewPasses:
     def first_hit(self) -> PassResult:
         """Light-free layers of the 3DM."""
         def make(pixels: np.ndarray) -> Estimate:
-            return passes.first_hit(self.view, self._clean_scene(self.plan), pixels, spp=self._render.spp_first_hit,
+            return passes.first_hit(self.view, self._dark_scene(), pixels, spp=self._render.spp_first_hit,
                                     seed=self._seed("first_hit"))
         return self._once(("first_hit",), lambda: self._wanted("first_hit", self._window(self._target)), make)
 
     def first_hit_rough(self, plan: ExamplePlan) -> PassResult:
-        """Light-free layers of the R3DM, at the random numbers of the 3DM's."""
+        """Light-free layers of the R3DM, once per light: its lamps stand in the scene, and the bits shall be the
+        plan's."""
         def make(pixels: np.ndarray) -> Estimate:
             return passes.first_hit(self.view, self._rough_scene(plan), pixels, spp=self._render.spp_first_hit,
-                                    seed=self._seed("first_hit"))
-        return self._once(("first_hit_rough", plan.rough.model_dump_json()),
+                                    seed=self._seed("first_hit_rough", plan.rough.level))
+        return self._once(("first_hit_rough", str(plan.light), plan.rough.model_dump_json()),
                           lambda: self._wanted("first_hit_rough", self._window(self.twin(plan.rough).soup)), make)
 
     def instances(self) -> PassResult:
         """Instance at every pixel's centre."""
         def make(pixels: np.ndarray) -> Estimate:
-            found = passes.instances(self.view, self._clean_scene(self.plan), pixels)
+            found = passes.instances(self.view, self._dark_scene(), pixels)
             return Estimate(mean=found[:, None], error=np.zeros((len(found), 1)), spp=1)
         return self._once(("instance",), lambda: np.arange(self._render.width * self._render.height), make)
 
@@ -166,7 +172,8 @@ class ViewPasses:
     def target(self, plan: ExamplePlan) -> PassResult:
         """The 3DM under one target illumination."""
         def make(pixels: np.ndarray) -> Estimate:
-            return passes.radiance(self.view, self._clean_scene(plan), pixels, spp=self._render.spp_target,
+            stage = self._stage(("target", plan.light), lambda: self._clean_body, plan.target_light)
+            return passes.radiance(self.view, stage, pixels, spp=self._render.spp_target,
                                    seed=self._seed("target", plan.light))
         return self._once(("target", str(plan.light)), lambda: self._wanted("target", self.covered()), make)
 
@@ -195,7 +202,7 @@ class ViewPasses:
     def _wanted(self, render_pass: str, pixels: np.ndarray) -> np.ndarray:
         """The frame if a layer of the pass is wanted there, else `pixels`."""
         wanted = {name: extent for name, extent in self._render.layers if LAYERS[name].render_pass == render_pass}
-        on_frame = any(extent == "frame" and not name.startswith("mask") for name, extent in wanted.items())
+        on_frame = any(extent == "frame" and name not in EVERYWHERE for name, extent in wanted.items())
         return np.arange(self._render.width * self._render.height) if on_frame else pixels
 
     # Bookkeeping
@@ -216,6 +223,16 @@ class ViewPasses:
             self._results[key] = PassResult(pixels=pixels, found=found, seconds=perf_counter() - start)
             self.spent[key[0]] = self.spent.get(key[0], 0.0) + self._results[key].seconds
         return self._results[key]
+
+
+def needed_passes(plan: ExamplePlan) -> tuple[Pass, ...]:
+    """The passes that the layers of an example need, in order; the first always, for it finds the object's pixels."""
+    return tuple(name for name in ORDER if name == "first_hit" or _asked(plan, name)
+                 or (name == "first_hit_rough" and _asked(plan, "rough")))
+
+
+def _asked(plan: ExamplePlan, render_pass: Pass) -> bool:
+    return any(LAYERS[name].render_pass == render_pass for name, _ in plan.render.layers)
 
 
 def _with_mask(result: PassResult) -> np.ndarray:

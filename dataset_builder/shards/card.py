@@ -5,6 +5,8 @@ from collections.abc import Iterable, Sequence
 
 from dataset_builder.shards.manifest import Manifest
 
+NUMBERED = "NNNNNN.tar"
+"""How the name of a shard ends; the first of a split need not have number 0."""
 _SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
 
 
@@ -91,7 +93,7 @@ def _data_files(manifest: Manifest) -> str:
     lines = []
     for split in manifest.splits:
         if split.shards:
-            pattern = split.shards[0].removesuffix("000000.tar") + "*.tar"
+            pattern = split.shards[0][:-len(NUMBERED)] + "*.tar"
             lines.append(f"  - split: {split.name}\n    path: shards/{pattern}\n")
     return "".join(lines)
 
@@ -103,6 +105,7 @@ def _rows(rows: Iterable[Sequence[object]]) -> str:
 def _rejected(manifest: Manifest) -> str:
     if not manifest.rejected:
         return "None: every planned example passed every gate.\n"
-    head = "These were planned and rendered, failed a gate, and are not shipped:\n\n"
+    head = "These failed a gate and are not shipped; gate `planning` stands for those that could not even be planned, so " \
+           "that nothing was rendered:\n\n"
     return head + "| key | gate | reason |\n|---|---|---|\n" + _rows(
         (item.key, item.gate, item.reason) for item in manifest.rejected)

@@ -53,6 +53,14 @@ def check_layers(layers: Mapping[str, np.ndarray], extents: Mapping[str, Extent]
     return found
 
 
+def storable(layers: Mapping[str, np.ndarray], dtype: str) -> list[Violation]:
+    """Layers that `dtype` cannot hold: a value beyond the largest finite one would become infinite."""
+    limit = float(np.finfo(dtype).max)
+    largest = {name: float(np.abs(array).max(initial=0.0)) for name, array in layers.items()}
+    return [Violation(identity=RANGE, reason=f"{name}: expected at most {limit:g}, what {dtype} holds, got {value:g}")
+            for name, value in largest.items() if value > limit]
+
+
 def in_range(name: str, array: np.ndarray, tolerance: float) -> list[Violation]:
     """Finite, and low - tolerance <= x <= high + tolerance with the layer's own bounds; radiance is never below 0."""
     if bad := int(np.count_nonzero(~np.isfinite(array))):

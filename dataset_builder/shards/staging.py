@@ -52,7 +52,7 @@ class Staging:
 
     def size(self) -> int:
         """Bytes of everything that is kept."""
-        return sum(path.stat().st_size for path in self._files("*"))
+        return sum(map(_size, self._files("*")))
 
     def drop(self, key: str) -> None:
         """Forget an example, whatever it was made from."""
@@ -87,3 +87,11 @@ class Staging:
     def _paths(self, key: str, digest: str) -> tuple[Path, Path]:
         stem = f"{key}.{digest}"
         return self._folder / f"{stem}.segment", self._folder / f"{stem}.json"
+
+
+def _size(path: Path) -> int:
+    """Bytes of a file; 0 where it has gone, as files do while others build."""
+    try:
+        return path.stat().st_size
+    except FileNotFoundError:
+        return 0

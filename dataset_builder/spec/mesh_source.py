@@ -1,16 +1,36 @@
 """Mesh files that a spec names: where they are, what belongs to them, and the digest of all of it."""
 
 import json
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 from urllib.parse import unquote
 
-from dataset_builder.digest import sha256_file
+from dataset_builder.digest import digest, sha256_file
 
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply")
+GLTF_SUFFIXES = (".glb", ".gltf")
+MTL_MAPS = ("map_", "bump", "norm")
+MTL_OPTION = re.compile(r"-(?:(?:mm|o|s|t)(?:\s+[-+]?[\d.]+(?:e[-+]?\d+)?(?=\s)){1,3}|[a-z]+\s+\S+)\s+", re.IGNORECASE)
+"""An option before the file name of a texture map: up to three numbers, or one value."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reference:
+    """A file that a mesh file needs.
+
+    by: the file that names it, the mesh or its material library; key: where in it; written: what stands there; name:
+    its path relative to the folder of the mesh file; image: whether it is a texture that is read.
+    """
+
+    by: Path
+    key: str
+    written: str
+    name: str
+    image: bool
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,17 +45,25 @@ class MeshSource:
         """What the mesh holds, wherever it lies."""
         return {"sha256": self.sha256, "companions": dict(self.companions)}
 
+    @property
+    def digest(self) -> str:
+        """SHA-256 over all that the mesh holds: another texel is another digest."""
+        return digest(self.content())
 
-def companions(path: Path) -> tuple[str, ...]:
-    """Names of the files that a mesh file needs, relative to it: buffers and textures of glTF, .mtl and maps of .obj.
+
+def references(path: Path) -> tuple[Reference, ...]:
+    """The files that a mesh file names: buffers and textures of glTF, .mtl and maps of .obj; each need not be there.
 
     Raises ValueError where the mesh file cannot be understood that far, OSError where it cannot be read.
     """
-    if path.suffix.lower() in (".gltf", ".glb"):
-        return tuple(_gltf_names(json.loads(_gltf_header(path))))
-    if path.suffix.lower() == ".obj":
-        return tuple(_obj_names(path))
-    return ()
+    if path.suffix.lower() in GLTF_SUFFIXES:
+        return tuple(_gltf_references(path))
+    return tuple(_obj_references(path)) if path.suffix.lower() == ".obj" else ()
+
+
+def companions(path: Path) -> tuple[str, ...]:
+    """Names of the files that a mesh file needs, relative to it, each once; raises as `references` does."""
+    return tuple(sorted({reference.name for reference in references(path)}))
 
 
 def mesh_source(path: Path, names: tuple[str, ...]) -> MeshSource:
@@ -44,41 +72,57 @@ def mesh_source(path: Path, names: tuple[str, ...]) -> MeshSource:
     return MeshSource(path=path.resolve(), sha256=sha256_file(path), companions=MappingProxyType(digests))
 
 
-def _gltf_header(path: Path) -> bytes:
-    """The JSON of a .gltf file, or the first chunk of a .glb file, which is its JSON (glTF 2.0, section 4.4)."""
+def gltf_header(path: Path) -> dict[str, Any]:
+    """The JSON of a .gltf file, or the first chunk of a .glb file, which is its JSON (glTF 2.0, section 4.4).
+
+    Raises ValueError where there is none.
+    """
     data = path.read_bytes()
-    if path.suffix.lower() == ".gltf":
-        return data
-    if data[:4] != b"glTF":
-        raise ValueError(f"expected it to start with glTF, got {data[:4]!r}")
-    return data[20:20 + int.from_bytes(data[12:16], "little")]
+    if path.suffix.lower() == ".glb":
+        if data[:4] != b"glTF":
+            raise ValueError(f"expected it to start with glTF, got {data[:4]!r}")
+        data = data[20:20 + int.from_bytes(data[12:16], "little")]
+    header = json.loads(data)
+    if not isinstance(header, dict):
+        raise ValueError("expected it to hold an object")
+    return header
 
 
-def _gltf_names(gltf: Any) -> list[str]:
+def _gltf_references(path: Path) -> Iterator[Reference]:
     """External `uri`s of a glTF 2.0 file (section 3.6 and 3.8.4); data URIs are inside the file."""
-    if not isinstance(gltf, dict):
-        raise ValueError("expected a glTF file to hold an object")
-    entries = [entry for kind in ("buffers", "images") for entry in gltf.get(kind, ())]
-    uris = [entry["uri"] for entry in entries if isinstance(entry, dict) and isinstance(entry.get("uri"), str)]
-    return sorted({unquote(uri) for uri in uris if not uri.startswith("data:")})
+    header = gltf_header(path)
+    for kind in ("buffers", "images"):
+        for index, entry in enumerate(header.get(kind, ())):
+            uri = entry.get("uri") if isinstance(entry, dict) else None
+            if isinstance(uri, str) and uri and not uri.startswith("data:"):
+                yield Reference(by=path, key=f"{kind}[{index}].uri", written=uri, name=unquote(uri),
+                                image=kind == "images")
 
 
-def _obj_names(path: Path) -> list[str]:
-    libraries = {words[1].strip() for words in _statements(path) if words[0] == "mtllib" and len(words) == 2}
-    names = set(libraries)
-    for library in libraries:
+def _obj_references(path: Path) -> Iterator[Reference]:
+    """Libraries lie relative to the .obj, their maps relative to the library."""
+    libraries = [library for key, library in _statements(path) if key.lower() == "mtllib"]
+    for library in dict.fromkeys(libraries):
+        yield Reference(by=path, key="mtllib", written=library, name=library, image=False)
         # A library that is missing is reported as such by who reads it
         if (file := path.parent / library).is_file():
-            names |= {str(Path(library).parent / _map_name(words[1])) for words in _statements(file)
-                      if words[0].lower().startswith(("map_", "bump", "norm")) and len(words) == 2}
-    return sorted(names)
+            for key, written in dict.fromkeys(_statements(file)):
+                if key.lower().startswith(MTL_MAPS):
+                    yield Reference(by=file, key=key, written=written, image=key.lower() == "map_kd",
+                                    name=str(Path(library).parent / _map_name(written)))
 
 
-def _statements(path: Path) -> list[list[str]]:
-    text = path.read_text(encoding="utf-8", errors="replace")
-    return [line.split(maxsplit=1) for line in text.splitlines() if line.strip()]
+def _statements(path: Path) -> Iterator[tuple[str, str]]:
+    """Keyword and arguments of every line of a text file that has both."""
+    with path.open(encoding="utf-8", errors="replace") as lines:
+        for line in lines:
+            words = line.strip().split(maxsplit=1)
+            if len(words) == 2:
+                yield words[0], words[1]
 
 
 def _map_name(arguments: str) -> str:
-    """Options of a texture map come before its file name."""
-    return arguments.split()[-1] if arguments.startswith("-") else arguments.strip()
+    """The file name, which options may precede."""
+    while option := MTL_OPTION.match(arguments):
+        arguments = arguments[option.end():]
+    return arguments

@@ -18,6 +18,7 @@ from dataset_builder.geometry.noise import bounding_radius, displace
 from dataset_builder.geometry.normals import corner_normals
 from dataset_builder.geometry.rough import rough_base
 from dataset_builder.seeding import rng
+from dataset_builder.spec.mesh_source import companions
 
 ASSETS = Path(os.environ.get("THREEDF_ASSETS") or Path(__file__).parents[3] / "shared" / "assets")
 COLORS = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [255, 255, 255]]], dtype=np.uint8)
@@ -200,6 +201,21 @@ def test_a_texture_is_found_under_its_decoded_name_or_named(tmp_path):
     (tmp_path / "quad.bin").unlink()
     with pytest.raises(UserError, match=r"buffers\[0\].uri: expected an existing file, got quad.bin"):
         load(path)
+
+
+def test_maps_lie_beside_their_library_whatever_their_options(tmp_path):
+    folder = tmp_path / "mats"
+    folder.mkdir()
+    (tmp_path / "a.obj").write_text("mtllib mats/a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\n"
+                                    "usemtl m\nf 1/1 2/2 3/3\n")
+    (folder / "a.mtl").write_text("newmtl m\nmap_Kd -s 1 1 1 -clamp on old oak.png\n")
+    # The decoy is where the reader looks by itself
+    (tmp_path / "old oak.png").write_bytes(png(np.zeros((3, 3, 3), np.uint8)))
+    with pytest.raises(UserError, match=r"mats/a.mtl: map_Kd: expected an existing file, got old oak.png"):
+        load(tmp_path / "a.obj")
+    (folder / "old oak.png").write_bytes(png(COLORS))
+    assert load(tmp_path / "a.obj").materials[0].texture.base_color.shape == (2, 2, 3)
+    assert companions(tmp_path / "a.obj") == ("mats/a.mtl", "mats/old oak.png")
 
 
 def test_every_missing_file_of_an_obj_is_named_at_once(tmp_path):

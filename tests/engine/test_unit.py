@@ -49,12 +49,16 @@ def test_rejections_are_remembered_for_the_same_spec_and_versions(tmp_path: Path
     first.add(rejected(1))
     first.add(rejected(4))
     assert Rejections(tmp_path, "spec", MADE_BY).known == {"00000001": rejected(1), "00000004": rejected(4)}
-    assert Rejections(tmp_path, "another", MADE_BY).known == {}
+    another = Rejections(tmp_path, "another", MADE_BY)
+    assert another.known == {}
+    another.add(rejected(7))
+    assert Rejections(tmp_path, "spec", MADE_BY).known.keys() == {"00000001", "00000004"}
     assert Rejections(tmp_path, "spec", {**MADE_BY, "numpy": "2.1"}).known == {}
 
 
 @pytest.mark.parametrize("content", ["", "{", "[]", '{"maker": 1}'])
 def test_a_damaged_memory_is_none(tmp_path: Path, content: str) -> None:
-    (tmp_path / WORK).mkdir()
-    (tmp_path / WORK / "rejected.json").write_text(content)
+    Rejections(tmp_path, "spec", MADE_BY).add(rejected(1))
+    memory, = (tmp_path / WORK).glob("rejected.*.json")
+    memory.write_text(content)
     assert Rejections(tmp_path, "spec", MADE_BY).known == {}

@@ -1,4 +1,5 @@
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -70,8 +71,23 @@ def _with_file(load: Load, dataset: dict[str, Any], keys: tuple[str, ...], sha: 
 def test_a_mesh_file_is_named_from_the_folder_of_the_dataset(load: Load, dataset_data: dict[str, Any]) -> None:
     dataset_data["splits"][0]["objects"] = {"from": ["things/lamp.yaml"], "count": 1}
     plan = contents(_with_file(load, dataset_data, ("things/lamp.yaml",)))["train"].objects[0]
-    assert (plan.kind, plan.source, plan.source_sha256) == ("file", "things/meshes/a.glb", "ab" * 32)
+    assert (plan.kind, plan.source) == ("file", "things/meshes/a.glb")
     assert plan.name == "train-lamp-00" and plan.up == "y"
+
+
+def test_a_mesh_file_is_known_by_all_that_belongs_to_it() -> None:
+    digests = {MeshSource(path=Path(folder), sha256="ab" * 32, companions=companions).digest
+               for folder in ("here", "there") for companions in ({}, {"a.png": "cd" * 32}, {"a.png": "ef" * 32})}
+    assert len(digests) == 3
+
+
+def test_the_plan_of_a_mesh_file_follows_its_textures(load: Load, dataset_data: dict[str, Any]) -> None:
+    dataset_data["splits"][0]["objects"] = {"from": ["lamp.yaml"], "count": 1}
+    loaded = _with_file(load, dataset_data, ("lamp.yaml",))
+    before = contents(loaded)["train"].objects[0]
+    mesh = MeshSource(path=Path("a.glb"), sha256="ab" * 32, companions={"a.png": "cd" * 32})
+    after = contents(replace(loaded, meshes={"lamp.yaml": mesh}))["train"].objects[0]
+    assert before.source_sha256 != after.source_sha256 == mesh.digest
 
 
 def test_one_mesh_file_in_two_splits_is_a_clash_that_is_named(load: Load, dataset_data: dict[str, Any]) -> None:

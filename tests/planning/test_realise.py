@@ -3,10 +3,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from dataset_builder.assets.procedural.furniture import make_furniture
 from dataset_builder.assets.procedural.rooms import make_room
-from dataset_builder.digest import sha256_file
 from dataset_builder.errors import PlanError
 from dataset_builder.planning import realise
 from dataset_builder.planning.contents import contents
@@ -15,6 +15,7 @@ from dataset_builder.planning.plan import Planner
 from dataset_builder.planning.realise import asset_of, room_parts, world_from_object
 from dataset_builder.planning.sight import Frame, look
 from dataset_builder.spec.loaded import LoadedSpec
+from dataset_builder.spec.mesh_source import companions, mesh_source
 
 TRIANGLES = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n" \
     "element face 4\nproperty list uchar int vertex_indices\nend_header\n" \
@@ -23,8 +24,8 @@ TRIANGLES = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty
 
 def file_plan(path: Path, **more: object) -> ObjectPlan:
     return ObjectPlan.model_validate({
-        "name": "solid", "kind": "file", "source": path.name, "source_sha256": sha256_file(path), "category": "solid",
-        "licence": "CC0-1.0", "seed": "0", "params": (), "scale": 0.5, "up": "z"} | more)
+        "name": "solid", "kind": "file", "source": path.name, "category": "solid",
+        "source_sha256": mesh_source(path, companions(path)).digest, "licence": "CC0-1.0", "seed": "0", "params": (), "scale": 0.5, "up": "z"} | more)
 
 
 def test_a_mesh_file_becomes_an_asset_in_metres(tmp_path: Path) -> None:
@@ -38,8 +39,24 @@ def test_a_mesh_file_becomes_an_asset_in_metres(tmp_path: Path) -> None:
 def test_a_mesh_file_that_changed_after_planning_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "solid.ply"
     path.write_text(TRIANGLES)
-    with pytest.raises(PlanError, match="the file changed after planning"):
+    with pytest.raises(PlanError, match="the file, or one that it names, changed after planning"):
         asset_of(file_plan(path, source_sha256="0" * 64), tmp_path)
+
+
+@pytest.mark.parametrize("name", ["a.mtl", "wood.png"])
+def test_a_file_that_the_mesh_names_and_that_changed_or_went_is_refused(tmp_path: Path, name: str) -> None:
+    (tmp_path / "a.obj").write_text("mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    (tmp_path / "a.mtl").write_text("newmtl m\nmap_Kd wood.png\n")
+    Image.new("RGB", (2, 2), "red").save(tmp_path / "wood.png")
+    plan = file_plan(tmp_path / "a.obj")
+    assert asset_of(plan, tmp_path).name == "solid"
+    realise.asset_of.cache_clear()
+    (tmp_path / name).write_bytes((tmp_path / name).read_bytes() + b"\n")
+    with pytest.raises(PlanError, match="changed after planning"):
+        asset_of(plan, tmp_path)
+    (tmp_path / name).unlink()
+    with pytest.raises(PlanError, match=f"got .*{name}"):
+        asset_of(plan, tmp_path)
 
 
 def test_objects_turn_counter_clockwise_then_move(load: Callable[..., LoadedSpec]) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from dataset_builder.cli import main
+from dataset_builder.errors import UserError
 from dataset_builder.shards.folder import WORK
 from dataset_builder.shards.reader import load_manifest, open_dataset
 from dataset_builder.shards.verify import verify
@@ -74,3 +75,24 @@ def test_a_view_that_cannot_be_planned_is_rejected(small_spec: Path, tmp_path: P
     assert rejected and {item.gate for item in rejected} == {"planning"} and verify(tmp_path) == []
     assert all("expected a camera that sees the object" in item.reason for item in rejected)
     assert len(open_dataset(tmp_path)) + len(rejected) == 12
+
+
+def test_half_that_cannot_hold_a_value_rejects_the_example(small_spec: Path, tmp_path: Path) -> None:
+    bright = ("storage.dtype=float16", "target.strength=3e7", "target.brightness=[0, 1e9]", "gates.s_prime_energy=[0, 1e9]")
+    outcome = outcomes_of(run_build(small_spec, tmp_path, *bright, only=[0]))[0]
+    assert outcome.rejected and outcome.rejected.gate == "range"
+    assert "expected at most 65504, what float16 holds" in outcome.rejected.reason
+
+
+def test_a_mesh_beyond_all_bounds_rejects_its_example_and_no_other(small_spec: Path, tmp_path: Path,
+                                                                   monkeypatch: pytest.MonkeyPatch) -> None:
+    from dataset_builder.rendering import view_passes
+
+    def refuse(*_: object) -> None:
+        raise UserError("edges of at most 1e-05 m need 9000000 faces")
+
+    monkeypatch.setattr(view_passes, "rough_twin", refuse)
+    outcomes = outcomes_of(run_build(small_spec, tmp_path, only=[0, 1]))
+    assert [outcomes[index].rejected and outcomes[index].rejected.gate for index in (0, 1)] == ["rendering"] * 2
+    monkeypatch.undo()
+    assert outcomes_of(run_build(small_spec, tmp_path, only=[4]))[4].rejected is None
