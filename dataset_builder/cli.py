@@ -44,7 +44,7 @@ def parser() -> argparse.ArgumentParser:
     _spec_options(plan)
     plan.add_argument("--example", type=int, action="append", default=[],
                       help="print the whole plan of example N as JSON")
-    plan.add_argument("--sample", type=int, default=24, help="views to plan in full; the rest is extrapolated")
+    plan.add_argument("--views", type=_positive, default=24, help="views to plan in full; the rest is extrapolated")
     build = _verb(verbs, "build", _build, "build a dataset, or go on with an interrupted build")
     _spec_options(build)
     build.add_argument("--out", type=Path, help=f"output folder (default: {OUTPUT}/NAME)")
@@ -58,7 +58,7 @@ def parser() -> argparse.ArgumentParser:
         verb.add_argument("folder", type=Path)
         if name == "inspect":
             verb.add_argument("--sheet", type=Path, help="where to write the contact sheet (default: in the dataset)")
-            verb.add_argument("--rows", type=int, default=12)
+            verb.add_argument("--rows", type=_positive, default=12, help="examples on the contact sheet (default: 12)")
     families = _verb(verbs, "families", _families, "embedded furniture and its parameters")
     families.add_argument("family", nargs="?")
     _verb(verbs, "schema", _schema, "write the JSON Schemas of specs").add_argument("folder", type=Path)
@@ -103,7 +103,7 @@ def _plan(options: argparse.Namespace) -> int:
     for index in options.example:
         print(json.dumps(plan_example(loaded, index).model_dump(mode="json"), indent=2))
     if not options.example:
-        Console().print(estimate_table(estimate(Planner(loaded), sample=options.sample, cores=cores()), cores()))
+        Console().print(estimate_table(estimate(Planner(loaded), views=options.views, cores=cores()), cores()))
     return 0
 
 

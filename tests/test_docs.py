@@ -53,7 +53,7 @@ def verbs() -> dict[str, argparse.ArgumentParser]:
 def cheap(arguments: list[str]) -> list[str]:
     """A command as the pages show it, made to take seconds."""
     if arguments[0] == "plan":
-        return [*arguments, "--sample", "2"]
+        return [*arguments, "--views", "2"]
     if arguments[0] == "build":
         return [*arguments, *(CHEAP if "teapots" in arguments[1] else CHEAP_MINI)]
     return arguments

@@ -7,6 +7,7 @@ from typing import get_args
 
 import numpy as np
 
+from dataset_builder.errors import PlanError, Problem
 from dataset_builder.layers import LAYERS, Extent, Pass
 from dataset_builder.planning.catalogue import ExampleRef, ViewRef, count_examples, views_of
 from dataset_builder.planning.example_plan import ExamplePlan, RenderPlan
@@ -15,7 +16,11 @@ from dataset_builder.planning.sight import window_share
 from dataset_builder.seeding import rng
 from dataset_builder.spec.dataset import DatasetSpec
 
-PASSES: tuple[Pass, ...] = get_args(Pass)
+INSTANCE = "instance"
+PASSES: tuple[str, ...] = (*get_args(Pass), INSTANCE)
+"""The instance layer has a pass of its own: one ray through the centre of every pixel."""
+MASKS = ("mask", "mask_rough")
+"""Layers that are 0 where the object is not, so that the whole frame asks for no further pixels."""
 CHANNEL_BYTES = {"float32": 4, "float16": 2}
 
 
@@ -58,44 +63,54 @@ class Cost:
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """Cost of a dataset, its standard error from the views that were planned (0 where all were), and its sizes."""
+    """Cost of a dataset, its standard error from the views that were planned (0 where all were), and its sizes.
+
+    Views that cannot be planned are taken to cost what the others do, so that the estimate is on the safe side.
+    """
 
     total: Cost
     error: Cost
     examples: int
     views: int
-    sampled: int
-    runs: Mapping[Pass, int]
+    tried: int
+    """Views that planning tried."""
+    planned: int
+    """Those of them that can be planned."""
+    runs: Mapping[str, int]
     """Launches of each pass."""
 
 
-def pass_runs(layers: Iterable[tuple[str, Extent]], lights: int, levels: int) -> dict[Pass, int]:
+def _pass_of(layer: str) -> str:
+    return INSTANCE if layer == INSTANCE else LAYERS[layer].render_pass
+
+
+def pass_runs(layers: Iterable[tuple[str, Extent]], lights: int, levels: int) -> dict[str, int]:
     """How often each pass runs for one view: what nobody asked for never, what examples share once.
 
     The object's pixels come from the light-free passes, so that the first always runs, and the rough one with any rough
-    layer.
+    layer. The rough one shares the scene of each light and level, and runs in each.
     """
-    times: dict[Pass, int] = {"source": 1, "target": lights, "rough": lights * levels, "first_hit": 1,
-                              "first_hit_rough": levels}
-    asked = {LAYERS[name].render_pass for name, _ in layers} | {"first_hit"}
+    times = {"source": 1, "target": lights, "rough": lights * levels, "first_hit": 1,
+             "first_hit_rough": lights * levels, INSTANCE: 1}
+    asked = {_pass_of(name) for name, _ in layers} | {"first_hit"}
     if "rough" in asked:
         asked.add("first_hit_rough")
     return {name: times[name] if name in asked else 0 for name in PASSES}
 
 
-def pass_share(name: Pass, plan: ExamplePlan, window: float) -> float:
+def pass_share(name: str, plan: ExamplePlan, window: float) -> float:
     """Share of the frame that a pass traces: all of it where a layer wants the frame, else the object's pixels.
 
     Light-free passes look for these pixels in the rectangle about the object, which takes the share `window`.
     """
-    extents = [extent for layer, extent in plan.render.layers if LAYERS[layer].render_pass == name]
-    if "frame" in extents:
+    extents = [extent for layer, extent in plan.render.layers if _pass_of(layer) == name and layer not in MASKS]
+    if name == INSTANCE or "frame" in extents:
         return 1.0
     return window if name.startswith("first_hit") else plan.camera.coverage
 
 
-def _spp(render: RenderPlan, name: Pass) -> int:
-    return {"source": render.spp_source, "target": render.spp_target, "rough": render.spp_rough}.get(
+def _spp(render: RenderPlan, name: str) -> int:
+    return {"source": render.spp_source, "target": render.spp_target, "rough": render.spp_rough, INSTANCE: 1}.get(
         name, render.spp_first_hit)
 
 
@@ -134,7 +149,7 @@ def view_cost(plan: ExamplePlan, lights: int, levels: int, window: float, dtype:
     runs = pass_runs(plan.render.layers, lights, levels)
     for name, times in runs.items():
         traced = times * pass_share(name, plan, window) * frame
-        rate = rates.free_paths if name.startswith("first_hit") else rates.light_paths
+        rate = rates.free_paths if name.startswith(("first_hit", INSTANCE)) else rates.light_paths
         pixels += traced
         paths += traced * _spp(plan.render, name)
         seconds += traced * _spp(plan.render, name) / rate
@@ -156,7 +171,7 @@ def extrapolate(costs: Sequence[Cost], views: int) -> tuple[Cost, Cost]:
     return Cost.of(views * table.mean(axis=0)), Cost.of(views * spread * sqrt(max(1 - count / views, 0.0) / count))
 
 
-def _sampled(spec: DatasetSpec, views: Sequence[ViewRef], share: float) -> list[ViewRef]:
+def _chosen(spec: DatasetSpec, views: Sequence[ViewRef], share: float) -> list[ViewRef]:
     """Views of one split drawn without replacement, at least two where there are two."""
     count = min(max(round(share * len(views)), 2), len(views))
     picked = rng(spec.seed, views[0].pair.split, "cost").choice(len(views), count, replace=False)
@@ -164,31 +179,40 @@ def _sampled(spec: DatasetSpec, views: Sequence[ViewRef], share: float) -> list[
 
 
 def _split_cost(planner: Planner, views: Sequence[ViewRef], lights: int, rates: Rates, cores: int) -> list[Cost]:
-    """Cost of each of some views of one split, planned for real under their first light."""
+    """Cost of each of some views of one split, planned for real under their first light, where they can be planned."""
     spec = planner.loaded.dataset
-    costs = []
+    costs, problems = list[Cost](), list[Problem]()
     for ref in views:
-        plan = planner.example(ExampleRef(index=0, view=ref, light=0, level=0))
+        try:
+            plan = planner.example(ExampleRef(index=0, view=ref, light=0, level=0))
+        except PlanError as error:
+            problems += error.problems
+            continue
         window = window_share(planner.stage(ref.pair), plan.camera, spec.image.height / spec.image.width)
         costs.append(view_cost(plan, lights, len(spec.rough.levels), window, spec.storage.dtype, rates, cores))
+    if not costs:
+        raise PlanError(problems)
     return costs
 
 
-def estimate(planner: Planner, sample: int = 24, rates: Rates | None = None, cores: int = 1) -> Estimate:
-    """Cost of the whole dataset from about `sample` views, drawn in every split in proportion and planned for real.
+def estimate(planner: Planner, views: int = 24, rates: Rates | None = None, cores: int = 1) -> Estimate:
+    """Cost of the whole dataset from about `views` views, drawn in every split in proportion and planned for real.
 
-    Raises PlanError where a sampled view cannot be planned.
+    Views that cannot be planned are passed over and counted. Raises PlanError where splits share an object or a scene,
+    and where none of the views tried in a split can be planned.
     """
-    spec = planner.loaded.dataset
-    total, variance, sampled, runs = np.zeros(5), np.zeros(5), 0, dict.fromkeys(PASSES, 0)
-    views = {split.name: views_of(spec, split) for split in spec.splits}
-    count = sum(map(len, views.values()))
+    spec, _ = planner.loaded.dataset, planner.contents
+    total, variance, tried, planned, runs = np.zeros(5), np.zeros(5), 0, 0, dict.fromkeys(PASSES, 0)
+    views_by_split = {split.name: views_of(spec, split) for split in spec.splits}
+    count = sum(map(len, views_by_split.values()))
     for split in spec.splits:
-        own = views[split.name]
-        costs = _split_cost(planner, _sampled(spec, own, sample / count), split.lights, rates or Rates(), cores)
+        own = views_by_split[split.name]
+        chosen = _chosen(spec, own, views / count)
+        costs = _split_cost(planner, chosen, split.lights, rates or Rates(), cores)
         whole, error = extrapolate(costs, len(own))
-        total, variance, sampled = total + astuple(whole), variance + np.square(astuple(error)), sampled + len(costs)
+        total, variance = total + astuple(whole), variance + np.square(astuple(error))
+        tried, planned = tried + len(chosen), planned + len(costs)
         for name, times in pass_runs(layers_asked(spec), split.lights, len(spec.rough.levels)).items():
             runs[name] += times * len(own)
     return Estimate(total=Cost.of(total), error=Cost.of(np.sqrt(variance)), examples=count_examples(spec), views=count,
-                    sampled=sampled, runs=runs)
+                    tried=tried, planned=planned, runs=runs)

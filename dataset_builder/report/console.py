@@ -46,7 +46,10 @@ def finding_table(findings: Sequence[Finding]) -> Table:
 def estimate_table(estimate: Estimate, cores: int) -> Table:
     """The cost of a dataset, with its standard error where it was extrapolated."""
     table = Table("what", "planned", title=f"{estimate.examples} examples in {estimate.views} views, "
-                                           f"{estimate.sampled} of them planned in full", title_justify="left")
+                                           f"{estimate.planned} of them planned in full", title_justify="left")
+    if failed := estimate.tried - estimate.planned:
+        table.add_row("cannot be planned", f"{failed} of the {estimate.tried} views tried cannot be planned",
+                      style="red")
     for name, count in estimate.runs.items():
         table.add_row(f"passes: {name}", f"{count}")
     total, error = estimate.total, estimate.error

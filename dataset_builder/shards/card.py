@@ -11,7 +11,12 @@ _SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000
 
 
 def card(manifest: Manifest) -> str:
-    """Text of README.md. `configs` is never left out: without it the Hub may take an index for the data."""
+    """Text of README.md."""
+    return "\n".join((_head(manifest), _composition(manifest), _generation(manifest), _use(manifest)))
+
+
+def _head(manifest: Manifest) -> str:
+    """`configs` is never left out: without it the Hub may take an index for the data."""
     return f"""---
 license: {manifest.licence.lower()}
 pretty_name: {json.dumps(manifest.title, ensure_ascii=False)}
@@ -31,8 +36,11 @@ configs:
 
 Lighting transfer learns what a rough mesh of an object looks like under a light from what its clean mesh looks like.
 Every example pairs both: one view of one object in one scene, under one change of light, at one noise level.
+"""
 
-## Composition
+
+def _composition(manifest: Manifest) -> str:
+    return f"""## Composition
 
 {manifest.totals.examples} examples of {manifest.width}x{manifest.height} pixels in {manifest.totals.shards} shards,
 {manifest.totals.bytes} bytes.
@@ -48,8 +56,11 @@ while it was rendered, least, largest and mean value of every layer) and `.previ
 {_rows((f"`.{layer.name}.exr`", layer.symbol, layer.extent, layer.channels, layer.dtype, layer.range, layer.unit,
         layer.meaning) for layer in manifest.layers)}
 Colours are linear, scene-referred Rec.709: no tone mapping, no gamma, no clipping. Lengths are metres, Z is up.
+"""
 
-## Generation
+
+def _generation(manifest: Manifest) -> str:
+    return f"""## Generation
 
 Synthetic, by path tracing; generator {manifest.generator}. Every number of an example follows from its plan and every
 plan from the spec and its seed: the same spec and versions give the same bytes. Spec digest `{manifest.spec_digest}`.
@@ -61,8 +72,11 @@ Every example keeps these rules; `dataset-builder verify` checks them again:
 {_rows((f"`{identity.name}`", identity.rule, f"{identity.tolerance:g}") for identity in manifest.identities)}
 ## Excluded examples
 
-{_rejected(manifest)}
-## Known artefacts
+{_rejected(manifest)}"""
+
+
+def _use(manifest: Manifest) -> str:
+    return f"""## Known artefacts
 
 Layers that need light carry Monte Carlo noise; their standard errors are in the label, or are layers of their own.
 Values above 1 are normal in radiance layers.
@@ -105,7 +119,7 @@ def _rows(rows: Iterable[Sequence[object]]) -> str:
 def _rejected(manifest: Manifest) -> str:
     if not manifest.rejected:
         return "None: every planned example passed every gate.\n"
-    head = "These failed a gate and are not shipped; gate `planning` stands for those that could not even be planned, so " \
-           "that nothing was rendered:\n\n"
+    head = ("These failed a gate and are not shipped. Those whose gate is `planning` could not be planned, so that\n"
+            "nothing was rendered.\n\n")
     return head + "| key | gate | reason |\n|---|---|---|\n" + _rows(
         (item.key, item.gate, item.reason) for item in manifest.rejected)

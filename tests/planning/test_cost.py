@@ -4,7 +4,18 @@ from typing import Any
 
 import pytest
 
-from dataset_builder.planning.cost import Cost, Rates, estimate, example_bytes, extrapolate, pass_runs, view_cost
+from dataset_builder.errors import PlanError
+from dataset_builder.planning.catalogue import ExampleRef
+from dataset_builder.planning.cost import (
+    Cost,
+    Rates,
+    estimate,
+    example_bytes,
+    extrapolate,
+    pass_runs,
+    pass_share,
+    view_cost,
+)
 from dataset_builder.planning.example_plan import ExamplePlan
 from dataset_builder.planning.plan import Planner, plan_example
 from dataset_builder.spec.loaded import LoadedSpec
@@ -26,11 +37,11 @@ def test_the_cost_of_a_view_by_hand(load: Load, dataset_data: dict[str, Any]) ->
     """2 lights, 3 levels; the object has 50 pixels and its rectangle 80; i_s on all 200."""
     plan = plan_of(load, dataset_data, {"i_s": "frame", "i_t": "object", "d": "object", "s_prime": "object"})
     cost = view_cost(plan, 2, 3, 0.4, "float32", RATES)
-    assert cost.passes == 1 + 2 + 6 + 1 + 3
-    assert cost.pixels == pytest.approx(200 + 2 * 50 + 6 * 50 + 80 + 3 * 80)
-    lit, free = 200 * 4 + 2 * 50 * 8 + 6 * 50 * 16, 80 * 2 + 3 * 80 * 2
+    assert cost.passes == 1 + 2 + 6 + 1 + 6
+    assert cost.pixels == pytest.approx(200 + 2 * 50 + 6 * 50 + 80 + 6 * 80)
+    lit, free = 200 * 4 + 2 * 50 * 8 + 6 * 50 * 16, 80 * 2 + 6 * 80 * 2
     assert cost.paths == pytest.approx(lit + free)
-    fixed = 3 + 6 * 5 + 13 * 2
+    fixed = 3 + 6 * 5 + 16 * 2
     assert cost.seconds == pytest.approx(lit / 100 + free / 1000 + fixed)
     assert cost.bytes == pytest.approx(6 * (1000 + 0.5 * 4 * 3 * (200 + 50 + 50 + 50)))
     assert view_cost(plan, 2, 3, 0.4, "float32", RATES, cores=2).seconds == pytest.approx(
@@ -38,12 +49,22 @@ def test_the_cost_of_a_view_by_hand(load: Load, dataset_data: dict[str, Any]) ->
 
 
 def test_what_nobody_asked_for_does_not_run() -> None:
-    assert pass_runs([("d", "object")], 4, 3) == {"source": 0, "target": 0, "rough": 0, "first_hit": 1,
-                                                  "first_hit_rough": 0}
-    assert pass_runs([("i_t", "object")], 4, 3) == {"source": 0, "target": 4, "rough": 0, "first_hit": 1,
-                                                    "first_hit_rough": 0}
-    assert pass_runs([("mask_rough", "object")], 4, 3)["first_hit_rough"] == 3
+    none = {"source": 0, "target": 0, "rough": 0, "first_hit": 1, "first_hit_rough": 0, "instance": 0}
+    assert pass_runs([("d", "object")], 4, 3) == none
+    assert pass_runs([("i_t", "object")], 4, 3) == none | {"target": 4}
+    assert pass_runs([("instance", "object")], 4, 3) == none | {"instance": 1}
+    assert pass_runs([("mask_rough", "object")], 4, 3)["first_hit_rough"] == 12
     assert pass_runs([("s_prime_se", "object")], 4, 3)["rough"] == 12
+
+
+def test_masks_and_instances_on_the_frame_leave_the_light_free_passes_at_the_object(
+        load: Load, dataset_data: dict[str, Any]) -> None:
+    """The rectangle about the object has 80 pixels of 200; instances are one path in each of the 200."""
+    plan = plan_of(load, dataset_data, {"mask": "frame", "mask_rough": "frame", "instance": "frame"})
+    cost = view_cost(plan, 1, 1, 0.4, "float32", RATES)
+    assert (cost.passes, cost.pixels, cost.paths) == (3, pytest.approx(80 + 80 + 200), pytest.approx(2 * 160 + 200))
+    assert cost.seconds == pytest.approx((2 * 160 + 200) / 1000 + 3 + 5 + 3 * 2)
+    assert pass_share("first_hit", plan_of(load, dataset_data, {"depth": "frame", "mask": "object"}), 0.4) == 1
 
 
 def test_half_floats_take_half_and_empty_pixels_next_to_nothing(load: Load, dataset_data: dict[str, Any]) -> None:
@@ -62,11 +83,12 @@ def test_extrapolation_by_hand() -> None:
 
 def test_planning_every_view_leaves_no_error_and_is_the_sum(load: Load) -> None:
     planner = Planner(load())
-    whole = estimate(planner, sample=1000, rates=RATES)
-    assert (whole.examples, whole.views, whole.sampled) == (52, 14, 14)
+    whole = estimate(planner, views=1000, rates=RATES)
+    assert (whole.examples, whole.views, whole.tried, whole.planned) == (52, 14, 14, 14)
     assert astuple(whole.error) == (0, 0, 0, 0, 0)
-    assert whole.total.passes == 12 * (1 + 2 + 4 + 1 + 2) + 2 * (1 + 1 + 2 + 1 + 2) == sum(whole.runs.values())
-    assert whole.runs == {"source": 14, "target": 26, "rough": 52, "first_hit": 14, "first_hit_rough": 28}
+    assert whole.total.passes == 12 * (1 + 2 + 4 + 1 + 4) + 2 * (1 + 1 + 2 + 1 + 2) == sum(whole.runs.values())
+    assert whole.runs == {"source": 14, "target": 26, "rough": 52, "first_hit": 14, "first_hit_rough": 52,
+                          "instance": 0}
     by_hand = sum(example_bytes(planner.example(ref), "float32", RATES) for ref in planner.examples)
     assert whole.total.bytes == pytest.approx(by_hand)
 
@@ -74,7 +96,36 @@ def test_planning_every_view_leaves_no_error_and_is_the_sum(load: Load) -> None:
 def test_a_few_views_come_near_the_whole_and_say_how_near(load: Load, dataset_data: dict[str, Any]) -> None:
     dataset_data["splits"][0]["views"] = 6
     planner = Planner(load(dataset_data))
-    whole, part = estimate(planner, sample=1000), estimate(planner, sample=12)
-    assert part.sampled < whole.sampled and part.error.pixels > 0
+    whole, part = estimate(planner, views=1000), estimate(planner, views=12)
+    assert part.planned < whole.planned and part.error.pixels > 0
     assert abs(part.total.pixels - whole.total.pixels) < 4 * part.error.pixels
-    assert estimate(planner, sample=12) == part
+    assert estimate(planner, views=12) == part
+
+
+def failing(planner: Planner, monkeypatch: pytest.MonkeyPatch, split: str, cameras: tuple[int, ...]) -> None:
+    """From now on no example of these cameras of a split can be planned."""
+    plan = planner.example
+
+    def example(ref: ExampleRef) -> ExamplePlan:
+        if ref.view.pair.split == split and ref.view.camera in cameras:
+            raise PlanError(f"expected light on {ref.view.name}")
+        return plan(ref)
+
+    monkeypatch.setattr(planner, "example", example)
+
+
+def test_views_that_cannot_be_planned_are_passed_over_and_counted(load: Load, monkeypatch: pytest.MonkeyPatch) -> None:
+    planner = Planner(load())
+    whole = estimate(planner, views=1000)
+    failing(planner, monkeypatch, "train", (1,))
+    part = estimate(planner, views=1000)
+    assert (part.views, part.tried, part.planned) == (14, 14, 8)
+    assert (part.runs, part.total.passes) == (whole.runs, whole.total.passes) and part.error.pixels > 0
+
+
+def test_a_split_of_which_no_view_can_be_planned_is_refused(load: Load, monkeypatch: pytest.MonkeyPatch) -> None:
+    planner = Planner(load())
+    failing(planner, monkeypatch, "eval", (0,))
+    with pytest.raises(PlanError, match="expected light on eval/000000") as caught:
+        estimate(planner, views=1000)
+    assert len(caught.value.problems) == 2

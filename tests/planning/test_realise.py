@@ -25,7 +25,8 @@ TRIANGLES = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty
 def file_plan(path: Path, **more: object) -> ObjectPlan:
     return ObjectPlan.model_validate({
         "name": "solid", "kind": "file", "source": path.name, "category": "solid",
-        "source_sha256": mesh_source(path, companions(path)).digest, "licence": "CC0-1.0", "seed": "0", "params": (), "scale": 0.5, "up": "z"} | more)
+        "source_sha256": mesh_source(path, companions(path)).digest, "licence": "CC0-1.0",
+        "seed": "0", "params": (), "scale": 0.5, "up": "z"} | more)
 
 
 def test_a_mesh_file_becomes_an_asset_in_metres(tmp_path: Path) -> None:

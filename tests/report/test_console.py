@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -85,12 +86,18 @@ def test_rejected_examples_are_lines() -> None:
 
 
 def test_what_a_dataset_will_cost(small_spec: Path) -> None:
-    text = printed([estimate_table(estimate(Planner(load_dataset(small_spec)), sample=3), cores=2)])
+    text = printed([estimate_table(estimate(Planner(load_dataset(small_spec)), views=3), cores=2)])
     assert "10 examples in 3 views, 3 of them planned in full" in " ".join(text.split())
-    # Three views: source, clean and two rough meshes each; five targets, both levels under each
-    assert [row(text, f"passes: {name}") for name in ("source", "target", "rough", "first_hit", "first_hit_rough")] == [
-        ["3"], ["5"], ["10"], ["3"], ["6"]]
-    assert row(text, "passes") == ["27"] and "MiB" in row(text, "size")[0]
+    # Three views: source, light-free and instances each; five targets, both levels under each
+    assert [row(text, f"passes: {name}") for name in ("source", "target", "rough", "first_hit", "first_hit_rough",
+                                                     "instance")] == [["3"], ["5"], ["10"], ["3"], ["10"], ["3"]]
+    assert "cannot be planned" not in text
+    assert row(text, "passes") == ["34"] and "MiB" in row(text, "size")[0]
+
+
+def test_views_that_cannot_be_planned_are_told(small_spec: Path) -> None:
+    found = replace(estimate(Planner(load_dataset(small_spec)), views=3), tried=5)
+    assert "2 of the 5 views tried cannot be planned" in printed([estimate_table(found, cores=2)])
 
 
 def test_a_dataset_in_tables(small_dataset: Path, tmp_path: Path) -> None:

@@ -65,6 +65,23 @@ def test_the_card_has_configs_for_every_split_and_names_what_is_left_out(dataset
     assert "| 00000007 | coverage | expected more \\| got less |" in card(rejecting(manifest))
 
 
+def test_the_card_finds_the_shards_of_a_split_whose_first_was_rejected_whole(dataset: Path) -> None:
+    manifest = load_manifest(dataset)
+    train, test = manifest.splits
+    late = train.model_copy(update={"shards": ("tiny-v1-train-000001.tar",)})
+    none = test.model_copy(update={"shards": ()})
+    head = YAML(typ="safe").load(card(manifest.model_copy(update={"splits": (late, none)})).split("---\n")[1])
+    assert head["configs"][0]["data_files"] == [{"split": "train", "path": "shards/tiny-v1-train-*.tar"}]
+
+
+def test_the_card_claims_no_rendering_of_what_could_not_be_planned(dataset: Path) -> None:
+    text = card(rejecting(load_manifest(dataset)))
+    assert "planned and rendered" not in text and "gate is `planning`" in text
+    assert [line for line in text.splitlines() if line.startswith("## ")] == [
+        "## Motivation", "## Composition", "## Generation", "## Excluded examples", "## Known artefacts", "## Reading",
+        "## Maintenance"]
+
+
 def test_croissant_has_what_its_specification_requires(dataset: Path) -> None:
     document = json.loads(croissant(load_manifest(dataset)))
     required = {"@context", "@type", "name", "description", "license", "url", "creator", "datePublished", "version",

@@ -134,6 +134,17 @@ def test_a_shard_counts_only_with_an_index_that_agrees(dataset: Path) -> None:
     assert verify(dataset) == []
 
 
+def test_the_size_of_what_waits_leaves_out_what_goes_meanwhile(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    staging = Staging(tmp_path)
+    staging.put("00000000", "a", b"12345", {})
+    staging.put("00000001", "b", b"123", {})
+    whole, found = staging.size(), staging._files("*")
+    lost = found[0].stat().st_size
+    found[0].unlink()
+    monkeypatch.setattr(staging, "_files", lambda pattern: found)
+    assert whole > staging.size() == whole - lost
+
+
 def test_publishing_takes_the_commit_point_away_first(dataset: Path) -> None:
     staged = stage(dataset, make_example())
     publish_shard(dataset, stem="tiny-v1-train-000000", split="train", examples=[staged], spec_digest="", versions={})

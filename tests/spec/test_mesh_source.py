@@ -22,7 +22,8 @@ def test_options_come_before_the_name_of_a_map(tmp_path: Path, written: str, nam
 def test_what_is_written_and_where_it_lies(tmp_path: Path) -> None:
     (tmp_path / "mats").mkdir()
     (tmp_path / "a.obj").write_text("# mtllib no.mtl\nmtllib mats/a.mtl\nv 0 0 0\nmtllib gone.mtl\n")
-    (tmp_path / "mats" / "a.mtl").write_text("newmtl m\nKd 1 1 1\nmap_Kd ../w.png\nnewmtl n\nmap_Kd ../w.png\nnorm n.png\n")
+    (tmp_path / "mats" / "a.mtl").write_text("newmtl m\nKd 1 1 1\nmap_Kd ../w.png\nnewmtl n\nmap_Kd ../w.png\n"
+                                             "norm n.png\n")
     found = [(reference.by.name, reference.key, reference.name, reference.image)
              for reference in references(tmp_path / "a.obj")]
     assert found == [("a.obj", "mtllib", "mats/a.mtl", False), ("a.mtl", "map_Kd", "mats/../w.png", True),

@@ -49,6 +49,11 @@ def refused(capsys: pytest.CaptureFixture[str]) -> Run:
     return run
 
 
+@pytest.mark.parametrize("arguments", [("plan", "spec.yaml", "--views", "0"), ("inspect", "folder", "--rows", "-1")])
+def test_counts_start_at_one(refused: Run, arguments: tuple[str, ...]) -> None:
+    assert f"argument {arguments[-2]}: expected a whole number >= 1, got {arguments[-1]}" in refused(*arguments)
+
+
 @pytest.mark.parametrize(("changed", "message"), [
     ({"small.yaml": DATASET + "sigmaa: 1\n"}, "small.yaml:20: sigmaa: expected no such key, got 1"),
     ({"small.yaml": DATASET.replace("max_depth: 4", "max_depth: four")},

@@ -78,7 +78,8 @@ def test_a_view_that_cannot_be_planned_is_rejected(small_spec: Path, tmp_path: P
 
 
 def test_half_that_cannot_hold_a_value_rejects_the_example(small_spec: Path, tmp_path: Path) -> None:
-    bright = ("storage.dtype=float16", "target.strength=3e7", "target.brightness=[0, 1e9]", "gates.s_prime_energy=[0, 1e9]")
+    bright = ("storage.dtype=float16", "target.strength=3e7", "target.brightness=[0, 1e9]",
+              "gates.s_prime_energy=[0, 1e9]")
     outcome = outcomes_of(run_build(small_spec, tmp_path, *bright, only=[0]))[0]
     assert outcome.rejected and outcome.rejected.gate == "range"
     assert "expected at most 65504, what float16 holds" in outcome.rejected.reason
