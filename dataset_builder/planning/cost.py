@@ -34,10 +34,10 @@ class Rates:
     example_bytes: of the record and the preview.
     """
 
-    light_paths: float = 8.5e5
+    light_paths: float = 7.8e5
     free_paths: float = 2.4e6
     seconds_per_pass: float = 0.02
-    seconds_per_view: float = 0.35
+    seconds_per_view: float = 0.4
     seconds_per_example: float = 0.05
     kept_share: float = 0.92
     empty_share: float = 0.002

@@ -55,7 +55,8 @@ def estimate_table(estimate: Estimate, cores: int) -> Table:
     total, error = estimate.total, estimate.error
     for label in ("passes", "pixels", "paths"):
         table.add_row(label, f"{getattr(total, label):,.4g}{_plus_minus(getattr(error, label))}")
-    table.add_row(f"time on {cores} cores", f"{duration(total.seconds)}{_plus_minus(error.seconds, ' s')}")
+    spread = f" ± {duration(error.seconds)}" if error.seconds else ""
+    table.add_row(f"time on {cores} cores", f"{duration(total.seconds)}{spread}")
     table.add_row("size", f"{total.bytes / MIB:,.1f} MiB{_plus_minus(error.bytes / MIB, ' MiB')}")
     return table
 
