@@ -40,6 +40,9 @@ def run(work: Callable[[Unit], Result], units: Iterable[Unit], *, workers: int) 
         except BrokenProcessPool as error:
             raise OutputError("a worker process died, perhaps for want of memory; finished examples are kept: run the "
                               "build again, with fewer --workers") from error
+        except BaseException:
+            _end_children()
+            raise
         finally:
             pool.shutdown(cancel_futures=True)
 
@@ -54,8 +57,17 @@ def _drain(pool: ProcessPoolExecutor, work: Callable[[Unit], Result], units: Ite
             yield future.result()
 
 
+def _end_children() -> None:
+    """End the pool's processes at once: an interrupted pool may never tell them to, and would wait for them for ever.
+
+    What they wrote is whole: examples are staged by a rename.
+    """
+    for child in multiprocessing.active_children():
+        child.terminate()
+
+
 def _follow_the_parent() -> None:
-    """Leave Ctrl-C to the parent, which lets running units end and keeps what they made; end where it was killed."""
+    """Leave Ctrl-C to the parent, which ends its children; end where it was killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_the_parent, daemon=True).start()
 
