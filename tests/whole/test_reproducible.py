@@ -135,11 +135,12 @@ def test_a_spec_that_changes_under_a_build_is_refused(tmp_path: Path) -> None:
 def test_ctrl_c_ends_a_build_at_once_whatever_its_processes_do(tmp_path: Path) -> None:
     script = ("import time\nfrom dataset_builder.engine.local import run\n"
               "if __name__ == '__main__':\n"
-              "    for _ in run(time.sleep, [0, 0, 600, 600, 600, 600], workers=2):\n        print('ready', flush=True)\n")
+              "    for _ in run(time.sleep, [0, 0, 600, 600, 600, 600], workers=2):\n"
+              "        print('ready', flush=True)\n")
     (tmp_path / "pool.py").write_text(script)
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
-    with subprocess.Popen([sys.executable, str(tmp_path / "pool.py")], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-                          env=environment) as pool:
+    command = [sys.executable, str(tmp_path / "pool.py")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment) as pool:
         assert pool.stdout is not None and [pool.stdout.readline(), pool.stdout.readline()] == [b"ready\n"] * 2
         pool.send_signal(signal.SIGINT)
         try:
