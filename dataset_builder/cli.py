@@ -164,7 +164,7 @@ def _verify(options: argparse.Namespace) -> int:
     for problem in problems:
         print(f"wrong: {problem}")
     if problems:
-        print(f"{len(problems)} problems")
+        print(f"{len(problems)} problem{'s' if len(problems) > 1 else ''}")
         return 1
     totals = load_manifest(options.folder).totals
     print(f"{totals.examples} examples in {totals.shards} shards, {totals.bytes} bytes: all as they should be")

@@ -19,8 +19,8 @@ from dataset_builder.spec.mesh_source import Reference
 
 Up = Literal["x", "y", "z"]
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply")
-READER_ERRORS = (ArithmeticError, AttributeError, LookupError, NotImplementedError, OSError, TypeError, ValueError,
-                 struct.error)
+READER_ERRORS = (ArithmeticError, AssertionError, AttributeError, LookupError, NameError, NotImplementedError, OSError,
+                 TypeError, ValueError, struct.error)
 """What trimesh's readers raise over files that do not keep their format."""
 WORLD_FROM_FILE: dict[Up, np.ndarray] = {
     "x": np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]]),
@@ -86,7 +86,8 @@ def _read(path: Path, named: Sequence[Reference]) -> trimesh.Scene:
     try:
         return trimesh.load_scene(path, process=False, resolver=_Resolver(path, named))
     except READER_ERRORS as error:
-        detail = str(error) or type(error).__name__
+        speechless = isinstance(error, AssertionError | NameError)
+        detail = "data that ends early or breaks the format" if speechless else str(error) or type(error).__name__
         raise _problem(path, f"expected a readable {path.suffix.lower()} file, got: {detail}") from error
 
 

@@ -290,3 +290,16 @@ def test_real_models_survive_the_whole_way(path):
     open_before, open_after = (edges_of(mesh.faces).face_count % 2 == 1 for mesh in (asset.mesh, rough))
     assert open_after.any() == open_before.any()
     np.testing.assert_allclose(np.linalg.norm(corner_normals(rough, creases=base.creases), axis=2), 1, rtol=1e-9)
+
+
+def test_a_gltf_whose_buffer_is_too_short_is_told(tmp_path: Path) -> None:
+    """Its one view asks for 36 bytes of a buffer of 12."""
+    path = tmp_path / "short.gltf"
+    path.write_text(json.dumps({
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}],
+        "buffers": [{"byteLength": 36, "uri": "data:application/octet-stream;base64,AAAAAAAAAAAAAAAA"}]}))
+    with pytest.raises(UserError, match=r"short\.gltf: expected a readable \.gltf file, got: data that ends early"):
+        load_mesh_file(path, name="short", category="box", licence="CC0-1.0")
