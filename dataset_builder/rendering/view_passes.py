@@ -62,12 +62,14 @@ class ViewPasses:
 
     def run(self, plan: ExamplePlan) -> None:
         """Every pass that a layer of the example needs, in the order that opens the fewest scenes; none stays open."""
-        self.first_hit()
-        if any(name == "instance" for name, _ in plan.render.layers):
-            self.instances()
-        for render_pass in needed_passes(plan):
-            self.result(render_pass, plan)
-        self.close()
+        try:
+            self.first_hit()
+            if any(name == "instance" for name, _ in plan.render.layers):
+                self.instances()
+            for render_pass in needed_passes(plan):
+                self.result(render_pass, plan)
+        finally:
+            self.close()
 
     def close(self) -> None:
         """Let the open scene go; results stay."""
