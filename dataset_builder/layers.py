@@ -3,7 +3,7 @@
 The definitions stand in `docs/layers.md`; the identifiers are the same in specs, in code and as members of a shard.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 Geometry = Literal["3dm", "r3dm"]
@@ -55,6 +55,8 @@ _TABLE = (
           meaning="raw lighting on the clean mesh under the target illumination"),
     Layer(name="spec", symbol="R R_l", geometry="3dm", render_pass="target", channels=3, low=0, high=INF, unit=RADIANCE,
           meaning="the part of i_t that the specular lobes of the first surface and its emission send"),
+    Layer(name="air", symbol="A", geometry="3dm", render_pass="target", channels=3, low=-INF, high=INF, unit=RADIANCE,
+          meaning="what fog adds to i_t between the camera and the first surface, less what it takes; 0 without fog"),
     Layer(name="mask_rough", symbol="M'", geometry="r3dm", render_pass="first_hit_rough", channels=1, low=0, high=1,
           unit="1", meaning="share of the pixel that the rough mesh of the target object covers"),
     Layer(name="depth", symbol="z", geometry="3dm", render_pass="first_hit", channels=1, low=0, high=INF, unit="m",
@@ -74,8 +76,15 @@ _ERRORS = tuple(
     for layer in _TABLE if layer.radiometric
 )
 
-LAYERS: dict[str, Layer] = {layer.name: layer for layer in (*_TABLE, *_ERRORS)}
-"""Every layer by name: the paper's six first, then the free ones, then the standard errors."""
+DENOISABLE = ("i_s", "i_t", "s", "s_prime")
+"""Layers that may be shipped denoised."""
+
+_RAW = tuple(replace(layer, name=f"{layer.name}_raw", symbol=f"raw({layer.symbol})",
+                     meaning=f"{layer.name} as it was before denoising") for layer in _TABLE
+             if layer.name in DENOISABLE)
+
+LAYERS: dict[str, Layer] = {layer.name: layer for layer in (*_TABLE, *_ERRORS, *_RAW)}
+"""Every layer by name: the paper's six first, then the free ones, then standard errors, then what was denoised."""
 
 PAPER_LAYERS = ("i_s", "d", "r", "i_t", "s_prime", "mask")
 """The tuple of the paper (section 5.1.1), which every dataset holds unless its spec says otherwise."""

@@ -2,11 +2,13 @@
 
 from dataset_builder.planning.example_plan import (
     CameraPlan,
+    EffectsPlan,
     ExamplePlan,
     IlluminationPlan,
     LightPlan,
     ObjectPlan,
     Param,
+    PassEffects,
     PlacedObject,
     RenderPlan,
     RoomPlan,
@@ -33,6 +35,13 @@ def light_plan(kind: str = "area", radiance: tuple[float, float, float] = (12.0,
                      radiance=radiance, temperature=3200.0, weight=6.3)
 
 
+def effects_plan(max_depth: int = 6) -> EffectsPlan:
+    """Opaque surfaces under one light, on the object."""
+    names = ("first_hit", "source", "target", "first_hit_rough", "rough")
+    passes = tuple(PassEffects(name=name, extent="object", lights=(0,), max_depth=max_depth) for name in names)
+    return EffectsPlan(features=("textures", "specular"), passes=passes, decisions=())
+
+
 def example_plan(index: int = 0, *, split: str = "train", view: str = "", light: int = 0, width: int = 8,
                  height: int = 6, sigma: float = 0.004, layers: tuple[tuple[str, str], ...] = PAPER) -> ExamplePlan:
     """The plan of example `index`: a stool and a cabinet in a small room, one lamp."""
@@ -53,6 +62,7 @@ def example_plan(index: int = 0, *, split: str = "train", view: str = "", light:
         rough=RoughPlan(edge_length=0.04, rounds=1, crease_angle=30.0, sigma=sigma, level=0, direction="isotropic",
                         seed="18446744073709551615"),
         render=RenderPlan(width=width, height=height, layers=layers, spp_first_hit=16, spp_source=16, spp_target=16,
-                          spp_rough=16, batches=4, max_depth=6, rr_depth=5, seed="7"),
+                          spp_rough=16, batches=4, rr_depth=5, seed="7"),
+        effects=effects_plan(),
         notes=("no transmission: no material has any",),
     )

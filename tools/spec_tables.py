@@ -96,6 +96,8 @@ def kind_of(annotation: Any) -> str:
         return " or ".join(kind_of(part) for part in parts if part is not type(None))
     if parts == (float, float):
         return "two numbers"
+    if origin is tuple and Ellipsis not in parts:
+        return f"{len(parts)} of: {kind_of(parts[0])}"
     if origin is tuple:
         return "list of mappings, below" if kind_of(parts[0]) == "mapping, below" else f"list of {kind_of(parts[0])}"
     if origin is dict:

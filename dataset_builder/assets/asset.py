@@ -29,6 +29,12 @@ class Material:
     base_color: three factors in [0, 1], linear Rec.709. roughness: perceptual, in [0, 1] (alpha = roughness squared).
     metallic: in [0, 1]. specular: reflectance at normal incidence of the dielectric part, in [0, 0.16]; 0.04 is an
     index of refraction of 1.5, 0 switches the dielectric's specular lobe off and leaves a Lambertian surface.
+
+    transmission: share of the light entering the dielectric that is refracted rather than scattered, in [0, 1], tinted
+    by base_color; ior: its index of refraction, >= 1; thin: a pane that bends no light; abbe: its Abbe number, 0 for no
+    dispersion. coat, coat_roughness: weight and perceptual roughness of a clear coat of index 1.5. sheen,
+    sheen_roughness: colour and roughness of the sheen of fibres (glTF KHR_materials_transmission, _volume, _ior,
+    _dispersion, _clearcoat, _sheen).
     """
 
     name: str
@@ -36,6 +42,14 @@ class Material:
     roughness: float = 1.0
     metallic: float = 0.0
     specular: float = 0.04
+    transmission: float = 0.0
+    ior: float = 1.5
+    thin: bool = False
+    abbe: float = 0.0
+    coat: float = 0.0
+    coat_roughness: float = 0.0
+    sheen: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    sheen_roughness: float = 0.5
     texture: Texture | None = None
 
 

@@ -1,5 +1,6 @@
 """Materials of a mesh file -> Material: glTF's metallic-roughness, OBJ's MTL, or a mean of vertex colours."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,9 @@ from dataset_builder.errors import UserError
 ROUGHNESS = 0.8
 """Where a file says nothing about it."""
 GREY = 0.6
+SOLID_GLASS, THIN_GLASS = (6, 7), (4, 9)
+"""Illumination models (`illum`) of MTL."""
+HIGHEST_SPECULAR = 0.16
 TEXTURES = ("baseColorTexture", "metallicRoughnessTexture")
 
 
@@ -53,7 +57,34 @@ def _wavefront(material: Any, name: str, max_texture: int) -> Material:
     exponent = extra.get("ns")
     roughness = ROUGHNESS if exponent is None else (2 / (max(float(exponent), 0.0) + 2)) ** 0.25
     texture = make_texture(base_color=getattr(material, "image", None), max_size=max_texture)
-    return Material(name=name, base_color=_triple(color), roughness=_share(roughness), texture=texture)
+    plain = Material(name=name, base_color=_triple(color), roughness=_share(roughness), texture=texture)
+    return _wavefront_glass(plain, extra)
+
+
+def _wavefront_glass(material: Material, extra: dict[str, Any]) -> Material:
+    """MTL's illumination models of glass: 6 and 7 refract and are solid, 4 and 9 bend no light and are thin.
+
+    d (or 1 - Tr) is what stays opaque; glass that refracts is often written with a d of 1, which then means nothing.
+    Tf, or a Kd that is not black, tints; Ni is the index of refraction. Other models keep no transparency.
+    """
+    model = int(_number(extra, "illum", 0))
+    if model not in (*SOLID_GLASS, *THIN_GLASS):
+        return material
+    opaque = _number(extra, "d", 1 - _number(extra, "tr", 0))
+    if opaque >= 1 and model in THIN_GLASS:
+        return material
+    ior = float(np.clip(_number(extra, "ni", 1.5), 1, 3))
+    tint = extra.get("tf") or (material.base_color if any(material.base_color) else (1.0, 1.0, 1.0))
+    return replace(material, transmission=_share(1 - opaque % 1), thin=model in THIN_GLASS, ior=ior,
+                   specular=min(((ior - 1) / (ior + 1)) ** 2, HIGHEST_SPECULAR),
+                   base_color=_triple([float(value) for value in tint]),
+                   roughness=material.roughness if "ns" in extra else 0.0)
+
+
+def _number(extra: dict[str, Any], key: str, default: float) -> float:
+    """A number of an MTL file, which the reader leaves as a list of words."""
+    value = extra.get(key, default)
+    return float(value[-1] if isinstance(value, list) else value)
 
 
 def _mean_color(visual: Any) -> tuple[float, float, float]:

@@ -12,12 +12,14 @@ import trimesh
 from dataset_builder.assets.asset import Asset, Material
 from dataset_builder.assets.file_materials import file_material
 from dataset_builder.assets.file_references import checked_references, exact_factors
+from dataset_builder.assets.gltf_extensions import Extended, extended, material_entries
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.geometry.mesh import TriangleMesh, concatenate, transform
 from dataset_builder.geometry.repair import RepairReport, repair
 from dataset_builder.spec.mesh_source import Reference
 
 Up = Literal["x", "y", "z"]
+Entries = dict[str | None, dict[str, Any]]
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply")
 READER_ERRORS = (ArithmeticError, AssertionError, AttributeError, LookupError, NameError, NotImplementedError, OSError,
                  TypeError, ValueError, struct.error)
@@ -35,40 +37,43 @@ def load_mesh_file(path: Path, *, name: str, category: str, licence: str, scale:
     """The whole scene of a mesh file as one asset, every node where its transforms put it.
 
     scale: metres per file unit. up: axis of the file that points up. max_texture: longest side of a texture in texels.
-    The mesh is welded and mended, centred over the origin and stood on z = 0; `meta` says how far it was moved and what
-    was mended. Raises UserError: no such file, another format, unreadable, a texture that is missing, no faces, NaN or
-    Inf.
+    The mesh is welded and mended, centred over the origin and stood on z = 0; `meta` says how far it was moved, what
+    was mended, and what of its materials was left out. Raises UserError: no such file, another format, unreadable, a
+    texture that is missing, no faces, NaN or Inf.
     """
     path = Path(path)
     _check_file(path)
     named = checked_references(path)
     try:
-        mesh, materials, mended = _scene(path, named, _world_from_file(scale, up), max_texture)
+        mesh, materials, mended, left_out = _scene(path, named, _world_from_file(scale, up), max_texture)
     except UserError as error:
         raise UserError([replace(problem, where=problem.where or str(path)) for problem in error.problems]) from error
     placed, moved = _stand(mesh)
     meta = {"licence": licence, "source": path.name, "moved": ", ".join(f"{step:.6g} m" for step in moved),
             "repair": f"{mended.welded} vertices welded, {mended.degenerate} degenerate and {mended.duplicate} "
-                      "duplicate faces dropped"}
+                      "duplicate faces dropped", "left_out": left_out}
     return Asset(name=name, category=category, mesh=placed, materials=materials, meta=meta)
 
 
 def _scene(path: Path, named: Sequence[Reference], world_from_file: np.ndarray, max_texture: int) \
-        -> tuple[TriangleMesh, tuple[Material, ...], RepairReport]:
-    """Everything in the file as one mended mesh with its materials."""
+        -> tuple[TriangleMesh, tuple[Material, ...], RepairReport, str]:
+    """Everything in the file as one mended mesh with its materials, and what of these was left out."""
     meshes: list[TriangleMesh] = []
-    materials: list[tuple[Any, Material]] = []
-    factors = exact_factors(path)
+    materials: list[tuple[Any, Extended]] = []
+    factors, entries = exact_factors(path), material_entries(path)
     for part, world_from_part in _parts(_read(path, named)):
         try:
-            index = _material_index(part.visual, materials, factors, max_texture)
+            index = _material_index(part.visual, materials, (factors, entries), max_texture)
         except OSError as error:
             raise _problem(path, f"expected readable textures, got: {error}") from error
+        except (AttributeError, TypeError, ValueError) as error:
+            raise _problem(path, f"expected materials that keep their format, got: {error}") from error
         meshes.append(transform(_triangles(part, path, index), world_from_part))
     if not sum(len(mesh.faces) for mesh in meshes):
         raise _problem(path, "expected triangles, got a file without any")
     mesh, report = repair(transform(concatenate(meshes), world_from_file))
-    return mesh, tuple(material for _, material in materials), report
+    left_out = [f"{found.material.name}: {', '.join(found.left_out)}" for _, found in materials if found.left_out]
+    return mesh, tuple(found.material for _, found in materials), report, "; ".join(left_out)
 
 
 def _problem(path: Path, rule: str, hint: str = "") -> UserError:
@@ -112,16 +117,18 @@ def _parts(scene: trimesh.Scene) -> Iterator[tuple[trimesh.Trimesh, np.ndarray]]
             yield part, np.asarray(world_from_part)
 
 
-def _material_index(visual: Any, known: list[tuple[Any, Material]], factors: dict[str | None, Any],
+def _material_index(visual: Any, known: list[tuple[Any, Extended]], said: tuple[Entries, Entries],
                     max_texture: int) -> int:
-    """Index of the visual's material among those `known`, which grow where it is new."""
+    """Index of the visual's material among those `known`, which grow where it is new. said: factors and whole entries
+    of the file's materials, by name."""
     source = getattr(visual, "material", None)
     for index, (other, _) in enumerate(known):
         if source is not None and other is source:
             return index
     given = getattr(source, "name", None)
     name = given or f"material_{len(known)}"
-    known.append((source, file_material(visual, name=name, factors=factors.get(given, {}), max_texture=max_texture)))
+    factors, entry = (by_name.get(given, {}) for by_name in said)
+    known.append((source, extended(file_material(visual, name=name, factors=factors, max_texture=max_texture), entry)))
     return len(known) - 1
 
 

@@ -6,18 +6,21 @@ from pathlib import PurePosixPath
 from posixpath import normpath
 from typing import Any
 
+from dataset_builder.assets.procedural.furniture import FINISHES
 from dataset_builder.digest import digest
 from dataset_builder.errors import PlanError, Problem
-from dataset_builder.planning.example_plan import ObjectPlan, Param, RoomPlan
+from dataset_builder.planning.example_plan import FogPlan, ObjectPlan, Param, RoomPlan
 from dataset_builder.planning.layout import Place
+from dataset_builder.planning.material_changes import drawn_changes, require_roles
 from dataset_builder.seeding import derive_seed, rng
 from dataset_builder.spec.dataset import SplitSpec
 from dataset_builder.spec.families import FAMILIES, FamilyParam
 from dataset_builder.spec.loaded import LoadedSpec
 from dataset_builder.spec.numbers import AnyNumber, draw
-from dataset_builder.spec.scene import ObjectSpec, RoomSpec
+from dataset_builder.spec.scene import FogSpec, ObjectSpec, RoomSpec
 
 Path = tuple[str | int, ...]
+CLEAR_AIR = FogPlan()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,6 +39,7 @@ class ScenePlan:
     room: RoomPlan
     furniture: tuple[PiecePlan, ...]
     target: Place
+    fog: FogPlan = CLEAR_AIR
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,13 +57,18 @@ def _parameter(param: FamilyParam, given: AnyNumber | None, seed: int, path: Pat
 
 
 def object_plan(loaded: LoadedSpec, key: str, split: str, path: Path, number: int, role: str) -> ObjectPlan:
-    """Draw the object of file `key`, whose numbers come from `path`, as `<split>-[<role>-]<category>-<number>`."""
+    """Draw the object of file `key`, whose numbers come from `path`, as `<split>-[<role>-]<category>-<number>`.
+
+    Raises PlanError where it changes materials that its family never has.
+    """
     spec, seed = loaded.objects[key], loaded.dataset.seed
     category = spec.category or (FAMILIES[spec.family].category if spec.family else "object")
     name = "-".join(filter(None, (split, role, category, f"{number:02d}")))
     shared: dict[str, Any] = {"name": name, "category": category, "licence": spec.licence,
-                              "seed": str(derive_seed(seed, *path, "material"))}
+                              "seed": str(derive_seed(seed, *path, "material")),
+                              "materials": drawn_changes(spec.materials, seed, (*path, "materials"))}
     if spec.family is not None:
+        require_roles(spec.materials, FINISHES[spec.family], key)
         params = tuple(_parameter(param, spec.params.get(param.name), seed, path)
                        for param in FAMILIES[spec.family].params)
         return ObjectPlan(kind="procedural", source=spec.family, source_sha256="", params=params, scale=1.0, up="z",
@@ -81,8 +90,15 @@ def room_plan(spec: RoomSpec, name: str, seed: int, path: Path) -> RoomPlan:
         return draw(getattr(spec, key), rng(seed, *path, key))
 
     return RoomPlan(name=name, seed=str(derive_seed(seed, *path, "material")), width=number("width"),
-                    depth=number("depth"), height=number("height"), ceiling=spec.ceiling,
+                    depth=number("depth"), height=number("height"), ceiling=spec.ceiling, glazing=spec.glazing,
                     windows=round(number("windows")), skirting=number("skirting"))
+
+
+def fog_plan(spec: FogSpec | None, seed: int, path: Path) -> FogPlan:
+    """Draw the fog of a scene; clear air where the spec has none."""
+    if spec is None:
+        return CLEAR_AIR
+    return FogPlan(**{key: draw(getattr(spec, key), rng(seed, *path, key)) for key in FogPlan.model_fields})
 
 
 def _scene_plan(loaded: LoadedSpec, split: str, index: int, key: str) -> ScenePlan:
@@ -94,7 +110,8 @@ def _scene_plan(loaded: LoadedSpec, split: str, index: int, key: str) -> ScenePl
                                f"scene{index:02d}")
             pieces.append(PiecePlan(object=plan, place=furniture.place, number=(entry, copy)))
     room = room_plan(loaded.rooms[spec.room], f"{split}-room-{index:02d}", seed, (*path, "room"))
-    return ScenePlan(room=room, furniture=tuple(pieces), target=spec.target)
+    return ScenePlan(room=room, furniture=tuple(pieces), target=spec.target,
+                     fog=fog_plan(spec.fog, seed, (*path, "fog")))
 
 
 def _in_turn(files: tuple[str, ...], count: int) -> list[str]:
@@ -120,7 +137,8 @@ def shape_digest(plan: ObjectPlan) -> str:
 
 
 def _object_digest(plan: ObjectPlan) -> str:
-    return digest([shape_digest(plan), plan.seed if plan.kind == "procedural" else ""])
+    materials = [change.model_dump() for change in plan.materials]
+    return digest([shape_digest(plan), plan.seed if plan.kind == "procedural" else "", materials])
 
 
 def _scene_digest(plan: ScenePlan) -> str:

@@ -20,6 +20,14 @@ class Param(Model):
     value: float
 
 
+class MaterialChange(Model):
+    """Drawn changes to the materials called `name`, `*` for all: pairs of a field of `assets.asset.Material` and its
+    value. Colours are three fields, `base_color.0` to `.2`; truth is 0 or 1; `plain` 1 leaves the texture out."""
+
+    name: str
+    values: tuple[Param, ...]
+
+
 class ObjectPlan(Model):
     """What an object is, wherever it stands: enough to make its asset again."""
 
@@ -36,6 +44,7 @@ class ObjectPlan(Model):
     seed: str
     """Decimal 64-bit seed of materials and textures."""
     params: tuple[Param, ...]
+    materials: tuple[MaterialChange, ...] = ()
     scale: float
     """Factor from file units to metres; 1 for a family."""
     up: Literal["x", "y", "z"]
@@ -61,6 +70,8 @@ class RoomPlan(Model):
     depth: float
     height: float
     ceiling: bool
+    glazing: bool = False
+    """Whether windows have panes of thin glass."""
     windows: int
     """Windows are cut into the +Y wall first, then -X, +X, -Y; 0 to 4."""
     skirting: float
@@ -96,8 +107,15 @@ class LightPlan(Model):
     radiance: Vector
     temperature: float
     """Colour temperature in kelvin that the colour was drawn from; 0 where it was not."""
+    image: str = ""
+    """Image that multiplies the radiance, as the spec gives it: latitude-longitude of a dome, texture of an area light,
+    brought to mean 1; empty for none."""
+    image_sha256: str = ""
+    turn: float = 0.0
+    """Degrees that a dome's image is turned about +Z."""
     weight: float = Field(ge=0)
-    """Unoccluded irradiance (mean of channels) at the target object, which light sampling is proportional to."""
+    """Irradiance (mean of channels) at the target object, which light sampling is proportional to: unoccluded for lamps
+    and for the source, what gets in for target lights outside. Images count as their mean."""
 
 
 class IlluminationPlan(Model):
@@ -121,6 +139,59 @@ class RoughPlan(Model):
     seed: str
 
 
+class FogPlan(Model):
+    """A homogeneous medium that fills the scene; extinction 0, per metre, is clear air."""
+
+    extinction: float = 0.0
+    albedo: float = 0.0
+    anisotropy: float = 0.0
+
+
+class GoalPlan(Model):
+    """How good a layer is to be. error, seconds: 0 where not asked for. cap: most spp of any pixel."""
+
+    layer: str
+    error: float
+    seconds: float
+    cap: int
+
+
+class Decision(Model):
+    """One thing that is simulated or not, and why. effect: what; choice: in a word or figure; reason: one sentence."""
+
+    effect: str
+    choice: str
+    reason: str
+
+
+Feature = Literal["textures", "specular", "coat", "sheen", "glass", "thin", "dispersion", "fog"]
+"""What a kernel can do beyond Lambertian surfaces in clear air: the rendering kernels are compiled with those that the
+scene calls for."""
+
+
+class PassEffects(Model):
+    """What one pass simulates. lights: which of its illumination's lights, by index. max_depth: longest path in
+    edges."""
+
+    name: Literal["first_hit", "source", "target", "first_hit_rough", "rough"]
+    extent: Literal["object", "frame"]
+    lights: tuple[int, ...]
+    max_depth: int
+
+
+class EffectsPlan(Model):
+    """Which effects an example's passes simulate, decided from its plan and its materials; see `planning.effects`."""
+
+    features: tuple[Feature, ...]
+    passes: tuple[PassEffects, ...]
+    """One of every pass, needed or not."""
+    decisions: tuple[Decision, ...]
+
+    def of(self, name: str) -> PassEffects:
+        """What the pass `name` simulates."""
+        return next(entry for entry in self.passes if entry.name == name)
+
+
 class RenderPlan(Model):
     """How pixels are computed. One spp per pass; `layers` says which layers on which pixels."""
 
@@ -133,9 +204,14 @@ class RenderPlan(Model):
     spp_rough: int
     batches: int
     """Independent batches per pixel, from whose spread the standard error comes."""
-    max_depth: int
-    """Longest path in edges, Mitsuba's convention: 2 is direct light only."""
+    goals: tuple[GoalPlan, ...] = ()
+    """By layer; passes of layers without one take a fixed spp."""
     rr_depth: int
+    texture_size: int = 4096
+    """Most texels along a side of a texture."""
+    denoise: tuple[str, ...] = ()
+    """Layers that are denoised."""
+    keep_raw: bool = False
     seed: str
 
 
@@ -158,6 +234,8 @@ class ExamplePlan(Model):
     source_light: IlluminationPlan
     target_light: IlluminationPlan
     rough: RoughPlan
+    fog: FogPlan = FogPlan()
     render: RenderPlan
+    effects: EffectsPlan
     notes: tuple[str, ...]
     """Why planning decided as it did, one sentence each."""

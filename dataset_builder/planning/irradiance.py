@@ -42,8 +42,12 @@ def _spot_falloff(cosine: np.ndarray, cutoff: float) -> np.ndarray:
 def direct_irradiance(light: LightPlan, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
     """(N, 3) irradiance at points (N, 3) with unit normals (N, 3), nothing in the way.
 
-    Emitters with an extent are taken as their centre: fair once they are further away than they are wide.
+    Emitters with an extent are taken as their centre: fair once they are further away than they are wide; images that
+    they show do not count. For a dome see `sky_directions`.
     """
+    if light.kind == "sun":
+        facing = np.maximum(-normals @ np.asarray(light.direction), 0)
+        return facing[:, None] * np.asarray(light.radiance)
     towards = np.asarray(light.position) - points
     distance = np.maximum(np.linalg.norm(towards, axis=1), 1e-6)
     towards = towards / distance[:, None]

@@ -1,31 +1,39 @@
 """Illumination of a view: the plain source, and target lights that neither miss the object nor blow it out."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.planning.blackbody import LUMINANCE, colour
 from dataset_builder.planning.cameras import inside, towards, vector
-from dataset_builder.planning.example_plan import CameraPlan, IlluminationPlan, LightPlan, Vector
-from dataset_builder.planning.irradiance import direct_irradiance, facing_irradiance, sky_directions
+from dataset_builder.planning.daylight import (
+    LIFT,
+    ORIGIN,
+    Stream,
+    image_of,
+    outside,
+    sky_share,
+    spaced,
+    sunlit,
+    weighed,
+)
+from dataset_builder.planning.example_plan import CameraPlan, IlluminationPlan, LightPlan
+from dataset_builder.planning.irradiance import direct_irradiance, facing_irradiance
 from dataset_builder.planning.sight import Sight
 from dataset_builder.planning.stage import Stage
 from dataset_builder.spec.light import SourceSpec, TargetSpec
 from dataset_builder.spec.numbers import draw
 
-Stream = Callable[..., np.random.Generator]
-"""Makes the generator of a path below the view's."""
+__all__ = ["Exposure", "LitView", "expose", "sky_share", "source_light", "target_light", "unit_irradiance"]
+
 LIT_SHARE = 0.5
 """Least share of the visible points that must get direct light from a target light."""
 LEAST_CLEARANCE = 0.02
 """Metres between surfaces and a light without extent."""
 MOST_POINTS = 192
-SKY_POINTS, SKY_RAYS = 24, 24
-LIFT = 1e-3
-"""Metres above a surface that shadow rays start."""
-ORIGIN: Vector = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,23 +48,13 @@ class Exposure:
     lit: float
 
 
-def dome(radiance: float) -> LightPlan:
-    """A uniform grey dome."""
-    return LightPlan(kind="dome", position=ORIGIN, direction=ORIGIN, size=0.0, cutoff=0.0, radiance=(radiance,) * 3,
-                     temperature=0.0, weight=radiance * facing_irradiance("dome", 0.0, 1.0))
+def source_light(spec: SourceSpec, stream: Stream, root: Path = Path()) -> IlluminationPlan:
+    """The source illumination: dome and optional sun, with what blocks them left out of the pass. root: folder of the
+    dataset file.
 
-
-def source_light(spec: SourceSpec, stream: Stream) -> IlluminationPlan:
-    """The source illumination: uniform dome and optional sun, with what blocks them left out of the pass.
-
-    Raises PlanError where both are drawn as 0.
+    Raises PlanError where both are drawn as 0, or where the image of the sky cannot be read.
     """
-    lights = [dome(value)] if (value := draw(spec.dome, stream("dome"))) > 0 else []
-    if spec.sun is not None and (value := draw(spec.sun.irradiance, stream("sun", "irradiance"))) > 0:
-        upward = towards(draw(spec.sun.azimuth, stream("sun", "azimuth")),
-                         draw(spec.sun.elevation, stream("sun", "elevation")))
-        lights.append(LightPlan(kind="sun", position=ORIGIN, direction=vector(-upward), size=0.0, cutoff=0.0,
-                                radiance=(value,) * 3, temperature=0.0, weight=value))
+    lights = outside(spec, stream, root, "source")
     if not lights:
         raise PlanError([Problem(where="", path="source", rule="expected a dome or a sun above 0, got neither",
                                  hint="set source.dome")])
@@ -74,6 +72,7 @@ class _Emitter:
 
     kind: str
     temperature: float
+    image: dict[str, str]
     rng: np.random.Generator
 
 
@@ -90,7 +89,8 @@ def _candidate(stage: Stage, spec: TargetSpec, emitter: _Emitter, irradiance: fl
         "kind": emitter.kind, "position": vector(stage.centre + distance * direction),
         "direction": vector(-direction) if aimed else ORIGIN, "size": size if sized else 0.0,
         "cutoff": cutoff if emitter.kind == "spot" else 0.0, "radiance": vector(radiance * tint),
-        "temperature": emitter.temperature, "weight": float(strength * irradiance * tint.mean())})
+        "temperature": emitter.temperature, "weight": float(strength * irradiance * tint.mean()),
+        **emitter.image})
 
 
 def _in_the_way(light: LightPlan, camera: np.ndarray, points: np.ndarray) -> bool:
@@ -108,39 +108,36 @@ def _stands_free(stage: Stage, light: LightPlan, camera: np.ndarray, points: np.
     return float(stage.everything.distance(position[None])[0]) >= clearance
 
 
-def sky_share(stage: Stage, sight: Sight) -> float:
-    """Share of a dome's irradiance that gets through windows or an open ceiling to the visible points, on average."""
-    pick = _spaced(len(sight.points), SKY_POINTS)
-    normals = sight.normals[pick]
-    aside = np.where(np.abs(normals[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
-    tangent = np.cross(aside, normals)
-    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
-    basis = np.stack([tangent, np.cross(normals, tangent), normals], axis=1)
-    directions = (sky_directions(SKY_RAYS)[None] @ basis).reshape(-1, 3)
-    origins = np.repeat(sight.points[pick] + LIFT * normals, SKY_RAYS, axis=0)
-    _, distance = stage.everything.first_hit(origins, directions)
-    return float(np.isinf(distance).mean())
-
-
-def _spaced(count: int, most: int) -> np.ndarray:
-    return np.unique(np.linspace(0, count - 1, min(count, most)).astype(int))
-
-
 def expose(stage: Stage, sight: Sight, lights: Sequence[LightPlan], unit: float, sky: float) -> Exposure:
     """How the visible part of the object is lit directly; `sky` is its `sky_share`, `unit` the source's irradiance."""
-    pick = _spaced(len(sight.points), MOST_POINTS)
+    pick = spaced(len(sight.points), MOST_POINTS)
     normals = sight.normals[pick]
     points = sight.points[pick] + LIFT * normals
     total, reached = np.zeros(len(points)), np.zeros(len(points), dtype=bool)
     for light in lights:
         if light.kind == "dome":
-            total += light.weight * sky
+            total += facing_irradiance("dome", 0.0, 1.0) * (light.radiance @ LUMINANCE) * sky
             continue
         sent = direct_irradiance(light, points, normals) @ LUMINANCE
-        open_way = (sent > 0) & ~stage.everything.occluded(points, np.broadcast_to(light.position, points.shape))
+        open_way = (sent > 0) & _unhindered(stage, light, points)
         total += sent * open_way
         reached |= open_way
     return Exposure(mean=float(total.mean()) / unit, lit=float(reached.mean()))
+
+
+def _unhindered(stage: Stage, light: LightPlan, points: np.ndarray) -> np.ndarray:
+    """(N,) bool: whether nothing stands between points (N, 3) and a light's centre."""
+    if light.kind == "sun":
+        return sunlit(stage, light, points)
+    return ~stage.everything.occluded(points, np.broadcast_to(light.position, points.shape))
+
+
+def _reaching(stage: Stage, sight: Sight, light: LightPlan, sky: float) -> LightPlan:
+    """A light outside, weighed by what of it reaches the visible part of the object."""
+    if light.kind == "dome":
+        return weighed(light, sky)
+    found = expose(stage, sight, [light], max(light.radiance), sky)
+    return weighed(light, found.mean)
 
 
 def _place_all(stage: Stage, spec: TargetSpec, emitters: Sequence[_Emitter], irradiance: float,
@@ -154,10 +151,19 @@ def _place_all(stage: Stage, spec: TargetSpec, emitters: Sequence[_Emitter], irr
     return lights
 
 
-def _emitters(spec: TargetSpec, count: int, stream: Stream) -> list[_Emitter]:
-    return [_Emitter(kind=spec.kinds[stream(i, "kind").integers(len(spec.kinds))],
-                     temperature=draw(spec.temperature, stream(i, "temperature")), rng=stream(i, "position"))
-            for i in range(count)]
+def _emitters(spec: TargetSpec, count: int, stream: Stream, root: Path) -> list[_Emitter]:
+    kinds = [spec.kinds[stream(i, "kind").integers(len(spec.kinds))] for i in range(count)]
+    return [_Emitter(kind=kind, temperature=draw(spec.temperature, stream(i, "temperature")),
+                     image=_texture(spec, stream(i, "texture"), root) if kind == "area" else {},
+                     rng=stream(i, "position"))
+            for i, kind in enumerate(kinds)]
+
+
+def _texture(spec: TargetSpec, rng: np.random.Generator, root: Path) -> dict[str, str]:
+    """Fields of an area light that shows one of the spec's images, if it has any."""
+    if not spec.textures:
+        return {}
+    return image_of(root, spec.textures[rng.integers(len(spec.textures))], "target.textures")
 
 
 def _refuse(where: str, rule: str, hint: str) -> PlanError:
@@ -175,29 +181,30 @@ class LitView:
     sky: float
 
 
-def target_light(view: LitView, spec: TargetSpec, stream: Stream, where: str) -> tuple[IlluminationPlan, str]:
-    """Target lights for a view, and a note on how they were found.
+def target_light(view: LitView, spec: TargetSpec, stream: Stream, where: str,
+                 root: Path = Path()) -> tuple[IlluminationPlan, str]:
+    """Target lights for a view, and a note on how they were found. root: folder of the dataset file.
 
     Each of n lights sends 1/n of its drawn strength, so that energy does not grow with their number. Positions are
     redrawn, at most `spec.attempts` times, until the mean direct irradiance on the visible part is within
-    `spec.brightness` and at least LIT_SHARE of it is reached. Raises PlanError where that never happens, or where
-    no light is drawn.
+    `spec.brightness` and at least LIT_SHARE of it is reached. Light from outside counts where it gets in, and is
+    weighed by that. Raises PlanError where no draw is right, no light is drawn, or an image cannot be read.
     """
     count = round(draw(spec.lights, stream("count")))
     if count < 1:
         raise _refuse(where, f"expected at least one target light, got {count}", "set target.lights >= 1")
-    outside = [dome(value)] if (value := draw(spec.dome, stream("dome"))) > 0 else []
-    emitters = _emitters(spec, count, stream)
+    others = [_reaching(view.stage, view.sight, light, view.sky) for light in outside(spec, stream, root, "target")]
+    emitters = _emitters(spec, count, stream, root)
     means, lits = list[float](), list[float]()
     for attempt in range(spec.attempts):
         lights = _place_all(view.stage, spec, emitters, view.unit / count, np.asarray(view.camera.position),
                             view.sight.points)
         if lights is None:
             break
-        shown = expose(view.stage, view.sight, (*lights, *outside), view.unit, view.sky)
+        shown = expose(view.stage, view.sight, (*lights, *others), view.unit, view.sky)
         if spec.brightness[0] <= shown.mean <= spec.brightness[1] and shown.lit >= LIT_SHARE:
             note = f"target light: draw {attempt + 1}, direct irradiance {shown.mean:.2f}, reaches {shown.lit:.0%}"
-            return IlluminationPlan(lights=(*lights, *outside), open=()), note
+            return IlluminationPlan(lights=(*lights, *others), open=()), note
         means.append(shown.mean)
         lits.append(shown.lit)
     raise _refuse(where, *_why_not(spec, count, means, lits))

@@ -2,6 +2,7 @@
 
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Generic, TypeVar
@@ -11,7 +12,14 @@ from dataset_builder.layers import LAYERS, Extent
 from dataset_builder.planning.cameras import View, place_camera
 from dataset_builder.planning.catalogue import ExampleRef, PairRef, ViewRef, examples
 from dataset_builder.planning.contents import SplitContents, contents
-from dataset_builder.planning.example_plan import ExamplePlan, IlluminationPlan, RenderPlan, RoughPlan
+from dataset_builder.planning.effects import plan_effects
+from dataset_builder.planning.example_plan import (
+    ExamplePlan,
+    GoalPlan,
+    IlluminationPlan,
+    RenderPlan,
+    RoughPlan,
+)
 from dataset_builder.planning.lights import LitView, sky_share, source_light, target_light, unit_irradiance
 from dataset_builder.planning.stage import Stage
 from dataset_builder.planning.staging import set_stage
@@ -82,7 +90,7 @@ class Planner:
         spec, stage = self.loaded.dataset, self.stage(ref.pair)
         where = _where(ref, stage)
         view = place_camera(stage, spec.camera, spec.image, rng(spec.seed, *ref.path, "camera"), where)
-        source = source_light(spec.source, partial(rng, spec.seed, *ref.path, "source"))
+        source = source_light(spec.source, partial(rng, spec.seed, *ref.path, "source"), self.loaded.path.parent)
         return ViewPlan(stage=stage, view=view, source=source)
 
     def light(self, ref: ViewRef, number: int) -> tuple[IlluminationPlan, str]:
@@ -94,17 +102,23 @@ class Planner:
         lit = LitView(stage=plan.stage, camera=plan.view.camera, sight=plan.view.sight,
                       unit=unit_irradiance(plan.source), sky=sky_share(plan.stage, plan.view.sight))
         stream = partial(rng, spec.seed, *ref.path, "light", number)
-        return target_light(lit, spec.target, stream, f"{_where(ref, plan.stage)}, light {number}")
+        return target_light(lit, spec.target, stream, f"{_where(ref, plan.stage)}, light {number}",
+                            self.loaded.path.parent)
 
     def example(self, ref: ExampleRef) -> ExamplePlan:
         """The plan of one example. Raises PlanError where the spec asks for what cannot be."""
         spec, shared = self.loaded.dataset, self.view(ref.view)
         light, note = self.light(ref.view, ref.light)
+        stage, render = shared.stage, render_plan(spec, ref.view)
+        fog = self.contents[ref.view.pair.split].scenes[ref.view.pair.scene].fog
+        effects = plan_effects(spec=spec.render, room=stage.room, target=stage.target, furniture=stage.furniture,
+                               source_light=shared.source, target_light=light, fog=fog, render=render,
+                               mesh_root=self.loaded.path.parent)
         return ExamplePlan(
             schema_version=SCHEMA_VERSION, key=ref.key, index=ref.index, split=ref.view.pair.split, view=ref.view.name,
             light=ref.light, room=shared.stage.room, target=shared.stage.target, furniture=shared.stage.furniture,
             camera=shared.view.camera, source_light=shared.source, target_light=light,
-            rough=rough_plan(spec, ref), render=render_plan(spec, ref.view),
+            rough=rough_plan(spec, ref), fog=fog, render=render, effects=effects,
             notes=(*shared.stage.notes, shared.view.note, note))
 
 
@@ -124,6 +138,8 @@ def rough_plan(spec: DatasetSpec, ref: ExampleRef) -> RoughPlan:
 def layers_asked(spec: DatasetSpec) -> tuple[tuple[str, Extent], ...]:
     """Layers and their extents in the order of the spec, with standard errors after them where storage wants them."""
     asked: dict[str, Extent] = dict(spec.layers)
+    if spec.render.denoise.keep_raw:
+        asked |= {f"{name}_raw": spec.layers[name] for name in spec.render.denoise.layers}
     if spec.storage.standard_errors:
         for name, extent in spec.layers.items():
             if f"{name}_se" in LAYERS:
@@ -134,10 +150,13 @@ def layers_asked(spec: DatasetSpec) -> tuple[tuple[str, Extent], ...]:
 def render_plan(spec: DatasetSpec, view: ViewRef) -> RenderPlan:
     """How the pixels of a view are computed."""
     render = spec.render
+    goals = tuple(GoalPlan(layer=name, error=goal.error or 0.0, seconds=goal.seconds or 0.0, cap=goal.cap)
+                  for name, goal in render.accuracy.items())
     return RenderPlan(width=spec.image.width, height=spec.image.height, layers=layers_asked(spec),
                       spp_first_hit=render.spp.first_hit, spp_source=render.spp.source, spp_target=render.spp.target,
-                      spp_rough=render.spp.rough, batches=render.batches, max_depth=render.max_depth,
-                      rr_depth=render.rr_depth, seed=str(derive_seed(spec.seed, *view.path, "render")))
+                      spp_rough=render.spp.rough, batches=render.batches, goals=goals, rr_depth=render.rr_depth,
+                      texture_size=render.texture_size, denoise=render.denoise.layers,
+                      keep_raw=render.denoise.keep_raw, seed=str(derive_seed(spec.seed, *view.path, "render")))
 
 
 def plan_example(loaded: LoadedSpec, index: int, planner: Planner | None = None) -> ExamplePlan:
@@ -150,6 +169,14 @@ def plan_example(loaded: LoadedSpec, index: int, planner: Planner | None = None)
         rule = f"expected an example in [0, {len(planner.examples)}), got {index}"
         raise PlanError([Problem(where="", path="example", rule=rule)])
     return planner.example(planner.examples[index])
+
+
+def first_plan(planner: Planner, most: int = 32) -> ExamplePlan | None:
+    """The plan of the first example that can be planned, among the first `most`; None where none of these can."""
+    for ref in planner.examples[:most]:
+        with suppress(PlanError):
+            return planner.example(ref)
+    return None
 
 
 def plan_all(loaded: LoadedSpec) -> Iterator[ExamplePlan]:

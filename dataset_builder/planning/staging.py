@@ -12,7 +12,7 @@ from dataset_builder.planning.contents import ScenePlan, SplitContents
 from dataset_builder.planning.example_plan import ObjectPlan, PlacedObject
 from dataset_builder.planning.footprint import Extent
 from dataset_builder.planning.layout import Piece, Place, Pose, lay_out
-from dataset_builder.planning.realise import asset_of, room_parts, world_from_object
+from dataset_builder.planning.realise import asset_of, room_shell, world_from_object
 from dataset_builder.planning.stage import FURNITURE_INSTANCE, ROOM_INSTANCE, TARGET_INSTANCE, Geometry, Stage
 from dataset_builder.seeding import rng
 
@@ -38,7 +38,8 @@ def geometry_of(placed: PlacedObject, mesh_root: Path) -> Geometry:
 
 
 def _room_geometry(scene: ScenePlan) -> list[Geometry]:
-    return [(part.mesh.positions, part.mesh.faces, ROOM_INSTANCE) for part in room_parts(scene.room).values()]
+    """The room without panes, which let light and sight through."""
+    return [(part.mesh.positions, part.mesh.faces, ROOM_INSTANCE) for part in room_shell(scene.room).values()]
 
 
 def set_stage(pair: PairRef, split: SplitContents, seed: int, mesh_root: Path) -> Stage:

@@ -4,12 +4,14 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
 from dataset_builder.build import Event
 from dataset_builder.engine.unit import Outcome
 from dataset_builder.planning.cost import Estimate
+from dataset_builder.planning.example_plan import ExamplePlan
 from dataset_builder.report.doctor import Finding
 from dataset_builder.shards.manifest import Manifest, Rejected
 
@@ -58,6 +60,15 @@ def estimate_table(estimate: Estimate, cores: int) -> Table:
     spread = f" ± {duration(error.seconds)}" if error.seconds else ""
     table.add_row(f"time on {cores} cores", f"{duration(total.seconds)}{spread}")
     table.add_row("size", f"{total.bytes / MIB:,.1f} MiB{_plus_minus(error.bytes / MIB, ' MiB')}")
+    return table
+
+
+def decisions_table(plan: ExamplePlan) -> Table:
+    """What an example's passes simulate and why."""
+    title = f"What is simulated: example {plan.key}, {plan.target.object.name} in {plan.room.name}"
+    table = Table("effect", "choice", "why", title=title, title_justify="left")
+    for decision in plan.effects.decisions:
+        table.add_row(*(escape(text) for text in (decision.effect, decision.choice, decision.reason)))
     return table
 
 

@@ -138,6 +138,16 @@ class DatasetSpec(Model):
     """One or more, with different names."""
 
     @model_validator(mode="after")
+    def _layers_are_there(self) -> "DatasetSpec":
+        for key, names in (("accuracy", tuple(self.render.accuracy)), ("denoise", self.render.denoise.layers)):
+            for name in names:
+                if name not in self.layers:
+                    path = ("render", key, name) if key == "accuracy" else ("render", key, "layers")
+                    raise broken(f"expected layers that the dataset holds, got {name}", path=path,
+                                 known=tuple(self.layers))
+        return self
+
+    @model_validator(mode="after")
     def _distinct_splits(self) -> "DatasetSpec":
         names = [split.name for split in self.splits]
         for index, name in enumerate(names):

@@ -58,6 +58,13 @@ def _count(name: str, low: int, high: int, meaning: str) -> FamilyParam:
                        meaning=meaning)
 
 
+def _finish(*meanings: str) -> FamilyParam:
+    """A choice of what the thing is made of, the first unless a spec says otherwise."""
+    numbered = ", ".join(f"{index} {meaning}" for index, meaning in enumerate(meanings))
+    return FamilyParam(name="finish", unit="", low=0, high=len(meanings) - 1, default=0.0, integer=True,
+                       meaning=numbered)
+
+
 BEVEL = _length("bevel", 0.001, 0.008, (0.002, 0.005), "width of the chamfer on every hard edge")
 
 _SEATS = (
@@ -145,7 +152,7 @@ _STORAGE = (
         _count("bays", 1, 4, "side by side"),
         _style("front", "flat", "framed"),
         _style("handle", "bar", "knob"),
-        _count("drawers", 0, 3, "drawers of the bays that have no door"), BEVEL)),
+        _count("drawers", 0, 3, "drawers of the bays that have no door"), _finish("wood or paint", "lacquer"), BEVEL)),
     Family(name="bookshelf", category="bookshelf", summary="open shelves with some books", params=(
         _length("width", 0.50, 1.40, (0.65, 1.10), "side to side"),
         _length("depth", 0.22, 0.42, (0.26, 0.34), "front to back"),
@@ -194,7 +201,8 @@ _OTHERS = (
         _length("belly", 0.14, 0.45, (0.20, 0.32), "largest diameter"),
         _length("neck", 0.05, 0.13, (0.07, 0.11), "smallest diameter of the neck"),
         FamilyParam(name="belly_at", unit="1", low=0.25, high=0.65, default=Uniform(uniform=(0.32, 0.58)),
-                    integer=False, meaning="height of the belly over the height"))),
+                    integer=False, meaning="height of the belly over the height"),
+        _finish("ceramic or stone", "glass"))),
     Family(name="plant", category="plant", summary="pot with sword-shaped leaves", params=(
         _length("pot_width", 0.18, 0.50, (0.24, 0.38), "diameter of the pot's rim"),
         _length("pot_height", 0.16, 0.50, (0.22, 0.36), "of the pot"),

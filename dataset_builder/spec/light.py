@@ -26,6 +26,10 @@ class SourceSpec(Model):
     """Radiance from everywhere."""
     sun: SunSpec | None = None
     """Leave it out for none."""
+    environment: str = ""
+    """Latitude-longitude image (.exr .hdr), relative to the dataset file, that multiplies `dome`; empty for none."""
+    turn: AnyNumber = 0.0
+    """Degrees that the environment is turned about the vertical."""
     open: tuple[Literal["ceiling", "walls"], ...] = ("ceiling", "walls")
     """Parts of the room that are taken away while the source shines."""
 
@@ -51,6 +55,15 @@ class TargetSpec(Model):
     """Half angle of a spot in degrees."""
     dome: within(low=0) = 0.05  # type: ignore[valid-type]
     """Radiance of the dim light from outside, through windows."""
+    environment: str = ""
+    """Latitude-longitude image (.exr .hdr), relative to the dataset file, that multiplies `dome`; empty for none."""
+    turn: AnyNumber = 0.0
+    """Degrees that the environment is turned about the vertical."""
+    sun: SunSpec | None = None
+    """A sun outside, which shines in through windows; leave it out for none."""
+    textures: tuple[str, ...] = ()
+    """Images (.exr .png), relative to the dataset file, one of which every area light shows, each as likely; brought
+    to mean 1, so that `strength` holds. Empty for even light."""
     brightness: Annotated[Interval, interval(0)] = (0.1, 20.0)
     """Least and largest mean direct irradiance on the visible part of the object, in units of the source dome's."""
     attempts: PositiveInt = 200

@@ -1,11 +1,24 @@
 """Size of the images and how their pixels are computed, as written."""
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, Tag, model_validator
 
+from dataset_builder.layers import LAYERS
 from dataset_builder.spec.model import Model, broken
-from dataset_builder.spec.numbers import PositiveInt
+from dataset_builder.spec.numbers import PositiveInt, branches
+
+NOISY = tuple(name for name, layer in LAYERS.items() if layer.radiometric and not name.endswith(("_se", "_raw")))
+"""Layers that carry Monte Carlo noise."""
+
+
+def _noisy(name: str) -> str:
+    if name not in NOISY:
+        raise broken("expected a layer with light in it", known=NOISY)
+    return name
+
+
+NoisyLayer = Annotated[str, AfterValidator(_noisy), Field(json_schema_extra={"enum": list(NOISY)})]
 
 
 class ImageSpec(Model):
@@ -30,6 +43,46 @@ class SppSpec(Model):
     """`s_prime`."""
 
 
+class GoalSpec(Model):
+    """How good one layer is to be: sampling goes on in rounds until this is reached, or the cap."""
+
+    error: Annotated[float, Field(gt=0, le=1)] | None = None
+    """Relative standard error over the object to reach: root mean square over its pixels, see `docs/accuracy.md`."""
+    seconds: Annotated[float, Field(gt=0)] | None = None
+    """Time after which no further round begins; what comes out then depends on the machine."""
+    cap: PositiveInt = 4096
+    """Most samples of any pixel."""
+
+    @model_validator(mode="after")
+    def _asks_for_something(self) -> "GoalSpec":
+        if self.error is None and self.seconds is None:
+            raise broken("expected `error`, `seconds` or both, got neither")
+        return self
+
+
+class DenoiseSpec(Model):
+    """Layers that are shipped denoised; the record of every example says so and how far that may be trusted."""
+
+    layers: tuple[Literal["i_s", "i_t", "s", "s_prime"], ...] = ()
+    """Layers to denoise, among those that the dataset holds; none by default."""
+    keep_raw: bool = False
+    """Also ship each as it was before, as `<layer>_raw`."""
+    examples: PositiveInt = 2
+    """Converged examples of the dataset on which the bias is measured before the build begins."""
+
+
+def _depth(value: Any) -> str | None:
+    if isinstance(value, str):
+        return "|auto" if value == "auto" else None
+    return "|depth" if isinstance(value, int) and not isinstance(value, bool) else None
+
+
+Depth = Annotated[
+    Annotated[PositiveInt, Tag("|depth")] | Annotated[Literal["auto"], Tag("|auto")],
+    branches(_depth, "expected a whole number or auto"),
+]
+
+
 def _every_pass(value: Any) -> Any:
     """One whole number stands for the same spp in every pass."""
     if not isinstance(value, int) or isinstance(value, bool):
@@ -43,13 +96,23 @@ class RenderSpec(Model):
     """How pixels are computed."""
 
     spp: Annotated[SppSpec, BeforeValidator(_every_pass, json_schema_input_type=PositiveInt | SppSpec)] = SppSpec()
-    """A mapping of passes, or one number for all."""
+    """A mapping of passes, or one number for all. Where a layer of the pass has a goal, this is the first round."""
+    accuracy: dict[NoisyLayer, GoalSpec] = {}
+    """Goals by layer; a pass goes on until all of its layers have reached theirs. Without one, spp is fixed."""
     batches: Annotated[int, Field(ge=2)] = 4
     """Independent batches that spp is split into; standard errors come from their spread."""
-    max_depth: PositiveInt = 12
-    """Longest path in edges; 2 is direct light only."""
+    max_depth: Depth = "auto"
+    """Longest path in edges; 2 is direct light only. auto: planned from the materials and `bias`."""
     rr_depth: PositiveInt = 3
     """Path length from which Russian roulette may end a path."""
+    bias: Annotated[float, Field(gt=0, le=0.5)] = 0.01
+    """Largest share of the light that planned simplifications may leave out."""
+    texture_size: PositiveInt = 4096
+    """Most texels along a side; larger textures are averaged down."""
+    effects: Literal["planned", "all"] = "planned"
+    """planned: simulate only what a scene calls for. all: everything, on every pixel, for comparison."""
+    denoise: DenoiseSpec = DenoiseSpec()
+    """Layers that are shipped denoised."""
 
     @model_validator(mode="after")
     def _batches_divide_spp(self) -> "RenderSpec":

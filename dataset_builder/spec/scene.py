@@ -21,8 +21,52 @@ class RoomSpec(Model):
     """Whether there is one."""
     windows: within(low=0, high=4) = 1.0  # type: ignore[valid-type]
     """How many, at most one in each wall; drawn numbers are rounded."""
+    glazing: bool = False
+    """Whether the windows have panes of thin glass; open holes otherwise."""
     skirting: within(low=0, high=0.5) = 0.08  # type: ignore[valid-type]
     """Height of the skirting boards in metres; 0 is none."""
+
+
+class FogSpec(Model):
+    """A homogeneous medium that fills the scene."""
+
+    extinction: within(low=0, high=100) = 0.05  # type: ignore[valid-type]
+    """Share of light lost per metre, for short ways: scattering and absorption together."""
+    albedo: within(low=0, high=1) = 0.9  # type: ignore[valid-type]
+    """Share of it that is scattered."""
+    anisotropy: within(low=-0.95, high=0.95) = 0.0  # type: ignore[valid-type]
+    """Mean cosine of the scattering angle (Henyey and Greenstein 1941)."""
+
+
+class MaterialSpec(Model):
+    """Changes to a material of an object; what is left out stays as it is."""
+
+    base_color: tuple[within(low=0, high=1), within(low=0, high=1), within(low=0, high=1)] | None = None  # type: ignore[valid-type]
+    """Linear Rec.709 factors of reflectance; of transmission where the surface transmits."""
+    roughness: within(low=0, high=1) | None = None  # type: ignore[valid-type]
+    """Perceptual; 0 is a mirror or clear glass."""
+    metallic: within(low=0, high=1) | None = None  # type: ignore[valid-type]
+    """1 is metal."""
+    specular: within(low=0, high=0.16) | None = None  # type: ignore[valid-type]
+    """Reflectance of the dielectric part at normal incidence; 0.04 is an index of refraction of 1.5."""
+    transmission: within(low=0, high=1) | None = None  # type: ignore[valid-type]
+    """Share of the light that passes the dielectric surface that is refracted instead of scattered; 1 is glass."""
+    ior: within(low=1, high=3) | None = None  # type: ignore[valid-type]
+    """Index of refraction of what transmits."""
+    thin: bool | None = None
+    """Whether the surface is a thin pane, which bends no light."""
+    abbe: within(low=0, high=100) | None = None  # type: ignore[valid-type]
+    """Abbe number of what transmits, 20 (flint) to 85; 0 is no dispersion."""
+    coat: within(low=0, high=1) | None = None  # type: ignore[valid-type]
+    """Weight of a clear coat with index of refraction 1.5."""
+    coat_roughness: within(low=0, high=1) | None = None  # type: ignore[valid-type]
+    """Perceptual roughness of the coat."""
+    sheen: tuple[within(low=0, high=1), within(low=0, high=1), within(low=0, high=1)] | None = None  # type: ignore[valid-type]
+    """Colour of the sheen of fibres; 0 is none."""
+    sheen_roughness: within(low=0.05, high=1) | None = None  # type: ignore[valid-type]
+    """Roughness of the sheen."""
+    plain: bool = False
+    """Whether to leave the material's texture out."""
 
 
 class ObjectSpec(Model):
@@ -34,6 +78,8 @@ class ObjectSpec(Model):
     """Parameters of the family that differ from its own distributions."""
     file: str | None = None
     """Mesh file (.glb .gltf .obj .ply), relative to this spec."""
+    materials: dict[str, MaterialSpec] = {}
+    """Changes by name of the material; `*` is every material. `inspect` of a mesh and `families` tell the names."""
     category: str = ""
     """Filled from the family where it is empty."""
     licence: str = "CC0-1.0"
@@ -71,5 +117,7 @@ class SceneSpec(Model):
     """Room file, relative to the scene file."""
     furniture: tuple[FurnitureSpec, ...] = ()
     """What else stands there; pieces that find no free place are left out, with a note in the plan."""
+    fog: FogSpec | None = None
+    """A medium that fills the room; leave it out for clear air."""
     target: Literal["near", "wall", "floor"] = "floor"
     """Where the target object stands; `near` is `floor`."""

@@ -8,7 +8,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from dataset_builder.assets.asset import Asset
-from dataset_builder.assets.procedural.furniture import MAKERS, make_furniture
+from dataset_builder.assets.procedural.furniture import FINISHES, MAKERS, make_furniture
 from dataset_builder.errors import UserError
 from dataset_builder.geometry.mesh import TriangleMesh
 from dataset_builder.seeding import rng
@@ -179,7 +179,8 @@ def test_surfaces_spread_from_matte_to_glossy_and_metallic() -> None:
     for material in materials:
         texture = material.texture
         colour = np.asarray(material.base_color) * (1.0 if texture is None else texture.base_color)
-        assert colour.min() >= 0.03 - 1e-6 and colour.max() <= 0.85 + 1e-6
+        brightest = 1.0 if material.transmission else 0.85
+        assert colour.min() >= 0.03 - 1e-6 and colour.max() <= brightest + 1e-6
 
 
 @pytest.mark.parametrize(("change", "words"), [
@@ -194,3 +195,20 @@ def test_wrong_parameters_are_named(change: dict[str, float | None], words: str)
 def test_unknown_family_is_named() -> None:
     with pytest.raises(UserError, match=r"expected one of chair, .* got throne"):
         make_furniture(family="throne", params={}, seed=0, name="bad")
+
+
+def test_materials_are_called_by_what_they_are_there_for() -> None:
+    found: dict[str, set[str]] = {family: set() for family in FAMILIES}
+    for family, variant in CASES:
+        names = [material.name for material in made(family, variant).materials]
+        assert all(": " in name for name in names)
+        found[family] |= {name.partition(": ")[0] for name in names}
+    assert found == {family: set(roles) for family, roles in FINISHES.items()}
+
+
+def test_glass_and_lacquer_are_made_where_they_are_asked_for() -> None:
+    for family, there in (("vase", lambda m: m.transmission == 1), ("cabinet", lambda m: m.coat == 1)):
+        plain, fine = (make_furniture(family=family, params={**params_of(family, "draw-0"), "finish": finish}, seed=3,
+                                      name="a") for finish in (0, 1))
+        assert not any(map(there, plain.materials)) and any(map(there, fine.materials))
+        np.testing.assert_array_equal(plain.mesh.positions, fine.mesh.positions)

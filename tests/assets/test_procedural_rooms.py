@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dataset_builder.assets.procedural.rooms import LINTEL_HEIGHT, SILL_HEIGHT, THICKNESS, make_room
+from dataset_builder.assets.procedural.rooms import LINTEL_HEIGHT, SILL_HEIGHT, THICKNESS, make_panes, make_room
 from dataset_builder.errors import UserError
 from dataset_builder.geometry.mesh import TriangleMesh
 
@@ -77,6 +77,32 @@ def test_parts_are_closed_and_outside_the_interior(size: tuple[float, float, flo
     np.testing.assert_allclose(made["floor"].mesh.bounds[:, 2], (-THICKNESS, 0), atol=1e-12)
     np.testing.assert_allclose(made["ceiling"].mesh.bounds[:, 2], (height, height + THICKNESS))
     np.testing.assert_allclose(made["walls"].mesh.bounds[1, :2] * 2, (width + 2 * THICKNESS, depth + 2 * THICKNESS))
+
+
+@pytest.mark.parametrize("windows", [1, 2, 3, 4])
+def test_no_ray_leaves_a_room_but_through_a_pane(windows: int) -> None:
+    sizes = {**SIZE, "skirting": 0.08, "windows": windows}
+    panes = make_panes(**sizes)  # type: ignore[arg-type]
+    shell = [asset.mesh for asset in room(windows=windows).values()]
+    for origin in ((0.0, 0.0, 1.25), (1.6, -1.1, 0.4)):
+        open_way = hits(shell, np.array(origin), rays(300))
+        assert np.isinf(open_way).any()
+        assert np.isfinite(hits([*shell, panes.mesh], np.array(origin), rays(300))).all()
+
+
+def test_panes_are_thin_glass_that_faces_the_room() -> None:
+    panes = make_panes(**SIZE, skirting=0.08, windows=4)  # type: ignore[arg-type]
+    glass, = panes.materials
+    assert glass.thin and glass.transmission == 1 and glass.roughness == 0
+    assert len(panes.mesh.faces) == 8
+    towards = -panes.mesh.corners.mean(axis=1) + (0, 0, SIZE["height"] / 2)
+    inwards = np.einsum("ij,ij->i", panes.mesh.area_normals, towards)
+    assert (inwards > 0).all()
+    half = np.array([SIZE["width"], SIZE["depth"]]) / 2
+    outside = np.abs(panes.mesh.positions[:, :2]) - half
+    assert (outside.max(axis=1) > 0.03).all() and (outside.max(axis=1) < THICKNESS - 0.02).all()
+    size = np.ptp(panes.mesh.uvs[:2].reshape(-1, 2), axis=0)
+    np.testing.assert_allclose(size, np.ptp(panes.mesh.positions[:4][:, [0, 2]], axis=0))
 
 
 def test_ceiling_and_skirting_are_left_out_on_demand() -> None:

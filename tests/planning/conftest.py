@@ -47,7 +47,7 @@ def _room(*, width: float, depth: float, height: float, ceiling: bool, windows: 
 
 def _forget() -> None:
     realise.asset_of.cache_clear()
-    realise.room_parts.cache_clear()
+    realise.room_shell.cache_clear()
 
 
 @pytest.fixture(autouse=True)

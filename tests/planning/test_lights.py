@@ -1,11 +1,13 @@
 from collections.abc import Callable
 from functools import partial
 from math import pi
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from dataset_builder.digest import sha256_file
 from dataset_builder.errors import PlanError
 from dataset_builder.planning import lights as planned
 from dataset_builder.planning.blackbody import LUMINANCE
@@ -70,7 +72,7 @@ def test_lights_are_in_the_room_clear_of_things_and_within_the_brightness_asked(
             assert light.direction == pytest.approx(aim / np.linalg.norm(aim))
     shown = planned.expose(view.stage, view.sight, plan.lights, view.unit, view.sky)
     assert 0.3 <= shown.mean <= 3 and shown.lit >= 0.25 and f"{shown.mean:.2f}" in note
-    assert outside.kind == "dome" and outside.weight == pytest.approx(0.05 * pi) and plan.open == ()
+    assert outside.kind == "dome" and outside.weight == pytest.approx(0.02 * 0.05 * pi) and plan.open == ()
 
 
 def test_emitters_do_not_come_between_camera_and_object(box_stage: BoxStage) -> None:
@@ -147,3 +149,69 @@ def test_the_source_is_a_dome_and_a_sun_that_shines_down() -> None:
 def test_a_source_without_light_is_an_error() -> None:
     with pytest.raises(PlanError, match="source: expected a dome or a sun above 0"):
         source_light(SourceSpec(dome=0.0), stream_of(0))
+
+
+def test_an_environment_is_named_with_its_digest_and_turned(tmp_path: Path) -> None:
+    (tmp_path / "sky.hdr").write_bytes(b"a sky")
+    spec = SourceSpec.model_validate({"dome": 2, "environment": "sky.hdr", "turn": {"uniform": [10, 20]}})
+    (dome,) = source_light(spec, stream_of(0), tmp_path).lights
+    assert (dome.image, dome.image_sha256) == ("sky.hdr", sha256_file(tmp_path / "sky.hdr"))
+    assert 10 <= dome.turn <= 20 and dome.radiance == (2, 2, 2) and dome.weight == pytest.approx(2 * pi)
+    (tmp_path / "sky.hdr").write_bytes(b"another sky")
+    (changed,) = source_light(spec, stream_of(0), tmp_path).lights
+    assert changed.image_sha256 != dome.image_sha256 and changed.turn == dome.turn
+
+
+@pytest.mark.parametrize(("part", "key"), [("source", "environment"), ("target", "environment"),
+                                           ("target", "textures")])
+def test_an_image_that_is_not_there_is_named(part: str, key: str, tmp_path: Path, box_stage: BoxStage) -> None:
+    name = ("no.exr",) if key == "textures" else "no.exr"
+    with pytest.raises(PlanError, match=rf"no\.exr: {part}\.{key}: expected an image, got: No such file") as caught:
+        if part == "source":
+            source_light(SourceSpec.model_validate({key: name}), stream_of(0), tmp_path)
+        else:
+            target_light(lit_view(box_stage(CHAIR)), target_spec(kinds=["area"], **{key: name}), stream_of(0), "",
+                         tmp_path)
+    assert str(tmp_path) in str(caught.value)
+
+
+def test_area_lights_show_textures_and_other_lights_none(tmp_path: Path, box_stage: BoxStage) -> None:
+    names = ("a.png", "b.exr")
+    for name in names:
+        (tmp_path / name).write_bytes(name.encode())
+    spec = target_spec(lights=12, textures=names, brightness=(0, 1e6), distance={"uniform": [1.2, 1.6]}, size=0.1)
+    plan, _ = target_light(lit_view(box_stage(CHAIR)), spec, stream_of(2), "", tmp_path)
+    plain, _ = target_light(lit_view(box_stage(CHAIR)), spec.model_copy(update={"textures": ()}), stream_of(2), "")
+    assert {light.image for light in plan.lights if light.kind == "area"} == set(names)
+    assert not any(light.image for light in plan.lights if light.kind != "area")
+    without = [light.model_copy(update={"image": "", "image_sha256": ""}) for light in plan.lights]
+    assert tuple(without) == plain.lights
+
+
+def test_the_sun_counts_where_it_gets_in(box_stage: BoxStage) -> None:
+    spec = target_spec(strength=1, sun={"elevation": 90, "irradiance": 1000}, dome=0, brightness=(0, 1e6))
+    plan, note = target_light(lit_view(box_stage(CHAIR)), spec, stream_of(1), "")
+    _, sun = plan.lights
+    assert sun.kind == "sun" and sun.direction == pytest.approx((0, 0, -1)) and sun.radiance == (1000, 1000, 1000)
+    assert sun.weight == pytest.approx(0.02 * 1000) and "irradiance 0." in note
+    view = lit_view(box_stage(CHAIR, closed=False))
+    shone_on, note = target_light(view, spec, stream_of(1), "")
+    facing = np.maximum(view.sight.normals[:, 2], 0).mean()
+    assert shone_on.lights[1].weight == pytest.approx(1000 * facing, rel=0.1) and facing > 0.02
+    with pytest.raises(PlanError, match="it would be blown out"):
+        target_light(view, spec.model_copy(update={"brightness": (0.1, 20), "attempts": 5}), stream_of(1), "")
+
+
+def test_many_lights_are_weighed_by_what_they_send(box_stage: BoxStage) -> None:
+    spec = target_spec(lights=20, kinds=["point"], strength={"choice": [1, 3]}, temperature=6500, brightness=(0, 1e6))
+    plan, _ = target_light(lit_view(box_stage(CHAIR)), spec, stream_of(5), "")
+    *lamps, _ = plan.lights
+    sent = [np.array(light.radiance).mean() / np.sum((np.array(light.position) - [0, 0, 0.45]) ** 2) for light in lamps]
+    assert [light.weight for light in lamps] == pytest.approx(sent)
+    assert max(sent) / min(sent) == pytest.approx(3)
+
+
+def test_a_window_lets_sky_in_and_weighs_it(box_stage: BoxStage) -> None:
+    view = lit_view(box_stage(CHAIR, closed=False))
+    plan, _ = target_light(view, target_spec(dome=0.3), stream_of(1), "")
+    assert plan.lights[-1].weight == pytest.approx(0.3 * pi * view.sky) and view.sky > 0.9

@@ -93,7 +93,7 @@ def test_render_numbers_come_from_the_spec_alone(load: Load, dataset_data: dict[
     dataset_data["image"] = {"width": 64, "height": 32}
     render = plan_example(load(dataset_data), 0).render
     assert (render.spp_first_hit, render.spp_source, render.spp_target, render.spp_rough) == (16, 32, 64, 128)
-    assert (render.batches, render.max_depth, render.rr_depth) == (8, 3, 2)
+    assert (render.batches, render.rr_depth) == (8, 2)
     assert (render.width, render.height) == (64, 32)
 
 

@@ -68,9 +68,10 @@ def _bulb(params: dict[str, float], socket: float) -> list[Part]:
 
 
 def vase(params: dict[str, float], rng: np.random.Generator) -> Asset:
-    """Turned vase, hollow, with a foot, a belly, a neck and a flared rim."""
+    """Turned vase, hollow, with a foot, a belly, a neck and a flared rim; ceramic, stone or glass."""
     finish_rng, part_rng = rng.spawn(2)
-    finishes = {"glaze": materials.one_of(finish_rng, materials.ceramic, materials.ceramic, materials.stone)}
+    makers = (materials.glass,) if params["finish"] else (materials.ceramic, materials.ceramic, materials.stone)
+    finishes = {"glaze": materials.one_of(finish_rng, *makers)}
     height, belly, neck = params["height"], params["belly"] / 2, params["neck"] / 2
     knots = np.array([0, params["belly_at"], 0.86, 1.0]) * height
     outline = PchipInterpolator(knots, [0.62 * belly, belly, min(neck, 0.9 * belly), min(1.25 * neck, 0.95 * belly)])

@@ -23,6 +23,16 @@ MAKERS: dict[str, Maker] = {
 }
 """The function that makes each family of `spec.families.FAMILIES`."""
 
+FINISHES: dict[str, tuple[str, ...]] = {
+    "chair": ("frame", "cover"), "armchair": ("cover", "legs"), "sofa": ("cover", "legs", "pillow"),
+    "stool": ("frame", "cover", "metal"), "bench": ("frame", "cover"), "ottoman": ("cover", "legs"),
+    "dining_table": ("frame", "top"), "coffee_table": ("frame", "top", "books"), "desk": ("frame", "front", "metal"),
+    "cabinet": ("frame", "metal", "front"), "bookshelf": ("frame", "books"), "wardrobe": ("frame", "metal"),
+    "nightstand": ("frame", "metal", "books"), "bed": ("frame", "sheet", "blanket", "cover"),
+    "floor_lamp": ("stand", "shade", "bulb"), "vase": ("glaze",), "plant": ("pot", "soil", "leaf"),
+}
+"""What the materials of each family are there for; a draw may go without some. Their names begin with it."""
+
 
 def make_furniture(*, family: str, params: dict[str, float], seed: int, name: str) -> Asset:
     """Piece of furniture of `family` with all its `params` given; materials and details follow from `seed`.

@@ -4,6 +4,7 @@ Colours are linear Rec.709 reflectances; a textured material has base colour (1,
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -40,6 +41,9 @@ TILE_COLOURS = {"white": (0.74, 0.73, 0.70), "sand": (0.55, 0.45, 0.33), "slate"
 STONES = {"white marble": ((0.78, 0.77, 0.75), (0.34, 0.34, 0.36)),
           "black marble": ((0.04, 0.04, 0.045), (0.42, 0.40, 0.37)),
           "green marble": ((0.05, 0.12, 0.08), (0.33, 0.42, 0.35))}
+GLASSES = {"clear": (0.985, 0.99, 0.985), "green": (0.62, 0.83, 0.68), "amber": (0.86, 0.55, 0.18),
+           "smoke": (0.50, 0.49, 0.47), "blue": (0.45, 0.62, 0.86)}
+"""What a body lets through, of each channel."""
 WHITE = (1.0, 1.0, 1.0)
 
 
@@ -53,7 +57,7 @@ def _shade(rng: np.random.Generator, colour: tuple[float, float, float], spread:
                                                                                + 0.3 * spread * rng.uniform(-1, 1, 3)))
 
 
-def _textured(name: str, texture: Texture, repeat: float, **surface: float) -> Finish:
+def _textured(name: str, texture: Texture, repeat: float, **surface: Any) -> Finish:
     return Finish(material=Material(name=name, base_color=WHITE, texture=texture, **surface), repeat=repeat)
 
 
@@ -107,6 +111,28 @@ def ceramic(rng: np.random.Generator, name: str | None = None) -> Finish:
     roughness = float(rng.uniform(0.1, 0.25))
     return Finish(material=Material(name=f"{name} ceramic", base_color=(red, green, blue), roughness=roughness,
                                     specular=0.05))
+
+
+def glass(rng: np.random.Generator, name: str | None = None) -> Finish:
+    """Solid glass, clear or tinted; `name` is a key of GLASSES."""
+    name = _pick(rng, GLASSES, name)
+    red, green, blue = np.minimum(np.asarray(GLASSES[name]) * (1 + 0.03 * rng.uniform(-1, 1)), 1).tolist()
+    return Finish(material=Material(name=f"{name} glass", base_color=(red, green, blue), roughness=0.0,
+                                    transmission=1.0, ior=1.5))
+
+
+def pane() -> Finish:
+    """Clear window glass, a thin sheet."""
+    return Finish(material=Material(name="pane: clear glass", base_color=WHITE, roughness=0.0, transmission=1.0,
+                                    ior=1.5, thin=True))
+
+
+def lacquer(rng: np.random.Generator, name: str | None = None) -> Finish:
+    """Paint under a clear, polished coat; `name` is a key of PAINTS."""
+    name = _pick(rng, PAINTS, name)
+    red, green, blue = _shade(rng, PAINTS[name]).tolist()
+    return Finish(material=Material(name=f"{name} lacquer", base_color=(red, green, blue), roughness=0.5, coat=1.0,
+                                    coat_roughness=float(rng.uniform(0.0, 0.1))))
 
 
 def stone(rng: np.random.Generator, name: str | None = None) -> Finish:

@@ -107,7 +107,8 @@ def leaning(parts: Sequence[Part], *, above: float, degrees: float) -> list[Part
 def assemble(parts: Sequence[Part], finishes: dict[str, Finish], *, category: str, rng: np.random.Generator) -> Asset:
     """Asset of the parts: on the floor, centred in x and y, texture shifted at random on every part.
 
-    Materials stand in the order of `finishes`; finishes that no part uses are left out. The name is left to the caller.
+    Materials stand in the order of `finishes`, are called by their key there and what they are (`top: oak`), and are
+    left out where no part uses them. The name is left to the caller.
     """
     asset = assemble_in_place(parts, finishes, name="", category=category, rng=rng)
     low, high = asset.mesh.bounds
@@ -121,7 +122,8 @@ def assemble_in_place(parts: Sequence[Part], finishes: dict[str, Finish], *, nam
     used = [finish for finish in finishes if any(part.finish == finish for part in parts)]
     meshes = [_textured(part, finishes[part.finish], rng.uniform(size=2)) for part in parts]
     mesh = concatenate(meshes, material_offsets=[used.index(part.finish) for part in parts])
-    materials = tuple(finishes[finish].material for finish in used)
+    materials = tuple(replace(finishes[finish].material, name=f"{finish}: {finishes[finish].material.name}")
+                      for finish in used)
     meta = {"licence": "CC0-1.0", "source": "procedural"}
     return Asset(name=name, category=category, mesh=mesh, materials=materials, meta=meta)
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from dataset_builder.assets.asset import Asset
 from dataset_builder.assets.procedural import materials
-from dataset_builder.assets.procedural.boxes import plate
+from dataset_builder.assets.procedural.boxes import plate, with_uvs
 from dataset_builder.assets.procedural.parts import (
     GAP,
     Finish,
@@ -16,11 +16,16 @@ from dataset_builder.assets.procedural.parts import (
     turned_about_z,
 )
 from dataset_builder.errors import UserError
+from dataset_builder.geometry.mesh import TriangleMesh, concatenate
 from dataset_builder.seeding import rng
 
 THICKNESS = 0.10
 """Of walls, floor and ceiling, all outside the room's interior."""
 SILL_HEIGHT, LINTEL_HEIGHT = 0.90, 2.15
+PANE_INSET, PANE_DEPTH = 0.025, 0.055
+"""Metres from the edge of a window's opening to its pane (twice that above the sill), so that it ends inside the
+frame, and from the inside of the wall."""
+PANE_FACES = np.array([[0, 1, 2], [0, 2, 3]])
 SIDES = (("+y", 0), ("-x", 90), ("+x", -90), ("-y", 180))
 """Walls in the order in which they get windows, and the turn about +Z that brings a wall from +Y to its place."""
 
@@ -30,7 +35,8 @@ def make_room(*, width: float, depth: float, height: float, ceiling: bool, windo
     """Assets `floor`, `walls` and, if asked for, `ceiling`, in the room's frame.
 
     The interior is x in [-width/2, width/2], y in [-depth/2, depth/2], z in [0, height], in metres (at least
-    1, 1 and 1.5). `windows` walls (0 to 4: +Y, -X, +X, -Y) have an opening with frame and sill, without glass.
+    1, 1 and 1.5). `windows` walls (0 to 4: +Y, -X, +X, -Y) have an opening with frame and sill, without glass, which
+    `make_panes` adds.
     `skirting` is the height of the skirting board, 0 for none. Boards stand out by 1.5 cm, sills by 4 cm.
     Raises UserError for sizes that make no room.
     """
@@ -51,6 +57,28 @@ def make_room(*, width: float, depth: float, height: float, ceiling: bool, windo
         room["ceiling"] = _room_part("ceiling", [_slab(extent, (height, height + THICKNESS), "ceiling")], finishes,
                                      ceiling_rng)
     return room
+
+
+def make_panes(*, width: float, depth: float, height: float, windows: int, skirting: float) -> Asset:
+    """The panes of a room of at least one window: one upright sheet of thin clear glass in each window's frame.
+
+    A sheet without thickness, facing the room; it ends inside the frame and runs through its bars. The numbers are
+    those of `make_room`.
+    """
+    panes = [_pane(*_wall_size(index, width, depth)[:2], height, skirting, turn)
+             for index, (_, turn) in enumerate(SIDES[:windows])]
+    return Asset(name="panes", category="room", mesh=concatenate(panes), materials=(materials.pane().material,),
+                 meta={"licence": "CC0-1.0", "source": "procedural"})
+
+
+def _pane(length: float, distance: float, height: float, skirting: float, turn: float) -> TriangleMesh:
+    """The sheet of a wall's window, made as if in +Y, then turned; coordinates in metres."""
+    (left, right), (low, high) = _opening(length, height, skirting)
+    x, z = (left + PANE_INSET, right - PANE_INSET), (low + 2 * PANE_INSET, high - PANE_INSET)
+    corners = np.array([(x[0], distance + PANE_DEPTH, z[0]), (x[1], distance + PANE_DEPTH, z[0]),
+                        (x[1], distance + PANE_DEPTH, z[1]), (x[0], distance + PANE_DEPTH, z[1])])
+    sheet = with_uvs(corners, PANE_FACES, corners[PANE_FACES][..., [0, 2]])
+    return turned_about_z(Part(mesh=sheet, finish="pane"), turn).mesh
 
 
 def _room_part(name: str, parts: list[Part], finishes: dict[str, Finish], stream: np.random.Generator) -> Asset:

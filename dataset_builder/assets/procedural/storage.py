@@ -28,16 +28,17 @@ def carcass(x: Span, y: Span, z: Span, *, wall: float, finish: str, bevel: float
 def cabinet(params: dict[str, float], rng: np.random.Generator) -> Asset:
     """Sideboard on legs: doors in the outer bays, drawers in the inner ones and in the second of two."""
     finish_rng, part_rng = rng.spawn(2)
-    body = materials.frame(finish_rng)
-    front = body if finish_rng.uniform() < 0.5 else materials.frame(finish_rng)
-    finishes = {"frame": body, "metal": materials.metal(finish_rng)} | ({} if front is body else {"front": front})
+    make = materials.lacquer if params["finish"] else materials.frame
+    body = make(finish_rng)
+    front = body if finish_rng.uniform() < 0.5 else make(finish_rng)
+    finishes = {"frame": body, "metal": materials.metal(finish_rng), "front": front}
     x, y = params["width"] / 2, params["depth"] / 2
     body_span = (params["leg_height"] + GAP, params["height"])
     parts = carcass((-x, x), (-y + FRONT + GAP, y), body_span, wall=WALL, finish="frame", bevel=params["bevel"])
     parts += [round_leg((sx * (x - 0.05), sy * (y - 0.06)), (sx * (x - 0.08), sy * (y - 0.08)),
                         (0, params["leg_height"]), (0.022, 0.04), finish="frame") for sx in (-1, 1) for sy in (-1, 1)]
     parts += _bays(params, (-x + 0.002, x - 0.002), (body_span[0] + 0.002, body_span[1] - WALL - 0.003), -y,
-                   finish="frame" if front is body else "front")
+                   finish="front")
     return assemble(parts, finishes, category="cabinet", rng=part_rng)
 
 

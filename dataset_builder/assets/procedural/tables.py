@@ -27,8 +27,8 @@ def dining_table(params: dict[str, float], rng: np.random.Generator) -> Asset:
     finish_rng, part_rng = rng.spawn(2)
     frame = materials.frame(finish_rng)
     top = frame if finish_rng.uniform() < 0.6 else materials.one_of(finish_rng, materials.wood, materials.stone)
-    finishes = {"frame": frame} if top is frame else {"frame": frame, "top": top}
-    board, x, y = _board(params, widest=1.4, finish="frame" if top is frame else "top")
+    finishes = {"frame": frame, "top": top}
+    board, x, y = _board(params, widest=1.4)
     base = (_square_base, _splayed_base, _pedestal if params["shape"] else _trestles)[int(params["base"])]
     return assemble([board, *base(params, x, y)], finishes, category="table", rng=part_rng)
 

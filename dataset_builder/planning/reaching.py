@@ -1,0 +1,64 @@
+"""Which lights of a pass can reach the object: only those that bring exactly nothing are left out."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dataset_builder.planning.example_plan import IlluminationPlan, LightPlan, RoomPlan
+
+OUTSIDE = ("dome", "sun")
+"""Lights that stand outside the room."""
+WINDOW_SIDES = np.array([(0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, -1.0, 0.0)])
+"""(4, 3) outward normals of the walls, in the order in which they get windows."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reach:
+    """Whether one light is kept, and why."""
+
+    kept: bool
+    why: str
+
+
+def reach(light: LightPlan, room: RoomPlan, opened: Sequence[str]) -> Reach:
+    """Whether a light can bring anything to the inside of a room of which the parts `opened` are taken away."""
+    if not any(light.radiance):
+        return Reach(kept=False, why="sends nothing")
+    if light.kind not in OUTSIDE:
+        return Reach(kept=True, why="stands in the room")
+    if opened:
+        return Reach(kept=True, why=f"comes in where the {' and '.join(opened)} {_verb(opened)} taken away")
+    if not room.ceiling:
+        return Reach(kept=True, why="comes in where there is no ceiling")
+    if not room.windows:
+        return Reach(kept=False, why="finds no way into a room with a ceiling and without windows")
+    return _through_windows(light, room)
+
+
+def _verb(parts: Sequence[str]) -> str:
+    return "are" if len(parts) > 1 or parts[0].endswith("s") else "is"
+
+
+def _through_windows(light: LightPlan, room: RoomPlan) -> Reach:
+    """A dome comes in through all windows, a sun through those in walls that it shines at from outside."""
+    sides = WINDOW_SIDES[:room.windows]
+    open_to = len(sides) if light.kind == "dome" else int((sides @ np.asarray(light.direction) < 0).sum())
+    panes = "glazed " if room.glazing else ""
+    if not open_to:
+        return Reach(kept=False, why=f"shines at no wall that has one of the {len(sides)} {panes}windows")
+    return Reach(kept=True, why=f"comes in through {open_to} {panes}window{'s' if open_to > 1 else ''}")
+
+
+def reaching(illumination: IlluminationPlan, room: RoomPlan) -> tuple[Reach, ...]:
+    """For each light of a pass whether it can reach the inside of the room."""
+    return tuple(reach(light, room, illumination.open) for light in illumination.lights)
+
+
+def said(lights: Sequence[LightPlan], found: Sequence[Reach]) -> str:
+    """The reasons in one line; lights of one kind and one fate are counted together."""
+    groups: dict[tuple[str, Reach], int] = {}
+    for light, each in zip(lights, found, strict=True):
+        groups[light.kind, each] = groups.get((light.kind, each), 0) + 1
+    return "; ".join(f"{f'{count} of kind {kind}' if count > 1 else kind}{'' if each.kept else ' left out'}: {each.why}"
+                     for (kind, each), count in groups.items())
