@@ -17,6 +17,10 @@ COSINE_SHARE = 0.25
 class FirstHit:
     """At one point: D; for the sampled light direction and for the scattered direction `wo` (both local), f cos, the
     BSDF's sampling density, and cos / pi, which is both a white Lambertian surface and the density of a cosine lobe.
+
+    Values and densities are those of the lobes that have a density. Where `wo` was drawn from a discrete one (a smooth
+    pane or smooth glass), `delta` is set, value and density are 0, and `delta_weight` is f cos / p of that choice,
+    given that the BSDF was asked and not the cosine lobe; `null`: the choice is to pass straight on.
     """
 
     diffuse: mi.Color3f
@@ -27,6 +31,9 @@ class FirstHit:
     value: mi.Color3f
     density: mi.Float
     cosine: mi.Float
+    delta: mi.Bool
+    null: mi.Bool
+    delta_weight: mi.Color3f
 
 
 def white_lambert(normal: mi.Normal3f, si: mi.SurfaceInteraction3f, wo: mi.Vector3f) -> mi.Float:
@@ -57,19 +64,31 @@ def reflectance(bsdf: mi.BSDFPtr, si: mi.SurfaceInteraction3f,
     return dr.dispatch(bsdf, _reflectance, si, active)
 
 
+def transparency(bsdf: mi.BSDFPtr, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Color3f:
+    """Share of the light from behind that passes straight through any BSDF pointer, seen from si.wi: panes pass most
+    of it, everything else none."""
+    return dr.select(active, bsdf.eval_null_transmission(si, active), 0)
+
+
 def _first_hit(bsdf: mi.BSDF, si: mi.SurfaceInteraction3f, light: mi.Vector3f, take_cosine: mi.Bool,
                sample1: mi.Float, sample2: mi.Point2f, active: mi.Bool) -> FirstHit:
     if hasattr(bsdf, "first_hit"):
         return bsdf.first_hit(si, light, take_cosine, sample1, sample2, active)
     ctx = mi.BSDFContext()
     normal = _viewer_normal(si)
-    bs, _ = bsdf.sample(ctx, si, sample1, sample2, active & ~take_cosine)
+    bs, weight = bsdf.sample(ctx, si, sample1, sample2, active & ~take_cosine)
+    delta, null = mi.Bool(False), mi.Bool(False)
+    if mi.has_flag(bsdf.flags(), mi.BSDFFlags.Delta):
+        delta = ~take_cosine & mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
+        null = ~take_cosine & mi.has_flag(bs.sampled_type, mi.BSDFFlags.Null)
     wo = dr.select(take_cosine, cosine_direction(normal, sample2), bs.wo)
     em_value, em_density = bsdf.eval_pdf(ctx, si, light, active)
     value, density = bsdf.eval_pdf(ctx, si, wo, active)
     return FirstHit(diffuse=mi.Color3f(bsdf.eval_diffuse_reflectance(si, active)), em_value=mi.Color3f(em_value),
                     em_density=em_density, em_cosine=white_lambert(normal, si, light), wo=wo,
-                    value=mi.Color3f(value), density=density, cosine=white_lambert(normal, si, wo))
+                    value=dr.select(delta, 0, mi.Color3f(value)), density=dr.select(delta, 0, density),
+                    cosine=white_lambert(normal, si, wo), delta=delta, null=null,
+                    delta_weight=dr.select(delta, mi.Color3f(weight), 0))
 
 
 def _reflectance(bsdf: mi.BSDF, si: mi.SurfaceInteraction3f,
