@@ -13,9 +13,9 @@ ROOT = Path(__file__).resolve().parent.parent
 MINI = ROOT / "scene_specs" / "3df-lighting-mini.yaml"
 
 
-def start() -> None:
-    """Switch the renderer on and say which."""
-    print(f"backend: {activate().summary}")
+def start(threads: int = 0) -> None:
+    """Switch the renderer on and say which; threads = 0 is all cores."""
+    print(f"backend: {activate('auto', threads).summary}")
     from dataset_builder.rendering import plugins
 
     plugins.register()

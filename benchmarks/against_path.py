@@ -31,7 +31,7 @@ def path_render(plan: ExamplePlan) -> Callable[[object], np.ndarray]:
     from dataset_builder.rendering.scene import sensor_of
 
     sensor = sensor_of(plan.camera, SIZE, SIZE)
-    path = mi.load_dict({"type": "path", "max_depth": plan.render.max_depth, "rr_depth": plan.render.rr_depth})
+    path = mi.load_dict({"type": "path", "max_depth": plan.effects.of("target").max_depth, "rr_depth": plan.render.rr_depth})
     return lambda stage: np.array(mi.render(stage.scene, integrator=path, sensor=sensor, spp=SPP, seed=1))
 
 

@@ -61,10 +61,10 @@ def camera(position=(0.0, -4.0, 1.0), target=(0.0, 0.0, 0.0), fov: float = 40.0)
     return CameraPlan(position=position, target=target, up=(0, 0, 1), fov=fov, coverage=0.2, visibility=1.0)
 
 
-def render_plan(size: int = 32, batches: int = 4, max_depth: int = 6, rr_depth: int = 5) -> RenderPlan:
+def render_plan(size: int = 32, batches: int = 4, rr_depth: int = 5) -> RenderPlan:
     """A small square frame with all of the paper's layers."""
     return RenderPlan(width=size, height=size, layers=(("i_t", "frame"),), spp_first_hit=16, spp_source=16,
-                      spp_target=16, spp_rough=16, batches=batches, max_depth=max_depth, rr_depth=rr_depth, seed="1")
+                      spp_target=16, spp_rough=16, batches=batches, rr_depth=rr_depth, seed="1")
 
 
 def corner_of_a_room(target: Soup) -> Soup:

@@ -3,7 +3,8 @@
 A pixel's samples are split into independent batches, each stratified by Mitsuba's `multijitter` (Kensler, "Correlated
 multi-jittered sampling", Pixar technical memo 13-01, 2013). Samples within a batch are correlated on purpose, batches
 are not: the spread of their means gives an unbiased standard error, which the spread of the samples would overstate.
-Sums run over contiguous samples in a fixed order, so that a repetition gives the same bits.
+Sums run over contiguous samples in a fixed order, so that a repetition gives the same bits; no float32 sum runs over
+more than one batch, so that none drifts.
 """
 
 import math
@@ -14,25 +15,14 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from dataset_builder.rendering.moments import Estimate, of_batches, pooled
 from dataset_builder.seeding import derive_seed
 
-MAX_CHANNELS = 16
 LANES = 1 << 21
 """Samples traced at once: bounds memory, and keeps the device busy."""
 
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Estimate:
-    """mean, error: (P, C) float64, P pixels; error is the standard error of the mean. spp: samples per pixel."""
-
-    mean: np.ndarray
-    error: np.ndarray
-    spp: int
-
-    @classmethod
-    def empty(cls) -> "Estimate":
-        """No pixels, enough channels for any pass."""
-        return cls(mean=np.zeros((0, MAX_CHANNELS)), error=np.zeros((0, MAX_CHANNELS)), spp=0)
+LARGEST_BATCH = 1 << 10
+"""Samples in a batch at most; more are taken in repetitions."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,32 +39,32 @@ Integrand = Callable[[Samplers, mi.Vector2f], list[mi.Float]]
 """Samplers and film position in [0, 1]^2 of every lane -> C channels."""
 
 
-def stratified(spp: int, batches: int) -> tuple[int, int]:
-    """(batches, samples per batch) that are used for `spp`: a batch is a full grid of strata, so spp may grow a
-    little."""
+def stratified(spp: int, batches: int) -> tuple[int, int, int]:
+    """(repetitions, batches in each, samples per batch) that are used for `spp`: a batch is a full grid of strata, so
+    spp may grow a little."""
     batches = min(batches, spp)
-    sampler = mi.load_dict({"type": "multijitter", "sample_count": max(1, math.ceil(spp / batches))})
-    return batches, sampler.sample_count()
+    repetitions = math.ceil(spp / (batches * LARGEST_BATCH))
+    sampler = mi.load_dict({"type": "multijitter",
+                            "sample_count": max(1, math.ceil(spp / batches / repetitions))})
+    return repetitions, batches, sampler.sample_count()
 
 
 def estimate(integrand: Integrand, pixels: np.ndarray, *, width: int, height: int, spp: int, batches: int,
              seed: int) -> Estimate:
-    """Means of an integrand over the areas of pixels. pixels: (P,) indices row * width + column; seed: 64 bits."""
-    batches, per_batch = stratified(spp, batches)
+    """Means of an integrand over the areas of pixels. pixels: (P,) indices row * width + column, which may repeat, each
+    time with its own random numbers; seed: 64 bits."""
+    repetitions, batches, per_batch = stratified(spp, batches)
+    found = [_once(integrand, pixels, width, height, batches, per_batch, seed if k == 0 else derive_seed(seed, "more", k))
+             for k in range(repetitions)]
+    return found[0] if repetitions == 1 else pooled(found)
+
+
+def _once(integrand: Integrand, pixels: np.ndarray, width: int, height: int, batches: int, per_batch: int,
+          seed: int) -> Estimate:
     lanes = batches * per_batch
-    parts = [_batch_means(integrand, chunk, width, height, batches, per_batch, derive_seed(seed, int(chunk[0])))
-             for chunk in _chunks(pixels, max(1, LANES // lanes))]
-    return _over_batches(np.concatenate(parts), lanes)
-
-
-def _over_batches(means: np.ndarray, spp: int) -> Estimate:
-    """Mean and standard error of (P, B, C) batch means; one batch has no error that could be known, so infinity."""
-    batches = means.shape[1]
-    # Batch by batch: NumPy's reductions over a short axis in the middle take ten times as long
-    mean = sum(means[:, b] for b in range(batches)) / batches
-    squares = sum((means[:, b] - mean) ** 2 for b in range(batches))
-    error = np.sqrt(squares / (batches * (batches - 1))) if batches > 1 else np.full_like(mean, np.inf)
-    return Estimate(mean=mean, error=error, spp=spp)
+    parts = [_batch_means(integrand, chunk, width, height, batches, per_batch, derive_seed(seed, number, int(chunk[0])))
+             for number, chunk in enumerate(_chunks(pixels, max(1, LANES // lanes)))]
+    return of_batches(np.concatenate(parts), lanes)
 
 
 def _chunks(pixels: np.ndarray, size: int) -> Iterator[np.ndarray]:

@@ -9,15 +9,21 @@ import numpy as np
 
 from dataset_builder.layers import LAYERS, Pass
 from dataset_builder.planning.example_plan import ExamplePlan
+from dataset_builder.planning.guides import guide_extents
 from dataset_builder.rendering import plugins
-from dataset_builder.rendering.passes import FIRST_HIT_CHANNELS, RADIANCE_CHANNELS, deviation, first_hit_layers
+from dataset_builder.rendering.denoise import denoised
+from dataset_builder.rendering.moments import quantile, relative, root_mean_square
+from dataset_builder.rendering.passes import (
+    FIRST_HIT_CHANNELS,
+    RADIANCE_CHANNELS,
+    RADIANCE_LAYERS,
+    deviation,
+    first_hit_layers,
+)
 from dataset_builder.rendering.view_passes import PassResult, ViewPasses, needed_passes
 
-RADIANCE_LAYERS = {"i_s": "image", "i_t": "image", "s": "shading", "s_prime": "shading", "spec": "specular"}
-"""Channels of a radiance pass that a layer takes."""
-
-ERROR_SUFFIX = "_se"
-EVIDENCE = ("i_t", "s", "spec")
+ERROR_SUFFIX, RAW_SUFFIX = "_se", "_raw"
+EVIDENCE = ("i_t", "s", "spec", "air")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -48,9 +54,17 @@ def render_view(plans: Sequence[ExamplePlan], mesh_root: Path) -> Iterator[Rende
     for plan in plans:
         shared.spent.clear()
         shared.run(plan)
-        layers = {name: layer_image(shared, plan, name, extent) for name, extent in plan.render.layers}
-        yield Rendered(plan=plan, layers=layers, evidence=_evidence(shared, plan), record=_record(shared, plan),
+        yield Rendered(plan=plan, layers=_layers(shared, plan), evidence=_evidence(shared, plan), record=_record(shared, plan),
                        seconds=dict(shared.spent))
+
+
+def _layers(shared: ViewPasses, plan: ExamplePlan) -> dict[str, np.ndarray]:
+    """Every layer asked for, denoised where that is asked for."""
+    layers = {name: layer_image(shared, plan, name, extent) for name, extent in plan.render.layers}
+    if not plan.render.denoise:
+        return layers
+    guides = {name: layer_image(shared, plan, name, extent) for name, extent in guide_extents(plan.render).items()}
+    return denoised(layers, guides, plan.render.denoise, dict(plan.render.layers))
 
 
 def layer_image(shared: ViewPasses, plan: ExamplePlan, name: str, extent: str) -> np.ndarray:
@@ -58,20 +72,25 @@ def layer_image(shared: ViewPasses, plan: ExamplePlan, name: str, extent: str) -
     if name == "instance":
         return _image(plan, shared.instances().pixels, shared.instances().found.mean)
     result = shared.result(LAYERS[name].render_pass, plan)
-    values = _values(result, name)
-    if extent == "object":
-        keep = shared.covered() if LAYERS[name].geometry == "3dm" else shared.covered_by_either(plan)
-        inside = np.isin(result.pixels, keep)
-        return _image(plan, result.pixels[inside], values[inside])
-    return _image(plan, result.pixels, values)
+    values, inside = _values(result, name, shared.frame.unit), _inside(shared, plan, name, extent)
+    return _image(plan, result.pixels[inside], values[inside])
 
 
-def _values(result: PassResult, name: str) -> np.ndarray:
-    """(P, C) values of a layer on the pixels of its pass."""
+def _inside(shared: ViewPasses, plan: ExamplePlan, name: str, extent: str) -> np.ndarray:
+    """(P,) which pixels of a layer's pass belong to its extent."""
+    pixels = shared.result(LAYERS[name].render_pass, plan).pixels
+    if extent == "frame":
+        return np.ones(len(pixels), dtype=bool)
+    return np.isin(pixels, shared.covered() if LAYERS[name].geometry == "3dm" else shared.covered_by_either(plan))
+
+
+def _values(result: PassResult, name: str, unit: float) -> np.ndarray:
+    """(P, C) values of a layer on the pixels of its pass. unit: metres per unit of the frame it was rendered in."""
     layer = LAYERS[name]
     if not layer.radiometric:
-        return first_hit_layers(result.found)[name.removesuffix("_rough")]
-    channels = RADIANCE_CHANNELS[RADIANCE_LAYERS[name.removesuffix(ERROR_SUFFIX)]]
+        values = first_hit_layers(result.found)[name.removesuffix("_rough")]
+        return values * unit if name == "depth" else values
+    channels = RADIANCE_CHANNELS[RADIANCE_LAYERS[name.removesuffix(ERROR_SUFFIX).removesuffix(RAW_SUFFIX)]]
     source = result.found.error if name.endswith(ERROR_SUFFIX) else result.found.mean
     # The specular part is a difference of floats, which rounding may leave a hair below 0
     return np.maximum(source[:, channels], 0) if name == "spec" else source[:, channels]
@@ -103,14 +122,15 @@ def _deviations(shared: ViewPasses, plan: ExamplePlan) -> dict[str, np.ndarray]:
 
 
 def _record(shared: ViewPasses, plan: ExamplePlan) -> dict[str, Any]:
-    """Figures of the passes behind an example. Keys never vary; a pass that was not needed has zeros.
+    """Figures of the passes behind an example and of its layers. Keys never vary; a pass that was not needed has zeros.
 
-    relative_error: root mean square of the standard error over the object's pixels, over the mean of the layer there.
     paths: camera paths of the pass, shared or not.
     """
     ran = needed_passes(plan)
     record: dict[str, Any] = {"passes": [_pass_record(shared, plan, name) if name in ran else _no_pass(name)
-                                         for name in get_args(Pass)]}
+                                         for name in get_args(Pass)],
+                              "layers": [_layer_record(shared, plan, name, extent)
+                                         for name, extent in plan.render.layers if name in RADIANCE_LAYERS]}
     roughness = shared.twin(plan.rough).roughness if "first_hit_rough" in ran else None
     record["roughness_rms"] = roughness.rms if roughness else 0.0
     record["roughness_max"] = roughness.maximum if roughness else 0.0
@@ -119,16 +139,24 @@ def _record(shared: ViewPasses, plan: ExamplePlan) -> dict[str, Any]:
 
 
 def _no_pass(name: str) -> dict[str, Any]:
-    return {"name": name, "pixels": 0, "spp": 0, "paths": 0, "relative_error": 0.0}
+    return {"name": name, "pixels": 0, "spp": 0.0, "spp_min": 0, "spp_max": 0, "paths": 0}
 
 
 def _pass_record(shared: ViewPasses, plan: ExamplePlan, name: Pass) -> dict[str, Any]:
-    result = shared.result(name, plan)
-    pixels, spp = len(result.pixels), result.found.spp
-    error = 0.0
-    if name in ("source", "target", "rough"):
-        channels = RADIANCE_CHANNELS["shading" if name == "rough" else "image"]
-        inside = np.isin(result.pixels, shared.covered())
-        mean, deviations = result.found.mean[inside, channels], result.found.error[inside, channels]
-        error = float(np.sqrt(np.mean(deviations**2)) / max(mean.mean(), 1e-12)) if inside.any() else 0.0
-    return {"name": name, "pixels": pixels, "spp": spp, "paths": pixels * spp, "relative_error": error}
+    spp = shared.result(name, plan).found.spp
+    if not len(spp):
+        return _no_pass(name)
+    return {"name": name, "pixels": len(spp), "spp": float(spp.mean()), "spp_min": int(spp.min()),
+            "spp_max": int(spp.max()), "paths": int(spp.sum())}
+
+
+def _layer_record(shared: ViewPasses, plan: ExamplePlan, name: str, extent: str) -> dict[str, Any]:
+    """How good a layer became: relative errors over its extent and over the object, as `moments.relative` means them,
+    and why sampling ended."""
+    result, channels = shared.result(LAYERS[name].render_pass, plan), RADIANCE_CHANNELS[RADIANCE_LAYERS[name]]
+    record: dict[str, Any] = {"name": name, "stopped": result.stopped.get(name, "spp")}
+    for prefix, kind in (("", extent), ("object_", "object")):
+        inside = _inside(shared, plan, name, kind)
+        errors = relative(result.found.mean[inside, channels], result.found.error[inside, channels])
+        record |= {f"{prefix}relative_error": root_mean_square(errors), f"{prefix}relative_error_95": quantile(errors)}
+    return record

@@ -9,13 +9,18 @@ import numpy as np
 
 from dataset_builder.planning.example_plan import CameraPlan, RenderPlan
 from dataset_builder.planning.stage import TARGET_INSTANCE
-from dataset_builder.rendering.estimate import Estimate, Integrand, Samplers, estimate
+from dataset_builder.rendering.estimate import Integrand, Samplers, estimate
 from dataset_builder.rendering.first_hit import reflectance
 from dataset_builder.rendering.integrator import trace
+from dataset_builder.rendering.moments import Estimate
+from dataset_builder.rendering.rounds import Sample
 from dataset_builder.rendering.scene import Stage, sensor_of
 
 RADIANCE_CHANNELS = {"image": slice(0, 3), "shading": slice(3, 6), "specular": slice(6, 9),
-                     "shading_squared": slice(9, 12)}
+                     "shading_squared": slice(9, 12), "air": slice(12, 15)}
+RADIANCE_LAYERS = {"i_s": "image", "i_t": "image", "s": "shading", "s_prime": "shading", "spec": "specular",
+                   "air": "air"}
+"""Channels of a radiance pass that a layer takes."""
 FIRST_HIT_CHANNELS = {"mask": slice(0, 1), "d": slice(1, 4), "r": slice(4, 7), "normal": slice(7, 10),
                       "depth": slice(10, 11), "met": slice(11, 12), "d_squared": slice(12, 15)}
 CENTRE = 0.5
@@ -38,16 +43,26 @@ class View:
                         batches=self.render.batches, seed=seed)
 
 
-def radiance(view: View, stage: Stage, pixels: np.ndarray, *, spp: int, seed: int) -> Estimate:
-    """Image, shading, specular part and squared shading, channels as `RADIANCE_CHANNELS` cuts them."""
+def radiance_sampler(view: View, stage: Stage, max_depth: int) -> Sample:
+    """Sampler of image, shading, specular part, squared shading and air; channels as `RADIANCE_CHANNELS` cuts them."""
     sensor = view.sensor()
-    max_depth, rr_depth = (dr.opaque(mi.UInt32, depth) for depth in (view.render.max_depth, view.render.rr_depth))
+    longest, roulette = (dr.opaque(mi.UInt32, depth) for depth in (max_depth, view.render.rr_depth))
 
     def integrand(samplers: Samplers, position: mi.Vector2f) -> list[mi.Float]:
-        found = trace(stage.scene, samplers.strata, samplers.rest, _primary(sensor, position), max_depth, rr_depth)
-        return [*found.image, *found.shading, *found.specular, *(found.shading * found.shading)]
+        found = trace(stage.scene, samplers.strata, samplers.rest, _primary(sensor, position), longest, roulette,
+                      features=stage.features, fog=stage.fog)
+        channels = [*found.image, *found.shading, *found.specular, *(found.shading * found.shading)]
+        return [*channels, *found.air] if stage.fog else channels
 
-    return view.estimate(integrand, pixels, spp, seed)
+    def sample(pixels: np.ndarray, spp: int, seed: int) -> Estimate:
+        return view.estimate(integrand, pixels, spp, seed).padded(RADIANCE_CHANNELS["air"].stop)
+
+    return sample
+
+
+def radiance(view: View, stage: Stage, pixels: np.ndarray, *, max_depth: int, spp: int, seed: int) -> Estimate:
+    """What `radiance_sampler` samples, at a fixed spp."""
+    return radiance_sampler(view, stage, max_depth)(pixels, spp, seed)
 
 
 def first_hit(view: View, stage: Stage, pixels: np.ndarray, *, spp: int, seed: int) -> Estimate:

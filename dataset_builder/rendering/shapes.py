@@ -8,7 +8,8 @@ import numpy as np
 
 from dataset_builder.rendering.buffers import owned
 
-LEAST_HALF_SIZE = 16.0
+LEAST_HALF_SIZE = 256.0
+"""Half the side of the cube that scenes are padded to: rooms a hundred times as large as the object fit."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -5,7 +5,7 @@ A pass runs when it is first asked for, on the pixels that its layers are wanted
 of the view.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -15,10 +15,13 @@ from time import perf_counter
 import numpy as np
 
 from dataset_builder.layers import LAYERS, Pass
-from dataset_builder.planning.example_plan import ExamplePlan, IlluminationPlan, RenderPlan, RoughPlan
+from dataset_builder.planning.example_plan import ExamplePlan, GoalPlan, IlluminationPlan, RenderPlan, RoughPlan
 from dataset_builder.rendering import passes
-from dataset_builder.rendering.estimate import Estimate
-from dataset_builder.rendering.passes import FIRST_HIT_CHANNELS, View
+from dataset_builder.rendering.fog import Fog
+from dataset_builder.rendering.frame import Frame
+from dataset_builder.rendering.moments import Estimate
+from dataset_builder.rendering.passes import FIRST_HIT_CHANNELS, RADIANCE_CHANNELS, RADIANCE_LAYERS, View
+from dataset_builder.rendering.rounds import Goal, Refined, Stop, refine
 from dataset_builder.rendering.rough_mesh import RoughTwin, rough_twin
 from dataset_builder.rendering.scene import Body, Stage, body_of, staged
 from dataset_builder.rendering.soup import Soup, clean, merge, surroundings
@@ -27,8 +30,6 @@ from dataset_builder.rendering.window import covered_window
 from dataset_builder.seeding import derive_seed
 
 ORDER: tuple[Pass, ...] = ("first_hit", "target", "source", "first_hit_rough", "rough")
-EVERYWHERE = ("mask", "mask_rough", "instance")
-"""Layers whose extent needs no further pixels: 0 where the object is not, or a pass of its own."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,6 +40,8 @@ class PassResult:
     pixels: np.ndarray
     found: Estimate
     seconds: float
+    stopped: Mapping[str, Stop] = field(default_factory=dict)
+    """Why sampling of each layer with a goal ended."""
 
 
 @dataclass(kw_only=True)
@@ -79,39 +82,49 @@ class ViewPasses:
     # Geometry
 
     @cached_property
+    def frame(self) -> Frame:
+        """Where the renderer's origin is, and how long its unit."""
+        return Frame.of(clean(self.plan.target, self.mesh_root).corners)
+
+    @cached_property
     def view(self) -> View:
-        """Camera and resolution."""
-        return View(camera=self.plan.camera, render=self.plan.render)
+        """Camera and resolution, in the frame."""
+        return View(camera=self.frame.camera(self.plan.camera), render=self.plan.render)
 
     @cached_property
     def _target(self) -> Soup:
-        return clean(self.plan.target, self.mesh_root)
+        return self.frame.soup(clean(self.plan.target, self.mesh_root))
 
     @cached_property
     def _room(self) -> Soup:
-        return surroundings(self.plan, self.mesh_root)
+        return self.frame.soup(surroundings(self.plan, self.mesh_root))
 
     @cached_property
     def _materials(self) -> Textures:
         """Materials of the target and of everything about it: the same for every geometry of the view."""
-        return Textures.upload([*self._target.materials, *self._room.materials])
+        return Textures.upload([*self._target.materials, *self._room.materials], self._render.texture_size)
 
     @cached_property
     def _clean_body(self) -> Body:
-        return body_of(merge([self._target, self._room]), self._materials)
+        return self._body(self._target, self._room)
+
+    def _body(self, target: Soup, room: Soup) -> Body:
+        return body_of(merge([target, room]), self._materials, frozenset(self.plan.effects.features))
 
     @cached_property
     def _open_body(self) -> Body:
         """The clean scene without the parts that block the source light."""
         if not self.plan.source_light.open:
             return self._clean_body
-        opened = self._room.without(self.plan.source_light.open)
-        return body_of(merge([self._target, opened]), self._materials)
+        return self._body(self._target, self._room.without(self.plan.source_light.open))
 
     def _rough_body(self, rough: RoughPlan) -> Body:
         if rough not in self._rough_bodies:
-            self._rough_bodies = {rough: body_of(merge([self.twin(rough).soup, self._room]), self._materials)}
+            self._rough_bodies = {rough: self._body(self._rough_soup(rough), self._room)}
         return self._rough_bodies[rough]
+
+    def _rough_soup(self, rough: RoughPlan) -> Soup:
+        return self.frame.soup(self.twin(rough).soup)
 
     def twin(self, rough: RoughPlan) -> RoughTwin:
         """The R3DM of one noise level."""
@@ -125,13 +138,29 @@ class ViewPasses:
         return self._stage("dark", lambda: self._clean_body, None)
 
     def _rough_scene(self, plan: ExamplePlan) -> Stage:
-        key, light = ("rough", plan.rough, plan.light), plan.target_light if _asked(plan, "rough") else None
-        return self._stage(key, lambda: self._rough_body(plan.rough), light)
+        light = self._light(plan, "rough") if _asked(plan, "rough") else None
+        return self._stage(("rough", plan.rough, plan.light), lambda: self._rough_body(plan.rough), light)
+
+    def _light(self, plan: ExamplePlan, render_pass: Pass) -> IlluminationPlan:
+        """The lights that a pass simulates, in the frame."""
+        light = plan.source_light if render_pass == "source" else plan.target_light
+        kept = tuple(light.lights[index] for index in plan.effects.of(render_pass).lights)
+        return self.frame.illumination(light.model_copy(update={"lights": kept}))
+
+    @cached_property
+    def _fog(self) -> Fog | None:
+        """The medium that fills the box of the room."""
+        if "fog" not in self.plan.effects.features:
+            return None
+        room, fog = self.plan.room, self.frame.fog(self.plan.fog)
+        half = np.array([room.width / 2, room.depth / 2, 0])
+        low, high = self.frame.points(-half), self.frame.points(half + [0, 0, room.height])
+        return Fog(fog.extinction, fog.albedo, fog.anisotropy, low.tolist(), high.tolist())
 
     def _stage(self, key: object, body: Callable[[], Body], light: IlluminationPlan | None) -> Stage:
         if self._open is None or self._open[0] != key:
             self.close()
-            self._open = key, self._scene.enter_context(staged(body(), light))
+            self._open = key, self._scene.enter_context(staged(body(), light, self._fog, self.mesh_root))
         return self._open[1]
 
     # Passes
@@ -155,37 +184,53 @@ class ViewPasses:
             return passes.first_hit(self.view, self._rough_scene(plan), pixels, spp=self._render.spp_first_hit,
                                     seed=self._seed("first_hit_rough", plan.rough.level))
         return self._once(("first_hit_rough", str(plan.light), plan.rough.model_dump_json()),
-                          lambda: self._wanted("first_hit_rough", self._window(self.twin(plan.rough).soup)), make)
+                          lambda: self._wanted("first_hit_rough", self._window(self._rough_soup(plan.rough))), make)
 
     def instances(self) -> PassResult:
         """Instance at every pixel's centre."""
         def make(pixels: np.ndarray) -> Estimate:
             found = passes.instances(self.view, self._dark_scene(), pixels)
-            return Estimate(mean=found[:, None], error=np.zeros((len(found), 1)), spp=1)
+            return Estimate.exact(found[:, None])
         return self._once(("instance",), lambda: np.arange(self._render.width * self._render.height), make)
 
     def source(self) -> PassResult:
         """The 3DM under the source illumination, with what blocks it out of the way."""
-        def make(pixels: np.ndarray) -> Estimate:
-            stage = self._stage("source", lambda: self._open_body, self.plan.source_light)
-            return passes.radiance(self.view, stage, pixels, spp=self._render.spp_source, seed=self._seed("source"))
-        return self._once(("source",), lambda: self._wanted("source", self.covered()), make)
+        def stage() -> Stage:
+            return self._stage("source", lambda: self._open_body, self._light(self.plan, "source"))
+        return self._lit(("source",), self.plan, stage, self.covered, self._render.spp_source, self._seed("source"))
 
     def target(self, plan: ExamplePlan) -> PassResult:
         """The 3DM under one target illumination."""
-        def make(pixels: np.ndarray) -> Estimate:
-            stage = self._stage(("target", plan.light), lambda: self._clean_body, plan.target_light)
-            return passes.radiance(self.view, stage, pixels, spp=self._render.spp_target,
-                                   seed=self._seed("target", plan.light))
-        return self._once(("target", str(plan.light)), lambda: self._wanted("target", self.covered()), make)
+        def stage() -> Stage:
+            return self._stage(("target", plan.light), lambda: self._clean_body, self._light(plan, "target"))
+        return self._lit(("target", str(plan.light)), plan, stage, self.covered, self._render.spp_target,
+                         self._seed("target", plan.light))
 
     def rough(self, plan: ExamplePlan) -> PassResult:
         """The R3DM of one noise level under one target illumination."""
-        def make(pixels: np.ndarray) -> Estimate:
-            return passes.radiance(self.view, self._rough_scene(plan), pixels, spp=self._render.spp_rough,
-                                   seed=self._seed("rough", plan.light, plan.rough.level))
-        return self._once(("rough", str(plan.light), plan.rough.model_dump_json()),
-                          lambda: self._wanted("rough", self.covered_by_either(plan)), make)
+        return self._lit(("rough", str(plan.light), plan.rough.model_dump_json()), plan,
+                         lambda: self._rough_scene(plan), lambda: self.covered_by_either(plan), self._render.spp_rough,
+                         self._seed("rough", plan.light, plan.rough.level))
+
+    def _lit(self, key: tuple[str, ...], plan: ExamplePlan, stage: Callable[[], Stage],
+             covered: Callable[[], np.ndarray], first: int, seed: int) -> PassResult:
+        """A pass with light, in as many rounds as its layers' goals ask for."""
+        name = key[0]
+
+        def make(pixels: np.ndarray) -> Refined:
+            sample = passes.radiance_sampler(self.view, stage(), plan.effects.of(name).max_depth)
+            goals = [self._goal(goal, pixels, covered()) for goal in plan.render.goals
+                     if LAYERS[goal.layer].render_pass == name]
+            return refine(sample, pixels, self._render.width, first=first, batches=self._render.batches, goals=goals,
+                          seed=seed)
+        return self._once(key, lambda: self._wanted(name, covered()), make)
+
+    def _goal(self, goal: GoalPlan, pixels: np.ndarray, covered: np.ndarray) -> Goal:
+        """A layer's goal on the pixels of its own extent."""
+        extent = dict(self._render.layers).get(goal.layer, "object")
+        inside = np.isin(pixels, covered) if extent == "object" else np.ones(len(pixels), dtype=bool)
+        return Goal(layer=goal.layer, channels=RADIANCE_CHANNELS[RADIANCE_LAYERS[goal.layer]], inside=inside,
+                    error=goal.error, seconds=goal.seconds, cap=goal.cap)
 
     # Pixels
 
@@ -199,13 +244,12 @@ class ViewPasses:
 
     def _window(self, soup: Soup) -> np.ndarray:
         points = soup.corners[soup.instance == self.plan.target.instance].reshape(-1, 3)
-        return covered_window(self.plan.camera, points, self._render.width, self._render.height)
+        return covered_window(self.view.camera, points, self._render.width, self._render.height)
 
     def _wanted(self, render_pass: str, pixels: np.ndarray) -> np.ndarray:
-        """The frame if a layer of the pass is wanted there, else `pixels`."""
-        wanted = {name: extent for name, extent in self._render.layers if LAYERS[name].render_pass == render_pass}
-        on_frame = any(extent == "frame" and name not in EVERYWHERE for name, extent in wanted.items())
-        return np.arange(self._render.width * self._render.height) if on_frame else pixels
+        """The frame if the pass is planned there, else `pixels`."""
+        everywhere = self.plan.effects.of(render_pass).extent == "frame"
+        return np.arange(self._render.width * self._render.height) if everywhere else pixels
 
     # Bookkeeping
 
@@ -217,12 +261,14 @@ class ViewPasses:
         return derive_seed(int(self._render.seed), *path)
 
     def _once(self, key: tuple[str, ...], where: Callable[[], np.ndarray],
-              make: Callable[[np.ndarray], Estimate]) -> PassResult:
+              make: Callable[[np.ndarray], Estimate | Refined]) -> PassResult:
         if key not in self._results:
             pixels = where()
             start = perf_counter()
-            found = make(pixels) if len(pixels) else Estimate.empty()
-            self._results[key] = PassResult(pixels=pixels, found=found, seconds=perf_counter() - start)
+            made = make(pixels) if len(pixels) else Estimate.empty()
+            refined = made if isinstance(made, Refined) else Refined(found=made, stopped={}, rounds=1)
+            self._results[key] = PassResult(pixels=pixels, found=refined.found, seconds=perf_counter() - start,
+                                            stopped=refined.stopped)
             self.spent[key[0]] = self.spent.get(key[0], 0.0) + self._results[key].seconds
         return self._results[key]
 

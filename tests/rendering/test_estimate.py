@@ -58,10 +58,10 @@ def test_errors_do_not_count_what_stratification_removes():
 def test_spp_grows_to_a_grid_of_strata():
     from dataset_builder.rendering.estimate import stratified
 
-    assert stratified(64, 4) == (4, 16)
-    assert stratified(1, 4) == (1, 1)
-    batches, each = stratified(20, 4)
-    assert batches * each >= 20
+    assert stratified(64, 4) == (1, 4, 16)
+    assert stratified(1, 4) == (1, 1, 1)
+    repetitions, batches, each = stratified(20, 4)
+    assert repetitions * batches * each >= 20
 
 
 def test_chunks_of_a_large_list_differ_and_repeat(monkeypatch):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from dataset_builder.layers import LAYERS
+from dataset_builder.planning.effects import plan_effects
 from dataset_builder.planning.example_plan import ExamplePlan
 from dataset_builder.planning.plan import plan_example
 from dataset_builder.spec.load import load_dataset
@@ -24,8 +25,13 @@ def plan(small_spec: Path) -> Plan:
     """Plans example `index` of the small dataset with other layers."""
 
     def make(index: int = 1, **layers: str) -> ExamplePlan:
-        whole = plan_example(load_dataset(small_spec), index)
-        return whole.model_copy(update={"render": whole.render.model_copy(update={"layers": tuple(layers.items())})})
+        loaded = load_dataset(small_spec)
+        whole = plan_example(loaded, index)
+        render = whole.render.model_copy(update={"layers": tuple(layers.items())})
+        effects = plan_effects(spec=loaded.dataset.render, room=whole.room, target=whole.target, render=render,
+                               furniture=whole.furniture, source_light=whole.source_light, fog=whole.fog,
+                               target_light=whole.target_light, mesh_root=loaded.path.parent)
+        return whole.model_copy(update={"render": render, "effects": effects})
 
     return make
 
@@ -38,10 +44,20 @@ def traced(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[tuple[str, int, boo
     ran: list[tuple[str, int, bool]] = []
     lights: list[Any] = []
     staged = view_passes.staged
-    monkeypatch.setattr(view_passes, "staged", lambda body, light: lights.append(light) or staged(body, light))
-    for name in ("first_hit", "radiance", "instances"):
+    sampler = passes.radiance_sampler
+    monkeypatch.setattr(view_passes, "staged",
+                        lambda body, light, *rest: lights.append(light) or staged(body, light, *rest))
+    monkeypatch.setattr(passes, "radiance_sampler", lambda *args: _watched_sampler(sampler(*args), ran, lights))
+    for name in ("first_hit", "instances"):
         monkeypatch.setattr(passes, name, _watched(name, getattr(passes, name), ran, lights))
     yield ran
+
+
+def _watched_sampler(sample: Callable[..., Any], ran: list[tuple[str, int, bool]], lights: list[Any]) -> Any:
+    def watched(pixels: np.ndarray, spp: int, seed: int) -> Any:
+        ran.append(("radiance", len(pixels), lights[-1] is not None))
+        return sample(pixels, spp, seed)
+    return watched
 
 
 def _watched(name: str, run: Callable[..., Any], ran: list[tuple[str, int, bool]], lights: list[Any]) -> Any:
@@ -123,8 +139,8 @@ def test_rounding_leaves_no_specular_part_below_zero(plan: Plan, monkeypatch: py
     """It is a difference of floats; a layer of radiance may not be negative at all."""
     from dataset_builder.rendering import passes
 
-    run = passes.radiance
-    monkeypatch.setattr(passes, "radiance", lambda *args, **rest: _rounded(run(*args, **rest)))
+    sampler = passes.radiance_sampler
+    monkeypatch.setattr(passes, "radiance_sampler", lambda *args: lambda *rest: _rounded(sampler(*args)(*rest)))
     layers = rendered(plan(spec="object", i_t="object", mask="object")).layers
     assert layers["spec"].min() == 0 < layers["spec"].max() and layers["i_t"].min() >= 0
 

@@ -26,6 +26,7 @@ LIGHTS = {
     "points": (light("point", (6, 6, 6), position=(-1, -2, 1.5)), light("point", (1, 2, 4), position=(1, -1, 2))),
 }
 SIZE, SEEDS, SPP = 32, 24, 16
+MAX_DEPTH = 6
 FRAME = np.arange(SIZE * SIZE)
 
 
@@ -47,7 +48,7 @@ def view_of(size=SIZE):
 def radiance(stage, spp, seed=5, pixels=None):
     from dataset_builder.rendering import passes
 
-    return passes.radiance(view_of(), stage, FRAME if pixels is None else pixels, spp=spp, seed=seed)
+    return passes.radiance(view_of(), stage, FRAME if pixels is None else pixels, max_depth=MAX_DEPTH, spp=spp, seed=seed)
 
 
 def channels(found, name):
@@ -104,7 +105,7 @@ def _reference(surface, name):
     import mitsuba as mi
 
     view = view_of()
-    path = mi.load_dict({"type": "path", "max_depth": view.render.max_depth, "rr_depth": view.render.rr_depth})
+    path = mi.load_dict({"type": "path", "max_depth": MAX_DEPTH, "rr_depth": view.render.rr_depth})
     with lit_stage(corner_of_a_room(ball(MATERIALS[surface])), *LIGHTS[name]) as stage:
         theirs = [np.array(mi.render(stage.scene, integrator=path, sensor=view.sensor(), spp=SPP, seed=seed))
                   for seed in range(SEEDS)]

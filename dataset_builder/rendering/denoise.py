@@ -1,0 +1,70 @@
+"""Which layers are denoised with which guides, on which pixels, and what is kept of the noisy layer: its mean.
+
+Functions of arrays; `docs/denoising.md` says how every choice here was measured.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt
+
+from dataset_builder.layers import LAYERS, Extent
+from dataset_builder.planning.guides import ALBEDO, MASKS, NORMAL
+from dataset_builder.rendering import oidn
+
+MOST = 1.1
+"""Largest factor by which a mean is mended; where a few fireflies hold more of it, they are not spread over all."""
+
+
+def denoised(layers: Mapping[str, np.ndarray], guides: Mapping[str, np.ndarray], names: Sequence[str],
+             extents: Mapping[str, Extent]) -> dict[str, np.ndarray]:
+    """All `layers` in their order, those in `names` denoised.
+
+    Arrays are (H, W, C) float32; `guides` are the images that `planning.guides.guide_extents` asks for. A layer of
+    extent `object` is exactly 0 outside of the object, as before. A layer with values that are not finite stays as it
+    is, for the gates to find. Raises UserError where the denoiser is missing.
+    """
+    return {name: _denoised(name, image, guides, extents[name]) if name in names else image
+            for name, image in layers.items()}
+
+
+def _denoised(name: str, image: np.ndarray, guides: Mapping[str, np.ndarray], extent: Extent) -> np.ndarray:
+    on_object = np.any([guides[mask][..., 0] > 0 for mask in MASKS[LAYERS[name].geometry]], axis=0)
+    inside = on_object if extent == "object" else np.ones_like(on_object)
+    if not inside.any() or not np.isfinite(image).all():
+        return image
+    albedo = guides[ALBEDO[name]] if name in ALBEDO else np.ones_like(image)
+    rectangle = _rectangle(inside)
+    found = np.zeros_like(image)
+    found[rectangle] = oidn.denoise(*_continued(inside[rectangle], image[rectangle], albedo[rectangle],
+                                                guides[NORMAL[LAYERS[name].geometry]][rectangle]))
+    found[~inside] = 0
+    for part in (on_object, inside & ~on_object):
+        found[part] *= _mean_ratio(image[part], found[part])
+    return found
+
+
+def _rectangle(inside: np.ndarray) -> tuple[slice, slice]:
+    rows, columns = np.flatnonzero(inside.any(axis=1)), np.flatnonzero(inside.any(axis=0))
+    return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+
+
+def _continued(inside: np.ndarray, *images: np.ndarray) -> list[np.ndarray]:
+    """The images with every pixel outside taken from the nearest one inside.
+
+    A filter that sees an object on black blurs its outline into the black: worse there than no denoising at all.
+    """
+    if inside.all():
+        return list(images)
+    row, column = distance_transform_edt(~inside, return_distances=False, return_indices=True)
+    return [image[row, column] for image in images]
+
+
+def _mean_ratio(raw: np.ndarray, found: np.ndarray) -> np.ndarray:
+    """(3,) float32 factors that give (P, 3) denoised pixels the mean of the raw ones, per channel, within bounds.
+
+    The raw mean has no bias, and its noise is small; the denoiser darkens, by half a percent and more at low spp.
+    """
+    wanted, there = raw.sum(axis=0, dtype=np.float64), found.sum(axis=0, dtype=np.float64)
+    ratio = np.divide(wanted, there, out=np.ones_like(wanted), where=there > 0)
+    return np.clip(ratio, 1 / MOST, MOST).astype(np.float32)

@@ -1,0 +1,122 @@
+"""Means of pixels with honest errors: from batches, from several rounds together, and over a whole layer.
+
+Nothing here traces a ray. Rounds are independent of each other; how many samples each took of a pixel may depend on
+other pixels, never on its own, so that pooling by number of samples is unbiased (see `rounds`).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import t
+
+FLOOR = 0.1
+"""Share of a layer's mean below which a pixel's error counts in absolute terms."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Estimate:
+    """What is known about P pixels in C channels.
+
+    mean, error: (P, C) float64; error is the standard error of the mean. spp: (P,) samples behind each pixel. freedom:
+    (P, C) degrees of freedom of `error`, so that mean +- t(freedom) error is a confidence interval.
+    """
+
+    mean: np.ndarray
+    error: np.ndarray
+    spp: np.ndarray
+    freedom: np.ndarray
+
+    @classmethod
+    def empty(cls, channels: int = 16) -> "Estimate":
+        """No pixels, enough channels for any pass."""
+        nothing = np.zeros((0, channels))
+        return cls(mean=nothing, error=nothing, spp=np.zeros(0, dtype=np.int64), freedom=nothing)
+
+    @classmethod
+    def exact(cls, values: np.ndarray) -> "Estimate":
+        """(P, C) values known without noise, from one sample."""
+        values = values.astype(np.float64)
+        return cls(mean=values, error=np.zeros_like(values), spp=np.ones(len(values), dtype=np.int64),
+                   freedom=np.full_like(values, np.inf))
+
+    def padded(self, channels: int) -> "Estimate":
+        """With further channels that are exactly 0."""
+        more = ((0, 0), (0, channels - self.mean.shape[1]))
+        return Estimate(mean=np.pad(self.mean, more), error=np.pad(self.error, more), spp=self.spp,
+                        freedom=np.pad(self.freedom, more, mode="edge"))
+
+    def interval(self, level: float = 0.95) -> np.ndarray:
+        """(P, C) half width of the confidence interval of each mean (Student's t)."""
+        return t.ppf((1 + level) / 2, np.maximum(self.freedom, 1)) * self.error
+
+
+def of_batches(means: np.ndarray, spp: int) -> Estimate:
+    """Mean and standard error of (P, B, C) batch means; one batch has no error that could be known, so infinity."""
+    batches = means.shape[1]
+    # Batch by batch: NumPy's reductions over a short axis in the middle take ten times as long
+    mean = sum(means[:, b] for b in range(batches)) / batches
+    squares = sum((means[:, b] - mean) ** 2 for b in range(batches))
+    error = np.sqrt(squares / (batches * (batches - 1))) if batches > 1 else np.full_like(mean, np.inf)
+    return Estimate(mean=mean, error=error, spp=np.full(len(mean), spp, dtype=np.int64),
+                    freedom=np.full_like(mean, batches - 1))
+
+
+def pooled(rounds: Sequence[Estimate]) -> Estimate:
+    """Independent estimates of the same pixels as one, each weighted by its samples.
+
+    Degrees of freedom by Welch and Satterthwaite (Satterthwaite, Biometrics Bulletin 2, 1946, equation 17).
+    """
+    spp = np.sum([found.spp for found in rounds], axis=0)
+    shares = [(found.spp / np.maximum(spp, 1))[:, None] for found in rounds]
+    mean = sum(share * found.mean for share, found in zip(shares, rounds, strict=True))
+    # A round that took no sample of a pixel says nothing of it: its share is 0, and so is what it adds
+    parts = [np.where(share > 0, share * np.where(share > 0, found.error, 0), 0) ** 2
+             for share, found in zip(shares, rounds, strict=True)]
+    variance = np.sum(parts, axis=0)
+    doubt = sum(part**2 / np.maximum(found.freedom, 1) for part, found in zip(parts, rounds, strict=True))
+    most = sum(np.where(share > 0, found.freedom, 0) for share, found in zip(shares, rounds, strict=True))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        freedom = np.where(doubt > 0, variance**2 / doubt, most)
+    return Estimate(mean=mean, error=np.sqrt(variance), spp=spp, freedom=freedom)
+
+
+def gathered(found: Estimate, entries: np.ndarray, count: int) -> Estimate:
+    """Entries of an estimate, of which several may be of one pixel, as an estimate of `count` pixels.
+
+    entries: (E,) pixel of each, rising. Entries of one pixel have equal spp, so that they weigh the same. Pixels without
+    an entry have spp 0.
+    """
+    firsts = np.searchsorted(entries, np.arange(count + 1))
+    number = np.diff(firsts)
+    have = np.flatnonzero(number)
+
+    def total(values: np.ndarray) -> np.ndarray:
+        summed = np.zeros((count, *values.shape[1:]))
+        if len(have):
+            summed[have] = np.add.reduceat(values, firsts[have], axis=0)
+        return summed
+
+    n = np.maximum(number, 1)[:, None]
+    return Estimate(mean=total(found.mean) / n, error=np.sqrt(total(found.error**2)) / n,
+                    spp=total(found.spp).astype(np.int64), freedom=total(found.freedom))
+
+
+def relative(mean: np.ndarray, error: np.ndarray) -> np.ndarray:
+    """(P, C) errors relative to what they are errors of: e / sqrt(mean^2 + (FLOOR m)^2), m the mean of all pixels.
+
+    Its mean square is the relative mean squared error that the layer may be expected to have.
+    """
+    m = FLOOR * float(np.abs(mean).mean()) if mean.size else 0.0
+    return error / np.sqrt(np.maximum(mean**2 + m**2, np.finfo(np.float64).tiny))
+
+
+def root_mean_square(relative_errors: np.ndarray) -> float:
+    """Over all pixels and channels of (P, C); 0 for none."""
+    return float(np.sqrt(np.mean(relative_errors**2))) if relative_errors.size else 0.0
+
+
+def quantile(relative_errors: np.ndarray, share: float = 0.95) -> float:
+    """What `share` of the pixels stay below: a pixel of (P, C) counts by the root mean square of its channels."""
+    of_pixels = np.sqrt(np.mean(relative_errors**2, axis=1))
+    return float(np.quantile(of_pixels, share)) if of_pixels.size else 0.0
