@@ -36,15 +36,14 @@ def common_error(first: Sequence[float], second: Sequence[float]) -> float:
 
 
 def time_to(error: float, seconds: Sequence[float], errors: Sequence[float], floor: bool) -> float:
-    """Seconds to an error, log-log between settings; beyond them error falls as 1 / time.
+    """Seconds to an error, log-log between settings; beyond the best of them error falls as 1 / time.
 
-    floor: beyond the best setting error does not fall any more (a denoiser's bias), so the time is infinite.
+    What is worse than the cheapest setting takes as long as that. floor: beyond the best setting error does not fall
+    any more (a denoiser's bias), so the time is infinite.
     """
     order = np.argsort(seconds)
     t, e = np.log(np.asarray(seconds)[order]), np.log(np.minimum.accumulate(np.asarray(errors)[order]))
     wanted = np.log(error)
     if wanted < e[-1]:
         return float("inf") if floor else float(np.exp(t[-1] + e[-1] - wanted))
-    if wanted > e[0]:
-        return float(np.exp(t[0] + e[0] - wanted))
     return float(np.exp(np.interp(-wanted, -e, t)))

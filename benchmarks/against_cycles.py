@@ -36,7 +36,7 @@ LADDERS: Mapping[tuple[str, bool, bool], Sequence[float]] = {
     ("ours", False, False): (16, 64, 256), ("Cycles", False, False): (16, 64, 256),
     ("ours", True, False): (0.32, 0.2, 0.12, 0.08), ("Cycles", True, False): (0.2, 0.1, 0.05, 0.025),
     ("ours", False, True): (4, 16, 64), ("Cycles", False, True): (4, 16, 64),
-    ("ours", True, True): (0.64, 0.32, 0.16), ("Cycles", True, True): (0.2, 0.1, 0.05),
+    ("ours", True, True): (0.64, 0.32, 0.16, 0.08), ("Cycles", True, True): (0.2, 0.1, 0.05, 0.025),
 }
 """Knobs of each side, adaptive, denoise; see `contenders.Setting`."""
 
@@ -98,7 +98,7 @@ def arguments() -> argparse.Namespace:
     where.add_argument("--bpy-python", type=Path, help="Python of an environment that has bpy 5")
     where.add_argument("--cache", type=Path, help="folder to keep such an environment in")
     parser.add_argument("--examples", type=int, nargs="+", default=[0, 20], help="of the mini dataset (default 0 20)")
-    parser.add_argument("--size", type=int, default=128, help="pixels along a side (default 128)")
+    parser.add_argument("--size", type=int, default=96, help="pixels along a side (default 96)")
     parser.add_argument("--reference", type=int, default=512, help="spp of the converged images (default 512)")
     parser.add_argument("--repeats", type=int, default=1, help="of every setting, with other noise (default 1)")
     parser.add_argument("--threads", type=int, default=2, help="of both sides (default 2)")

@@ -3,13 +3,15 @@ there."""
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
 from dataset_builder import __version__
 from dataset_builder.engine import local
+from dataset_builder.engine.calibration import calibrate
 from dataset_builder.engine.rejections import Rejections
+from dataset_builder.engine.timings import Timings
 from dataset_builder.engine.unit import Job, Outcome, remembered, run_unit, versions
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.planning.catalogue import ExampleRef
@@ -17,9 +19,10 @@ from dataset_builder.planning.cost import expected_bytes
 from dataset_builder.planning.plan import Planner, layers_asked
 from dataset_builder.planning.probe import probe
 from dataset_builder.planning.views import units
+from dataset_builder.rendering import oidn
 from dataset_builder.shards.atomic import require_space
 from dataset_builder.shards.folder import build_lock
-from dataset_builder.shards.manifest import Manifest, Rejected, ShardIndex, make_manifest, shard_stem
+from dataset_builder.shards.manifest import Denoised, Manifest, Rejected, ShardIndex, make_manifest, shard_stem
 from dataset_builder.shards.publish import publish_dataset
 from dataset_builder.shards.staging import Staging
 from dataset_builder.shards.writer import publish_shard, published, remove_others, remove_shard
@@ -42,10 +45,11 @@ class ShardTask:
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """News of a build: how many examples there are to make (the first event of all), outcomes of one unit, a shard that
-    was published, or the finished manifest."""
+    """News of a build: how many examples there are to make (the first event of all), how far denoised layers may be
+    trusted, outcomes of one unit, a shard that was published, or the finished manifest."""
 
     wanted: int | None = None
+    denoised: tuple[Denoised, ...] = ()
     outcomes: tuple[Outcome, ...] = ()
     shard: ShardIndex | None = None
     manifest: Manifest | None = None
@@ -96,15 +100,18 @@ def build(loaded: LoadedSpec, folder: Path, job: Job, *, workers: int, only: Seq
     an index is none, OutputError where the folder or the disk refuses; in both cases what was finished before is kept,
     and a second run goes on from there.
     """
+    denoise = bool(loaded.dataset.render.denoise.layers)
+    if denoise:
+        oidn.require()
     planner = Planner(loaded)
     chosen = _chosen(planner.examples, only)
     probe(planner)
-    made_by = versions(job.backend)
+    made_by = versions(job.backend, denoise)
     if not folder.exists():
         # Refused before anything is made
         _require_space(folder, loaded.dataset, len(chosen))
     with build_lock(folder):
-        rejections = Rejections(folder, loaded.spec_digest, made_by)
+        rejections, timings = Rejections(folder, loaded.spec_digest, made_by), Timings(folder)
         tasks = decide(shard_tasks(planner.examples, loaded.dataset), folder, loaded.spec_digest, made_by,
                        rejections.known)
         progress = _Progress(rejected=dict(rejections.known),
@@ -113,14 +120,21 @@ def build(loaded: LoadedSpec, folder: Path, job: Job, *, workers: int, only: Seq
         wanted = [ref for task in missing for ref in task.examples if ref in chosen]
         _require_space(folder, loaded.dataset, len(wanted))
         yield Event(wanted=len(wanted))
-        for outcomes in _outcomes(wanted, job, workers, rejections.known):
-            _note(outcomes, progress, rejections)
-            yield Event(outcomes=tuple(outcomes))
-            for task in [] if only else [task for task in missing if progress.settled(task)]:
-                missing.remove(task)
-                yield from _publish(task, folder, loaded, made_by, progress)
+        if denoise:
+            job = replace(job, denoised=calibrate(loaded, job, made_by, workers=workers))
+            yield Event(denoised=job.denoised)
+        try:
+            for outcomes in _outcomes(wanted, job, workers, rejections.known):
+                _note(outcomes, progress, rejections)
+                timings.add(outcomes)
+                yield Event(outcomes=tuple(outcomes))
+                for task in [] if only else [task for task in missing if progress.settled(task)]:
+                    missing.remove(task)
+                    yield from _publish(task, folder, loaded, made_by, progress)
+        finally:
+            timings.write()
         if not only:
-            yield Event(manifest=_finish(tasks, folder, loaded, progress))
+            yield Event(manifest=_finish(tasks, folder, loaded, progress, job.denoised))
 
 
 def _chosen(examples: Sequence[ExampleRef], only: Sequence[int]) -> frozenset[ExampleRef]:
@@ -171,7 +185,8 @@ def _publish(task: ShardTask, folder: Path, loaded: LoadedSpec, made_by: dict[st
     yield Event(shard=index)
 
 
-def _finish(tasks: Sequence[ShardTask], folder: Path, loaded: LoadedSpec, progress: _Progress) -> Manifest:
+def _finish(tasks: Sequence[ShardTask], folder: Path, loaded: LoadedSpec, progress: _Progress,
+            denoised: Sequence[Denoised]) -> Manifest:
     """Take away what no plan asks for, and write the manifest. Raises PlanError where a split has no examples left."""
     indices = [progress.shards[task.stem] for task in tasks if task.stem in progress.shards]
     for split in loaded.dataset.splits:
@@ -181,7 +196,7 @@ def _finish(tasks: Sequence[ShardTask], folder: Path, loaded: LoadedSpec, progre
     remove_others(folder, [index.shard.stem for index in indices])
     manifest = make_manifest(loaded.dataset, layers=dict(layers_asked(loaded.dataset)), shards=indices,
                              rejected=progress.rejected.values(), spec_digest=loaded.spec_digest,
-                             generator=f"dataset-builder {__version__}")
+                             generator=f"dataset-builder {__version__}", denoised=denoised)
     Staging(folder).clear()
     publish_dataset(folder, manifest)
     return manifest

@@ -9,7 +9,7 @@ from time import perf_counter
 
 from rich.console import Console
 
-from dataset_builder import __version__
+from dataset_builder import __version__, cli_stress, cli_study
 from dataset_builder.engine.local import cores
 from dataset_builder.errors import UserError
 
@@ -59,6 +59,8 @@ def parser() -> argparse.ArgumentParser:
         if name == "inspect":
             verb.add_argument("--sheet", type=Path, help="where to write the contact sheet (default: in the dataset)")
             verb.add_argument("--rows", type=_positive, default=12, help="examples on the contact sheet (default: 12)")
+    cli_study.add(verbs)
+    cli_stress.add(verbs)
     families = _verb(verbs, "families", _families, "embedded furniture and its parameters")
     families.add_argument("family", nargs="?")
     _verb(verbs, "schema", _schema, "write the JSON Schemas of specs").add_argument("folder", type=Path)
@@ -95,15 +97,18 @@ def _doctor(options: argparse.Namespace) -> int:
 
 def _plan(options: argparse.Namespace) -> int:
     from dataset_builder.planning.cost import estimate
-    from dataset_builder.planning.plan import Planner, plan_example
-    from dataset_builder.report.console import estimate_table
+    from dataset_builder.planning.plan import Planner, first_plan, plan_example
+    from dataset_builder.report.console import decisions_table, estimate_table
     from dataset_builder.spec.load import load_dataset
 
     loaded = load_dataset(options.spec, options.overrides)
     for index in options.example:
         print(json.dumps(plan_example(loaded, index).model_dump(mode="json"), indent=2))
     if not options.example:
-        Console().print(estimate_table(estimate(Planner(loaded), views=options.views, cores=cores()), cores()))
+        planner = Planner(loaded)
+        Console().print(estimate_table(estimate(planner, views=options.views, cores=cores()), cores()))
+        if first := first_plan(planner):
+            Console().print(decisions_table(first))
     return 0
 
 

@@ -50,10 +50,20 @@ def verbs() -> dict[str, argparse.ArgumentParser]:
     return next(action.choices for action in parser()._actions if isinstance(action, argparse._SubParsersAction))
 
 
+def options_of(verb: argparse.ArgumentParser) -> set[str]:
+    """Options of a parser and of all verbs below it."""
+    found = {option for action in verb._actions for option in action.option_strings}
+    below = [action.choices for action in verb._actions if isinstance(action, argparse._SubParsersAction)]
+    return found.union(*(options_of(one) for choices in below for one in choices.values()))
+
+
 def cheap(arguments: list[str]) -> list[str]:
     """A command as the pages show it, made to take seconds."""
     if arguments[0] == "plan":
         return [*arguments, "--views", "2"]
+    if arguments[0] == "study":
+        return [*arguments, "--set", "image={width: 24, height: 24}", "--set", "rough.edge_length=0.2", "--backend",
+                "llvm"]
     if arguments[0] == "build":
         return [*arguments, *(CHEAP if "teapots" in arguments[1] else CHEAP_MINI)]
     return arguments
@@ -135,7 +145,7 @@ def test_links_lead_somewhere(page: Path) -> None:
 @pytest.mark.parametrize("page", [*PAGES, *OTHERS], ids=lambda page: page.stem)
 def test_commands_in_running_text_exist(page: Path) -> None:
     known, targets = verbs(), re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
-    options = {option for verb in known.values() for action in verb._actions for option in action.option_strings}
+    options = options_of(parser())
     for code in inline(page):
         words = code.removeprefix(".venv/bin/").split()
         if words[0] == "dataset-builder" and len(words) > 1:

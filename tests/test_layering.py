@@ -10,7 +10,8 @@ ROOT = Path(__file__).parent.parent
 PACKAGE = "dataset_builder"
 
 ORDER = (
-    ("cli", "__main__"), ("doctor",), ("report",), ("studies",), ("lightnet",), ("build",), ("engine",), ("shards",),
+    ("cli", "__main__"), ("cli_stress", "cli_study"), ("doctor",), ("report",), ("studies",), ("lightnet",), ("build",),
+    ("engine",), ("shards",),
     ("rendering",), ("planning",), ("assets",), ("geometry",), ("spec",), ("layers",), ("seeding", "digest", "errors"),
     ("",),
 )
@@ -19,6 +20,7 @@ ORDER = (
 HOMES = {
     "mitsuba": "rendering", "drjit": "rendering", "ruamel": "spec.load", "open3d": "geometry", "OpenEXR": "shards.exr",
     "matplotlib": "report", "pyvista": "report", "trimesh": "assets.mesh_file", "torch": "lightnet", "ray": "engine",
+    "flip_evaluator": "studies.errors", "pyoidn": "rendering.oidn",
 }
 """The only folder or module that may import a library."""
 

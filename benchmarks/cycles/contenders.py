@@ -97,7 +97,7 @@ class Ours:
 
         found = next(render_view([self.plan(setting, seed)], self._specs))
         spent = dict(found.seconds)
-        denoising = spent.pop("denoise", 0.0) / len(LAYERS)
+        denoising = spent.pop("denoise") / len(LAYERS) if setting.denoise else 0.0
         spp = {entry["name"]: entry["paths"] / max(entry["pixels"], 1) for entry in found.record["passes"]}
         shots = {}
         for layer, render in LAYERS.items():

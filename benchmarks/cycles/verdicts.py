@@ -11,9 +11,9 @@ from cycles.contenders import LAYERS
 
 SIDES = ("ours", "Cycles")
 BEST = "best of all"
-"""Mode of a verdict that lets both sides choose their fastest mode, at the error of the uniform one."""
+"""Mode of a verdict that lets both sides choose their fastest mode, at the error of the denoised one."""
 
-UNIFORM = "uniform"
+DENOISED = "denoised"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,14 +71,14 @@ def _verdict(rows: Sequence[Row], mode: str, layer: str) -> Verdict:
 
 
 def _level_mode(mode: str) -> str:
-    return UNIFORM if mode == BEST else mode
+    return DENOISED if mode == BEST else mode
 
 
 def _fastest(rows: Sequence[Row], level: float) -> float:
     """Least seconds to an error over the modes among the rows."""
     modes = {mode: [row for row in rows if row.mode == mode] for mode in dict.fromkeys(row.mode for row in rows)}
     return min(time_to(level, [row.seconds for row in of_mode], [row.error for row in of_mode],
-                       floor="denoised" in mode) for mode, of_mode in modes.items())
+                       floor=DENOISED in mode) for mode, of_mode in modes.items())
 
 
 def _tuple_verdict(rows: Sequence[Row], times: Sequence[Verdict]) -> Verdict:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,11 +17,12 @@ from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.planning.example_plan import ExamplePlan
 from dataset_builder.planning.plan import Planner
 from dataset_builder.planning.views import ViewUnit
+from dataset_builder.rendering import oidn
 from dataset_builder.rendering.backend import activate, renderer_versions
 from dataset_builder.shards.example import Example, encode_members, preview
 from dataset_builder.shards.gates import check_gates
 from dataset_builder.shards.identities import Violation, check_layers, identity_table, storable
-from dataset_builder.shards.manifest import Rejected
+from dataset_builder.shards.manifest import Denoised, Rejected
 from dataset_builder.shards.segment import segment
 from dataset_builder.shards.staging import Staging
 from dataset_builder.shards.writer import entry, writer_versions
@@ -43,7 +44,8 @@ RENDERING = "rendering"
 class Job:
     """What a worker needs to know to find the spec and the output; the same for every unit of a build.
 
-    spec_digest: of the spec that the build began with; another one found at `spec_path` later is refused.
+    spec_digest: of the spec that the build began with; another one found at `spec_path` later is refused. denoised:
+    figures of every layer that is denoised, for the record of each example.
     """
 
     spec_path: Path
@@ -52,6 +54,7 @@ class Job:
     folder: Path
     backend: str
     threads: int
+    denoised: tuple[Denoised, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,9 +72,13 @@ class Outcome:
     seconds: dict[str, float]
 
 
-def versions(backend: str) -> dict[str, str]:
-    """Versions of whatever turns a plan into bytes: a change of any makes an example another one."""
-    libraries = {name: importlib.metadata.version(name) for name in ("open3d", "scipy", "trimesh")}
+def versions(backend: str, denoise: bool = False) -> dict[str, str]:
+    """Versions of whatever turns a plan into bytes: a change of any makes an example another one.
+
+    denoise: whether layers are denoised; the denoiser must be installed then.
+    """
+    names = ("open3d", "scipy", "trimesh", *((oidn.PACKAGE,) if denoise else ()))
+    libraries = {name: importlib.metadata.version(name) for name in names}
     return {**writer_versions(), **renderer_versions(backend), **libraries, "source": _source_digest()}
 
 
@@ -82,10 +89,12 @@ def _source_digest() -> str:
     return digest({path.relative_to(package).as_posix(): sha256_file(path) for path in package.rglob("*.py")})
 
 
-def plan_digest(plan: ExamplePlan, spec: DatasetSpec, made_by: dict[str, str]) -> str:
-    """Key of a finished example: its plan, how it is stored and gated, and what made it."""
+def plan_digest(plan: ExamplePlan, spec: DatasetSpec, made_by: dict[str, str],
+                denoised: Sequence[Denoised] = ()) -> str:
+    """Key of a finished example: its plan, how it is stored and gated, what made it, and the figures it carries."""
     stored = {"dtype": spec.storage.dtype, "gates": spec.gates.model_dump(mode="json")}
-    return digest({"plan": plan.model_dump(mode="json"), "storage": stored, "versions": made_by})
+    return digest({"plan": plan.model_dump(mode="json"), "storage": stored, "versions": made_by,
+                   "denoised": _plain(denoised)})
 
 
 def run_unit(job: Job, unit: ViewUnit) -> list[Outcome]:
@@ -94,7 +103,7 @@ def run_unit(job: Job, unit: ViewUnit) -> list[Outcome]:
     Raises SpecError where the spec is no longer the one that the build began with.
     """
     activate(job.backend, job.threads)
-    planner = _planner(job)
+    planner = planner_of(job)
     start = perf_counter()
     outcomes: list[Outcome] = []
     planned: list[tuple[ExampleRef, ExamplePlan]] = []
@@ -117,13 +126,15 @@ def remembered(ref: ExampleRef, rejected: Rejected) -> Outcome:
 def _make(planned: Sequence[tuple[ExampleRef, ExamplePlan]], loaded: LoadedSpec, job: Job) -> Iterator[Outcome]:
     from dataset_builder.rendering.examples import render_view
 
-    made_by, staging = versions(job.backend), Staging(job.folder)
-    digests = {ref.key: plan_digest(plan, loaded.dataset, made_by) for ref, plan in planned}
+    made_by = versions(job.backend, bool(loaded.dataset.render.denoise.layers))
+    staging = Staging(job.folder)
+    digests = {ref.key: plan_digest(plan, loaded.dataset, made_by, job.denoised) for ref, plan in planned}
     missing = [(ref, plan) for ref, plan in planned if not staging.has(ref.key, digests[ref.key])]
     there = {ref.key for ref, _ in planned} - {ref.key for ref, _ in missing}
     yield from (_outcome(ref, digest=digests[ref.key], kept=True) for ref, _ in planned if ref.key in there)
     if missing:
         rendered = render_view([plan for _, plan in missing], loaded.path.parent)
+        rendered = (_with_figures(example, job.denoised) for example in rendered)
         yield from _finished(missing, rendered, digests, loaded.dataset, staging)
 
 
@@ -140,6 +151,14 @@ def _finished(missing: Sequence[tuple[ExampleRef, ExamplePlan]], rendered: Itera
                 yield _outcome(left, rejected=_rejected(left, RENDERING, str(error)))
             return
         yield _finish(ref, example, digests[ref.key], spec, staging)
+
+
+def _with_figures(rendered: "Rendered", denoised: Sequence[Denoised]) -> "Rendered":
+    return replace(rendered, record={**rendered.record, "denoised": _plain(denoised)})
+
+
+def _plain(denoised: Sequence[Denoised]) -> list[dict[str, Any]]:
+    return [figures.model_dump(mode="json") for figures in denoised]
 
 
 def _finish(ref: ExampleRef, rendered: "Rendered", key_digest: str, spec: DatasetSpec, staging: Staging) -> Outcome:
@@ -177,7 +196,7 @@ def _outcome(ref: ExampleRef, *, digest: str = "", rejected: Rejected | None = N
 
 
 @lru_cache(maxsize=2)
-def _planner(job: Job) -> Planner:
+def planner_of(job: Job) -> Planner:
     """The planner of a job, kept for the life of the process, so that neighbours share what they share."""
     loaded = load_dataset(job.spec_path, job.overrides)
     if loaded.spec_digest != job.spec_digest:

@@ -34,8 +34,11 @@ def loop(mesh: TriangleMesh, *, rounds: int, creases: np.ndarray, corner_angle: 
     pairs = edges.vertices[mask]
     for done in range(rounds):
         if done:
+            # A sheet modelled from both sides: its sides share midpoints, so new edges have four faces
             edges = edges_of(mesh.faces)
-            mask = find_edges(edges, pairs)
+            mask = find_edges(edges, pairs) | ~consistent(edges)
+            fixed |= ~np.isin(np.bincount(edges.vertices[mask].ravel(), minlength=len(fixed)), (0, 2))
+            pairs = edges.vertices[mask]
         matrix = subdivision_matrix(edges, mask, fixed)
         middle = len(mesh.positions) + np.arange(len(edges.vertices))
         pairs = np.concatenate([np.stack([edges.vertices[mask, end], middle[mask]], axis=1) for end in (0, 1)])

@@ -31,7 +31,8 @@ class Rates:
     light_paths, free_paths: paths per second and core of passes with and without light. seconds_per_pass: building the
     scene and launching. seconds_per_view: planning, meshes and textures. seconds_per_example: writing and verifying.
     kept_share: stored bytes over raw bytes where a layer holds values; empty_share: where it is 0.
-    example_bytes: of the record and the preview.
+    example_bytes: of the record and the preview. noise: relative error at one sample per pixel, typical of layers with
+    light; goals of accuracy are expected to take (noise / error)^2 samples.
     """
 
     light_paths: float = 7.8e5
@@ -42,6 +43,7 @@ class Rates:
     kept_share: float = 0.92
     empty_share: float = 0.002
     example_bytes: float = 20_000.0
+    noise: float = 1.6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,9 +111,12 @@ def pass_share(name: str, plan: ExamplePlan, window: float) -> float:
     return window if name.startswith("first_hit") else plan.camera.coverage
 
 
-def _spp(render: RenderPlan, name: str) -> int:
-    return {"source": render.spp_source, "target": render.spp_target, "rough": render.spp_rough, INSTANCE: 1}.get(
+def expected_spp(render: RenderPlan, name: str, noise: float) -> float:
+    """Samples per pixel of a pass: fixed, or what its layers' goals are likely to take."""
+    first = {"source": render.spp_source, "target": render.spp_target, "rough": render.spp_rough, INSTANCE: 1}.get(
         name, render.spp_first_hit)
+    goals = [goal for goal in render.goals if goal.error and _pass_of(goal.layer) == name]
+    return max([first, *(min((noise / goal.error) ** 2, goal.cap) for goal in goals)])
 
 
 def stored_bytes(layers: Iterable[tuple[str, Extent]], frame: int, coverage: float, dtype: str, rates: Rates) -> float:
@@ -151,8 +156,9 @@ def view_cost(plan: ExamplePlan, lights: int, levels: int, window: float, dtype:
         traced = times * pass_share(name, plan, window) * frame
         rate = rates.free_paths if name.startswith(("first_hit", INSTANCE)) else rates.light_paths
         pixels += traced
-        paths += traced * _spp(plan.render, name)
-        seconds += traced * _spp(plan.render, name) / rate
+        spp = expected_spp(plan.render, name, rates.noise)
+        paths += traced * spp
+        seconds += traced * spp / rate
     passes = sum(runs.values())
     seconds = (seconds + passes * rates.seconds_per_pass) / cores
     return Cost(passes=passes, pixels=pixels, paths=paths, seconds=seconds,

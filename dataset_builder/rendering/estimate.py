@@ -54,8 +54,8 @@ def estimate(integrand: Integrand, pixels: np.ndarray, *, width: int, height: in
     """Means of an integrand over the areas of pixels. pixels: (P,) indices row * width + column, which may repeat, each
     time with its own random numbers; seed: 64 bits."""
     repetitions, batches, per_batch = stratified(spp, batches)
-    found = [_once(integrand, pixels, width, height, batches, per_batch, seed if k == 0 else derive_seed(seed, "more", k))
-             for k in range(repetitions)]
+    seeds = [seed, *(derive_seed(seed, "more", k) for k in range(1, repetitions))]
+    found = [_once(integrand, pixels, width, height, batches, per_batch, own) for own in seeds]
     return found[0] if repetitions == 1 else pooled(found)
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from time import perf_counter
 from typing import Any, get_args
 
 import numpy as np
@@ -54,7 +55,8 @@ def render_view(plans: Sequence[ExamplePlan], mesh_root: Path) -> Iterator[Rende
     for plan in plans:
         shared.spent.clear()
         shared.run(plan)
-        yield Rendered(plan=plan, layers=_layers(shared, plan), evidence=_evidence(shared, plan), record=_record(shared, plan),
+        layers = _layers(shared, plan)
+        yield Rendered(plan=plan, layers=layers, evidence=_evidence(shared, plan), record=_record(shared, plan),
                        seconds=dict(shared.spent))
 
 
@@ -63,8 +65,11 @@ def _layers(shared: ViewPasses, plan: ExamplePlan) -> dict[str, np.ndarray]:
     layers = {name: layer_image(shared, plan, name, extent) for name, extent in plan.render.layers}
     if not plan.render.denoise:
         return layers
+    start = perf_counter()
     guides = {name: layer_image(shared, plan, name, extent) for name, extent in guide_extents(plan.render).items()}
-    return denoised(layers, guides, plan.render.denoise, dict(plan.render.layers))
+    layers = denoised(layers, guides, plan.render.denoise, dict(plan.render.layers))
+    shared.spent["denoise"] = perf_counter() - start
+    return layers
 
 
 def layer_image(shared: ViewPasses, plan: ExamplePlan, name: str, extent: str) -> np.ndarray:
@@ -72,7 +77,7 @@ def layer_image(shared: ViewPasses, plan: ExamplePlan, name: str, extent: str) -
     if name == "instance":
         return _image(plan, shared.instances().pixels, shared.instances().found.mean)
     result = shared.result(LAYERS[name].render_pass, plan)
-    values, inside = _values(result, name, shared.frame.unit), _inside(shared, plan, name, extent)
+    values, inside = _values(result, name, shared.scenes.frame.unit), _inside(shared, plan, name, extent)
     return _image(plan, result.pixels[inside], values[inside])
 
 
@@ -131,7 +136,7 @@ def _record(shared: ViewPasses, plan: ExamplePlan) -> dict[str, Any]:
                                          for name in get_args(Pass)],
                               "layers": [_layer_record(shared, plan, name, extent)
                                          for name, extent in plan.render.layers if name in RADIANCE_LAYERS]}
-    roughness = shared.twin(plan.rough).roughness if "first_hit_rough" in ran else None
+    roughness = shared.scenes.twin(plan.rough).roughness if "first_hit_rough" in ran else None
     record["roughness_rms"] = roughness.rms if roughness else 0.0
     record["roughness_max"] = roughness.maximum if roughness else 0.0
     record["bounding_radius"] = roughness.radius if roughness else 0.0

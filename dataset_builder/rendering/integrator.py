@@ -119,18 +119,20 @@ def _air(world: World, fog: Fog, sampler: mi.Sampler, rest: mi.Sampler, ray: mi.
 
 
 class LightingIntegrator(mi.SamplingIntegrator):
-    """Mitsuba plugin: the image, with raw lighting and specular part as AOVs. Parameters: max_depth, rr_depth."""
+    """Mitsuba plugin: the image, with raw lighting and specular part as AOVs. Parameters: max_depth, rr_depth, features
+    (of `trace`, separated by spaces)."""
 
     def __init__(self, props: mi.Properties):
         mi.SamplingIntegrator.__init__(self, props)
         self.max_depth = props.get("max_depth", 8)
         self.rr_depth = props.get("rr_depth", 5)
+        self.features = frozenset(props.get("features", "").split())
 
     def sample(self, scene: mi.Scene, sampler: mi.Sampler, ray: mi.Ray3f, medium: Any = None,
                active: mi.Bool = True) -> tuple[mi.Color3f, mi.Bool, list[mi.Float]]:
         """Radiance, validity and the AOVs of one ray."""
         max_depth, rr_depth = (dr.opaque(mi.UInt32, depth) for depth in (self.max_depth, self.rr_depth))
-        found = trace(scene, sampler, sampler, ray, max_depth, rr_depth, active)
+        found = trace(scene, sampler, sampler, ray, max_depth, rr_depth, active, features=self.features)
         return found.image, found.valid, [*found.shading, *found.specular]
 
     def aov_names(self) -> list[str]:

@@ -38,7 +38,7 @@ class Estimate:
         """(P, C) values known without noise, from one sample."""
         values = values.astype(np.float64)
         return cls(mean=values, error=np.zeros_like(values), spp=np.ones(len(values), dtype=np.int64),
-                   freedom=np.full_like(values, np.inf))
+                   freedom=np.full(values.shape, np.inf))
 
     def padded(self, channels: int) -> "Estimate":
         """With further channels that are exactly 0."""
@@ -84,8 +84,8 @@ def pooled(rounds: Sequence[Estimate]) -> Estimate:
 def gathered(found: Estimate, entries: np.ndarray, count: int) -> Estimate:
     """Entries of an estimate, of which several may be of one pixel, as an estimate of `count` pixels.
 
-    entries: (E,) pixel of each, rising. Entries of one pixel have equal spp, so that they weigh the same. Pixels without
-    an entry have spp 0.
+    entries: (E,) pixel of each, rising. Entries of one pixel have equal spp, so that they weigh the same. Pixels
+    without an entry have spp 0.
     """
     firsts = np.searchsorted(entries, np.arange(count + 1))
     number = np.diff(firsts)

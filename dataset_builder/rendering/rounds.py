@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from dataset_builder.rendering.allocation import SHARE, predicted_deviation, wanted
-from dataset_builder.rendering.moments import Estimate, gathered, pooled
+from dataset_builder.rendering.moments import Estimate, gathered, pooled, quantile, relative
 from dataset_builder.rendering.neighbours import moderated
 from dataset_builder.seeding import derive_seed
 
@@ -26,8 +26,11 @@ BATCH_SIZES = (4, 16, 64, 256, 1024)
 GROWTH = 8.0
 """After a round, a pixel has at most this many times the samples it had: predictions are noisy themselves."""
 
-SLACK = 0.1
-"""A pixel that lacks this share of its samples at most is there: predictions are no better."""
+AIM = 0.97
+"""Share of the error asked for that rounds aim at, to arrive rather than come close again and again."""
+
+SLACK = 0.02
+"""A pixel that lacks this share of its samples at most is there."""
 
 Sample = Callable[[np.ndarray, int, int], Estimate]
 """(pixels, spp, seed) -> their estimate."""
@@ -66,40 +69,50 @@ def refine(sample: Sample, pixels: np.ndarray, width: int, *, first: int, batche
     """
     start, stopped, smallest = clock(), dict[str, Stop](), batches * BATCH_SIZES[0]
     rounds = [found := sample(pixels, first, seed)]
+    known = moderated(found, pixels, width)
     while open_goals := [goal for goal in goals if goal.layer not in stopped]:
         spent, wishes = clock() - start, []
         for goal in open_goals:
-            extra = _extra(goal, found, pixels, width, smallest)
-            if stop := _stop(goal, found, extra, spent, smallest):
+            extra = _extra(goal, known, pixels, width, smallest)
+            if stop := _stop(goal, known, extra, spent):
                 stopped[goal.layer] = stop
             else:
                 wishes.append(_within(goal, found, extra, spent))
         if wishes:
-            rounds.append(_more(sample, pixels, np.max(wishes, axis=0), batches, derive_seed(seed, "round", len(rounds))))
+            own_seed = derive_seed(seed, "round", len(rounds))
+            rounds.append(_more(sample, pixels, np.max(wishes, axis=0), batches, own_seed))
             found = pooled(rounds)
-    return Refined(found=moderated(found, pixels, width), stopped=stopped, rounds=len(rounds))
+            known = moderated(found, pixels, width)
+    return Refined(found=known, stopped=stopped, rounds=len(rounds))
+
+
+def _reached(goal: Goal, found: Estimate) -> float:
+    """The error that SHARE of the pixels stay below."""
+    return quantile(relative(found.mean[goal.inside, goal.channels], found.error[goal.inside, goal.channels]), SHARE)
 
 
 def _extra(goal: Goal, found: Estimate, pixels: np.ndarray, width: int, smallest: int) -> np.ndarray:
     """(P,) samples that each pixel lacks for one goal, of which a round can take no less than `smallest`; 0 for pixels
     that are there, or at the cap."""
+    wish = np.where(goal.inside, GROWTH * found.spp, 0)
     if goal.error:
-        wish = wanted(predicted_deviation(found, goal.channels, goal.inside, pixels, width), goal.error)
-    else:
-        wish = np.where(goal.inside, GROWTH * found.spp, 0)
+        deviation = predicted_deviation(found, goal.channels, goal.inside, pixels, width)
+        # One factor for all pixels, so that what is predicted for the layer is what was found
+        expected = np.quantile((deviation / np.sqrt(found.spp))[goal.inside], SHARE) if goal.inside.any() else 0.0
+        scale = _reached(goal, found) / expected if expected else 1.0
+        wish = wanted(scale * deviation, AIM * goal.error)
     lacking = np.minimum(wish, GROWTH * found.spp) - found.spp
     room = goal.cap - found.spp
     return np.where((lacking > SLACK * found.spp) & (room >= smallest), np.minimum(lacking, room), 0)
 
 
-def _stop(goal: Goal, found: Estimate, extra: np.ndarray, spent: float, smallest: int) -> Stop | None:
-    """Why a goal is done with, if it is: out of time, or too few pixels left to go on for."""
+def _stop(goal: Goal, found: Estimate, extra: np.ndarray, spent: float) -> Stop | None:
+    """Why a goal is done with, if it is."""
+    if goal.error and _reached(goal, found) <= goal.error:
+        return "error"
     if goal.seconds and spent >= goal.seconds:
         return "time"
-    few = int(goal.inside.sum()) * (1 - SHARE)
-    if np.count_nonzero(extra) > few:
-        return None
-    return "cap" if np.count_nonzero(goal.cap - found.spp[goal.inside] < smallest) > few else "error"
+    return None if extra.any() else "cap"
 
 
 def _within(goal: Goal, found: Estimate, extra: np.ndarray, spent: float) -> np.ndarray:

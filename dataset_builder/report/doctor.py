@@ -12,6 +12,7 @@ from dataset_builder import __version__
 from dataset_builder.engine.local import cores
 from dataset_builder.errors import UserError
 from dataset_builder.geometry.raycast import RayScene
+from dataset_builder.rendering import oidn
 from dataset_builder.rendering.backend import INSTALL_LLVM, choose, cuda_available, find_llvm
 
 PACKAGES = ("mitsuba", "drjit", "open3d", "trimesh", "OpenEXR", "numpy", "scipy", "pydantic", "ruamel.yaml", "pillow")
@@ -31,7 +32,7 @@ class Finding:
 def examine(folder: Path) -> list[Finding]:
     """Everything a build needs, in reading order; `folder` is where datasets will be written."""
     return [Finding(what="dataset-builder", value=__version__), Finding(what="Python", value=platform.python_version()),
-            *map(_package, PACKAGES), _llvm(), _cuda(), _backend(), _open3d(), *_machine(folder)]
+            *map(_package, PACKAGES), _llvm(), _cuda(), _backend(), _open3d(), _denoiser(), *_machine(folder)]
 
 
 def _package(name: str) -> Finding:
@@ -66,6 +67,14 @@ def _open3d() -> Finding:
     except UserError as error:
         return Finding(what="Open3D loads", value="no", mend=str(error))
     return Finding(what="Open3D loads", value="yes")
+
+
+def _denoiser() -> Finding:
+    """Wanted only by datasets that ship layers denoised, so that nothing needs mending where there is none."""
+    try:
+        return Finding(what="denoiser", value=oidn.require())
+    except UserError as error:
+        return Finding(what="denoiser", value=f"none, which datasets without `render.denoise` do not need: {error}")
 
 
 def _machine(folder: Path) -> list[Finding]:

@@ -31,14 +31,13 @@ def _splits(dataset: Dataset, labels: list[dict]) -> Table:
 
 def _layers(dataset: Dataset, labels: list[dict]) -> Table:
     table = Table("layer", "extent", "type", "least", "mean", "largest", "relative error", title="layers")
-    errors: dict[str, list[float]] = {entry["name"]: [] for entry in labels[0]["record"]["passes"]}
+    errors: dict[str, list[float]] = {}
     for label in labels:
-        for entry in label["record"]["passes"]:
-            errors[entry["name"]].append(entry["relative_error"])
-    passes = {"i_s": "source", "i_t": "target", "s_prime": "rough"}
+        for entry in label["record"]["layers"]:
+            errors.setdefault(entry["name"], []).append(entry["relative_error"])
     for layer in dataset.manifest.layers:
         values = [label["layers"][layer.name] for label in labels]
-        error = f"{np.median(errors[passes[layer.name]]):.1%}" if layer.name in passes else ""
+        error = f"{np.median(errors[layer.name]):.1%}" if layer.name in errors else ""
         table.add_row(layer.name, layer.extent, layer.dtype, f"{min(value['min'] for value in values):.3g}",
                       f"{np.mean([value['mean'] for value in values]):.3g}",
                       f"{max(value['max'] for value in values):.3g}", error)

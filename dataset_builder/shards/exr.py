@@ -18,6 +18,13 @@ from dataset_builder.layers import LAYERS
 DType = Literal["float32", "float16"]
 DTYPES: tuple[DType, ...] = ("float32", "float16")
 
+CODECS = {
+    "none": OpenEXR.NO_COMPRESSION, "rle": OpenEXR.RLE_COMPRESSION, "zips": OpenEXR.ZIPS_COMPRESSION,
+    "zip": OpenEXR.ZIP_COMPRESSION, "piz": OpenEXR.PIZ_COMPRESSION, "zstd": OpenEXR.ZSTD_COMPRESSION,
+    "htj2k32": OpenEXR.HTJ2K32_COMPRESSION, "htj2k256": OpenEXR.HTJ2K256_COMPRESSION,
+}
+"""Every codec of OpenEXR that keeps both types bit by bit; datasets are written with `zip`, which all readers know."""
+
 VERSION: str = OpenEXR.__version__
 SCHEMA = "1"
 NAMESPACE = "3df-lighting"
@@ -66,14 +73,19 @@ def encode(array: np.ndarray, *, layer: str, key: str, dtype: DType) -> bytes:
     Raises ShardError as `stored` does, and where the encoded file does not decode to the same bits.
     """
     pixels = stored(array, layer=layer, key=key, dtype=dtype)
-    planes = {name: np.ascontiguousarray(pixels[:, :, i].astype(dtype))
-              for i, name in enumerate(CHANNELS[pixels.shape[2]])}
-    stream = BytesIO()
-    OpenEXR.File(_header(layer, key), planes).write(stream)
-    data = stream.getvalue()
+    data = compress(pixels, layer=layer, key=key, dtype=dtype)
     if decode(data, where=f"example {key}, layer {layer}").tobytes() != pixels.tobytes():
         raise _wrong(f"example {key}, layer {layer}", "expected the encoded file to decode to the same pixels")
     return data
+
+
+def compress(pixels: np.ndarray, *, layer: str, key: str, dtype: DType, codec: str = "zip") -> bytes:
+    """The file of what `stored` gave, by one of `CODECS`; not read back, as `encode` does."""
+    planes = {name: np.ascontiguousarray(pixels[:, :, i].astype(dtype))
+              for i, name in enumerate(CHANNELS[pixels.shape[2]])}
+    stream = BytesIO()
+    OpenEXR.File(_header(layer, key, codec), planes).write(stream)
+    return stream.getvalue()
 
 
 def decode(data: bytes, *, where: str = "EXR") -> np.ndarray:
@@ -105,9 +117,9 @@ def read(data: bytes, *, where: str = "EXR") -> ExrImage:
     )
 
 
-def _header(layer: str, key: str) -> dict[str, Any]:
+def _header(layer: str, key: str, codec: str) -> dict[str, Any]:
     header: dict[str, Any] = {
-        "compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, "colorInteropID": colour_space(layer),
+        "compression": CODECS[codec], "type": OpenEXR.scanlineimage, "colorInteropID": colour_space(layer),
         f"{NAMESPACE}:schema": SCHEMA, f"{NAMESPACE}:layer": layer, f"{NAMESPACE}:key": key,
     }
     return header if header["colorInteropID"] == "data" else {**header, "chromaticities": REC709}

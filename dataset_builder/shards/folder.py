@@ -18,6 +18,8 @@ WORK = ".build"
 LOCK = "lock"
 STAGING = "staging"
 MANIFEST = "dataset.json"
+SECONDS = "seconds.csv"
+"""What examples took; of one machine, so no part of the dataset proper."""
 FORMAT = "3df-lighting"
 
 

@@ -24,8 +24,8 @@ def check_gates(layers: Mapping[str, np.ndarray], gates: GatesSpec, evidence: Ma
                 render: RenderPlan | None = None) -> list[Violation]:
     """Every gate whose layers are there, in `evidence` (what gates need, shipped or not, on the object) or the example.
 
-    The radiance split needs i_t, d, s, spec, `sd_d`, `sd_s` and the standard errors of i_t, s and spec, and in fog air and
-    its error; `render` says from how many samples d came in the first-hit pass and in the target pass.
+    The radiance split needs i_t, d, s, spec, `sd_d`, `sd_s` and the standard errors of i_t, s and spec, and in fog air
+    and its error; `render` says from how many samples d came in the first-hit pass and in the target pass.
     """
     # Evidence goes first: it is on the object throughout, where a shipped layer may be on the frame
     known = {**layers, **(evidence or {})}
@@ -38,8 +38,8 @@ def check_gates(layers: Mapping[str, np.ndarray], gates: GatesSpec, evidence: Ma
         d_se = known["sd_d"] * (sampling_error(render) if render else 0.0)
         error = combined_error(d=known["d"], s=known["s"], d_se=d_se, i_t_se=known["i_t_se"], s_se=known["s_se"],
                                spec_se=known["spec_se"] + known.get("air_se", 0.0))
-        found += radiance_split(i_t=known["i_t"] - known.get("air", 0.0), d=known["d"], s=known["s"], spec=known["spec"], error=error,
-                                sd_d=known["sd_d"], sd_s=known["sd_s"])
+        found += radiance_split(i_t=known["i_t"] - known.get("air", 0.0), d=known["d"], s=known["s"],
+                                spec=known["spec"], error=error, sd_d=known["sd_d"], sd_s=known["sd_s"])
     return found
 
 

@@ -115,6 +115,25 @@ class Rejected(Model):
     reason: str
 
 
+class Denoised(Model):
+    """How far a denoised layer may be trusted: figures over the object, measured before the build on converged
+    examples of the dataset (`docs/denoising.md`).
+
+    bias: mean of denoised less reference, over the reference's mean; bias_error: its standard error. pixel_bias: root
+    mean square of the part of every pixel's relative error that would stay if the noise came out otherwise. relmse_*:
+    mean of (x - reference)^2 / (reference^2 + 0.01), of the layer before and after, and of the reference's own noise.
+    """
+
+    layer: str
+    bias: float
+    bias_error: float
+    pixel_bias: float
+    relmse_raw: float
+    relmse_denoised: float
+    relmse_reference: float
+    examples: int
+
+
 class Manifest(Model):
     """What `dataset.json` holds. It is written last: where it is, the dataset is whole."""
 
@@ -133,6 +152,7 @@ class Manifest(Model):
     width: int
     height: int
     layers: tuple[LayerRecord, ...]
+    denoised: tuple[Denoised, ...] = ()
     identities: tuple[IdentityRecord, ...]
     splits: tuple[SplitRecord, ...]
     shards: tuple[ShardRecord, ...]
@@ -147,7 +167,7 @@ def shard_stem(spec: DatasetSpec, split: str, number: int) -> str:
 
 def make_manifest(spec: DatasetSpec, *, layers: Mapping[str, Extent], shards: Sequence[ShardIndex],
                   rejected: Iterable[Rejected], spec_digest: str, generator: str, creator: str = "dataset-builder",
-                  url: str = "", date_published: str = LAYOUT_DATE) -> Manifest:
+                  url: str = "", date_published: str = LAYOUT_DATE, denoised: Iterable[Denoised] = ()) -> Manifest:
     """The manifest of a dataset whose examples hold `layers` (name -> extent) and lie in `shards`, in that order."""
     records, refused = tuple(index.shard for index in shards), tuple(sorted(rejected, key=lambda item: item.key))
     return Manifest(
@@ -156,6 +176,7 @@ def make_manifest(spec: DatasetSpec, *, layers: Mapping[str, Extent], shards: Se
         date_published=date_published, generator=generator, spec_digest=spec_digest,
         width=spec.image.width, height=spec.image.height,
         layers=tuple(layer_record(name, layers[name], spec.storage.dtype) for name in LAYERS if name in layers),
+        denoised=tuple(denoised),
         identities=tuple(IdentityRecord(name=name, rule=rule, tolerance=tolerance)
                          for name, rule, tolerance in identity_table(spec.storage.dtype)),
         splits=tuple(_split_record(split.name, records) for split in spec.splits), shards=records, rejected=refused,

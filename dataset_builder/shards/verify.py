@@ -8,7 +8,7 @@ from pathlib import Path
 
 from dataset_builder.digest import sha256_file
 from dataset_builder.errors import Problem, ShardError
-from dataset_builder.shards.folder import MANIFEST, WORK
+from dataset_builder.shards.folder import MANIFEST, SECONDS, WORK
 from dataset_builder.shards.manifest import Manifest, ShardIndex, ShardRecord, from_json
 from dataset_builder.shards.publish import CROISSANT, SUMS, listed_files
 from dataset_builder.shards.reader import load_manifest
@@ -16,7 +16,7 @@ from dataset_builder.shards.structure import tar_problems
 from dataset_builder.shards.verify_examples import ExampleChecks
 from dataset_builder.shards.writer import index_path, shard_path
 
-IGNORED = (WORK, "previews")
+IGNORED = (WORK, "previews", SECONDS)
 """Folders that hold nothing a reader relies on."""
 _SUM = re.compile(r"([0-9a-f]{64})  (\S.*)")
 

@@ -47,7 +47,7 @@ class GoalSpec(Model):
     """How good one layer is to be: sampling goes on in rounds until this is reached, or the cap."""
 
     error: Annotated[float, Field(gt=0, le=1)] | None = None
-    """Relative standard error over the object to reach: root mean square over its pixels, see `docs/accuracy.md`."""
+    """Relative standard error that 95% of the layer's pixels are to stay below, see `docs/accuracy.md`."""
     seconds: Annotated[float, Field(gt=0)] | None = None
     """Time after which no further round begins; what comes out then depends on the machine."""
     cap: PositiveInt = 4096

@@ -133,3 +133,10 @@ def test_zero_rounds_change_nothing(shapes):
     same, creases = loop(mesh, rounds=0, creases=sharp)
     assert same is mesh
     np.testing.assert_array_equal(creases, edges.vertices[sharp])
+
+
+def test_a_sheet_modelled_from_both_sides_stays_within_itself(shapes):
+    """Its sides share midpoints, so that edges with four faces appear after the first round."""
+    sheet = shapes["mesh"]([(5, 5, 5), (6, 5, 5), (5, 6, 5)], [(0, 1, 2), (0, 2, 1)])
+    fine, _ = loop(sheet, rounds=3, creases=NO_CREASES)
+    assert (fine.positions >= 5).all() and (fine.positions.sum(axis=1) <= 16 + 1e-12).all()

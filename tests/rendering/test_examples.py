@@ -39,13 +39,13 @@ def plan(small_spec: Path) -> Plan:
 @pytest.fixture
 def traced(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[tuple[str, int, bool]]]:
     """(integrand, pixels, lit) of every pass that runs."""
-    from dataset_builder.rendering import passes, view_passes
+    from dataset_builder.rendering import passes, view_scenes
 
     ran: list[tuple[str, int, bool]] = []
     lights: list[Any] = []
-    staged = view_passes.staged
+    staged = view_scenes.staged
     sampler = passes.radiance_sampler
-    monkeypatch.setattr(view_passes, "staged",
+    monkeypatch.setattr(view_scenes, "staged",
                         lambda body, light, *rest: lights.append(light) or staged(body, light, *rest))
     monkeypatch.setattr(passes, "radiance_sampler", lambda *args: _watched_sampler(sampler(*args), ran, lights))
     for name in ("first_hit", "instances"):

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from tests.small_scenes import ball, camera, light, lit_by, matte
 
 from dataset_builder.planning.example_plan import FogPlan
 from dataset_builder.planning.irradiance import direct_irradiance
 from dataset_builder.rendering.frame import Frame
+from tests.small_scenes import ball, camera, light, lit_by, matte
 
 CORNERS = ball(matte(), centre=(1e4, -3.0, 2.0), radius=1e-3).corners
 

@@ -48,7 +48,8 @@ def view_of(size=SIZE):
 def radiance(stage, spp, seed=5, pixels=None):
     from dataset_builder.rendering import passes
 
-    return passes.radiance(view_of(), stage, FRAME if pixels is None else pixels, max_depth=MAX_DEPTH, spp=spp, seed=seed)
+    where = FRAME if pixels is None else pixels
+    return passes.radiance(view_of(), stage, where, max_depth=MAX_DEPTH, spp=spp, seed=seed)
 
 
 def channels(found, name):

@@ -92,15 +92,19 @@ def test_a_pane_takes_what_its_two_faces_reflect(panes):
     assert np.allclose(found, 3 / np.pi * (1 - 2 * 0.04 / 1.04) ** panes, rtol=1e-4)
 
 
-def test_panes_that_do_nothing_change_nothing_and_count_for_nothing():
+@pytest.mark.parametrize("depth", [2, 3])
+def test_panes_that_do_nothing_change_nothing_and_count_for_nothing(depth):
+    """Panes between a floor and what lights it: a lamp, or at depth 3 a ceiling that a lamp shines up at."""
+    ceiling = {"ceiling": rectangle((0, 0, 2.5), (0, 0, -1), 4, bsdf=diffuse(0.8)),
+               "lamp": rectangle((0.3, 0, 1.0), (0, 0, 1), 0.4, bsdf=diffuse(0), emitter=shining(9, 8, 6))}
+
     def shading(*panes, spp):
-        scene, view = scene_of(*panes, **lamp()), sensor((0, -2, -0.2), (0, 0, -1))
-        return traced(scene, view, spp, 3, features=["thin"], max_depth=2)["shading"]
+        scene, view = scene_of(*panes, **(lamp() if depth == 2 else ceiling)), sensor((0, -1.5, -0.2), (0, 0, -1))
+        return traced(scene, view, spp, 3, features=["thin"], max_depth=depth)["shading"]
 
     nothing = [pane(height, 3, {"type": "null"}) for height in (0.0, 0.2)]
     bare = shading(spp=64)
     assert not differ(shading(*nothing, spp=64), bare)
-    # Both techniques together: a lamp met behind panes has its share of the weight
     assert differ(shading(pane(0.1, 3, diffuse(0)), spp=64), bare)
 
 

@@ -9,19 +9,30 @@ import pytest
 from rich.console import Console
 from rich.table import Table
 
+from dataset_builder.assets.procedural.furniture import FINISHES
 from dataset_builder.build import Event
 from dataset_builder.engine.unit import Outcome
 from dataset_builder.errors import ShardError, UserError
 from dataset_builder.planning.catalogue import ExampleRef, PairRef, ViewRef
 from dataset_builder.planning.cost import estimate
+from dataset_builder.planning.example_plan import Decision
 from dataset_builder.planning.plan import Planner
-from dataset_builder.report.console import build_table, duration, estimate_table, follow, pass_seconds, rejected_lines
+from dataset_builder.report.console import (
+    build_table,
+    decisions_table,
+    duration,
+    estimate_table,
+    follow,
+    pass_seconds,
+    rejected_lines,
+)
 from dataset_builder.report.families import family_tables
 from dataset_builder.report.summary import summary_tables
 from dataset_builder.shards.manifest import Rejected
 from dataset_builder.shards.reader import load_manifest
 from dataset_builder.spec.families import FAMILIES
 from dataset_builder.spec.load import load_dataset
+from tests.plans import example_plan
 
 
 def printed(tables: Iterable[Table]) -> str:
@@ -109,6 +120,21 @@ def test_a_dataset_in_tables(small_dataset: Path, tmp_path: Path) -> None:
     assert row(text, "d")[-1] == "" and float(row(text, "mask")[-2]) == 1
     with pytest.raises(ShardError, match="expected a finished dataset"):
         summary_tables(tmp_path)
+
+
+def test_decisions_in_a_table() -> None:
+    plan = example_plan()
+    decision = Decision(effect="lights of rough", choice="1 of 2", reason="dome [left out]: no way in")
+    plan = plan.model_copy(update={"effects": plan.effects.model_copy(update={"decisions": (decision,)})})
+    text = printed([decisions_table(plan)])
+    assert row(text, "lights of rough") == ["1 of 2", "dome [left out]: no way in"]
+    assert plan.key in text and plan.target.object.name in text
+
+
+def test_families_tell_the_names_of_their_materials() -> None:
+    text = printed(family_tables("cabinet")[1:])
+    assert [row(text, name) for name in FINISHES["cabinet"]]
+    assert "paint" in row(text, "front")[0]
 
 
 def test_families_in_tables() -> None:

@@ -1,6 +1,7 @@
 """The doctor says what is there, what is missing, and the command that mends it."""
 
 import importlib.metadata
+import sys
 from collections import namedtuple
 from pathlib import Path
 
@@ -76,3 +77,10 @@ def test_too_little_memory_and_disk(monkeypatch: pytest.MonkeyPatch, tmp_path: P
     assert findings["memory free"] == Finding(what="memory free", value="1.0 GiB",
                                               mend="expected 4 GiB: close other programs")
     assert findings["disk free"].mend == "expected 2 GiB: choose another --out"
+
+
+def test_a_denoiser_is_told_and_not_demanded(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Only datasets that ship layers denoised need one."""
+    monkeypatch.setitem(sys.modules, "pyoidn", None)
+    finding = found(tmp_path)["denoiser"]
+    assert "none" in finding.value and "pip install" in finding.value and finding.mend == ""

@@ -87,12 +87,12 @@ def test_half_that_cannot_hold_a_value_rejects_the_example(small_spec: Path, tmp
 
 def test_a_mesh_beyond_all_bounds_rejects_its_example_and_no_other(small_spec: Path, tmp_path: Path,
                                                                    monkeypatch: pytest.MonkeyPatch) -> None:
-    from dataset_builder.rendering import view_passes
+    from dataset_builder.rendering import view_scenes
 
     def refuse(*_: object) -> None:
         raise UserError("edges of at most 1e-05 m need 9000000 faces")
 
-    monkeypatch.setattr(view_passes, "rough_twin", refuse)
+    monkeypatch.setattr(view_scenes, "rough_twin", refuse)
     outcomes = outcomes_of(run_build(small_spec, tmp_path, only=[0, 1]))
     assert [outcomes[index].rejected and outcomes[index].rejected.gate for index in (0, 1)] == ["rendering"] * 2
     monkeypatch.undo()

@@ -1,0 +1,192 @@
+"""How far denoised layers may be trusted: a few examples of the dataset, rendered as it asks and converged, compared.
+
+Measured once before a build, kept beside the staged examples, and written into the record of every example.
+"""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from dataset_builder.digest import canonical_json, digest
+from dataset_builder.engine import local
+from dataset_builder.engine.unit import Job, planner_of
+from dataset_builder.errors import OutputError, PlanError, Problem, UserError
+from dataset_builder.planning.catalogue import ExampleRef
+from dataset_builder.planning.example_plan import ExamplePlan, GoalPlan
+from dataset_builder.planning.plan import Planner
+from dataset_builder.planning.views import units
+from dataset_builder.rendering.backend import activate
+from dataset_builder.seeding import derive_seed
+from dataset_builder.shards.atomic import write_atomic
+from dataset_builder.shards.folder import WORK
+from dataset_builder.shards.manifest import Denoised
+from dataset_builder.spec.loaded import LoadedSpec
+
+FACTOR = 16
+"""How many times the dataset's spp a reference has: a quarter of the noise."""
+
+REPEATS = 2
+"""Independent renders of an example as the dataset asks: their products hold the bias without the noise."""
+
+DARK = 0.01
+"""Added to the squared reference in relMSE, so that black pixels do not rule it."""
+
+FILE = "denoised.{maker}.json"
+MAKER_DIGITS = 16
+DIGITS = 6
+Images = Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figures:
+    """One layer of one example; squared ones are relative. bias_error and pixel_bias here are still squared."""
+
+    bias: float
+    bias_error: float
+    pixel_bias: float
+    relmse_raw: float
+    relmse_denoised: float
+    relmse_reference: float
+
+
+def calibrate(loaded: LoadedSpec, job: Job, made_by: Mapping[str, str], *, workers: int) -> tuple[Denoised, ...]:
+    """Figures of every layer that the dataset denoises, in the spec's order, the same on every repetition.
+
+    Taken from the job's folder where they were measured before, by the same versions. Raises PlanError where no example
+    can be rendered, OutputError as `local.run` and writing do.
+    """
+    spec = loaded.dataset.render.denoise
+    maker = digest({"spec": loaded.spec_digest, "versions": dict(made_by)})
+    path = job.folder / WORK / FILE.format(maker=maker[:MAKER_DIGITS])
+    if known := _load(path, maker):
+        return known
+    examples = _measured(candidates(Planner(loaded), spec.examples), spec.examples, job, workers)
+    found = tuple(_combined(name, [example[name] for example in examples]) for name in spec.layers)
+    write_atomic(path, canonical_json({"maker": maker, "denoised": [item.model_dump(mode="json") for item in found]}))
+    return found
+
+
+def candidates(planner: Planner, count: int) -> list[ExampleRef]:
+    """One example of every view: first `count` that are spread evenly over the dataset, then all others in order."""
+    first = [unit.examples[0] for unit in units(planner.examples)]
+    spread = sorted({(2 * k + 1) * len(first) // (2 * count) for k in range(count)})
+    return [*(first[i] for i in spread), *(ref for i, ref in enumerate(first) if i not in spread)]
+
+
+def _measured(refs: Sequence[ExampleRef], count: int, job: Job, workers: int) -> list[dict[str, Figures]]:
+    """Figures of the first `count` examples that can be planned and rendered."""
+    found: dict[int, dict[str, Figures]] = {}
+    while refs and len(found) < count:
+        now, refs = refs[:count - len(found)], refs[count - len(found):]
+        results = local.run(partial(measure, job), now, workers=min(workers, len(now)))
+        found |= {index: figures for index, figures in results if figures}
+    if not found:
+        rule = "expected an example to measure the bias on, but none can be planned and rendered"
+        raise PlanError([Problem(where="", path="render.denoise", rule=rule, hint="build without it to see why")])
+    return [found[index] for index in sorted(found)]
+
+
+def measure(job: Job, ref: ExampleRef) -> tuple[int, dict[str, Figures]]:
+    """Index of an example and the figures of its denoised layers; none where it cannot be planned or rendered."""
+    activate(job.backend, job.threads)
+    planner = planner_of(job)
+    try:
+        plan = planner.example(ref)
+        mesh_root = planner.loaded.path.parent
+        asked = [_layers(as_asked(plan, repeat), mesh_root) for repeat in range(REPEATS)]
+        reference = _layers(converged(plan), mesh_root)
+    except UserError as error:
+        if isinstance(error, OutputError):
+            raise
+        return ref.index, {}
+    return ref.index, {name: compare(name, asked, reference) for name in plan.render.denoise}
+
+
+def as_asked(plan: ExamplePlan, repeat: int) -> ExamplePlan:
+    """The dataset's own way to render its denoised layers, their raw twins beside them, under a seed of its own."""
+    layers = tuple((name + suffix, extent) for name, extent in plan.render.layers if name in plan.render.denoise
+                   for suffix in ("", "_raw", "_se"))
+    return _changed(plan, f"repeat {repeat}", layers=(*layers, ("mask", "object")))
+
+
+def converged(plan: ExamplePlan) -> ExamplePlan:
+    """As the dataset renders, raw and with `FACTOR` times the spp, on the object, under a seed of its own."""
+    render, on_object = plan.render, {"extent": "object"}
+    layers = tuple((name + suffix, "object") for name in render.denoise for suffix in ("", "_se"))
+    goals = tuple(GoalPlan(layer=goal.layer, error=goal.error / math.sqrt(FACTOR), seconds=goal.seconds * FACTOR,
+                           cap=goal.cap * FACTOR) for goal in render.goals)
+    spp = {name: getattr(render, name) * FACTOR for name in ("spp_source", "spp_target", "spp_rough")}
+    passes = tuple(entry.model_copy(update=on_object) for entry in plan.effects.passes)
+    smaller = plan.model_copy(update={"effects": plan.effects.model_copy(update={"passes": passes})})
+    return _changed(smaller, "reference", layers=(*layers, ("mask", "object")), denoise=(), goals=goals, **spp)
+
+
+def _changed(plan: ExamplePlan, name: str, **changed: object) -> ExamplePlan:
+    seed = str(derive_seed(int(plan.render.seed), "denoised", name))
+    render = plan.render.model_copy(update={"seed": seed, "keep_raw": False, **changed})
+    return plan.model_copy(update={"render": render})
+
+
+def _layers(plan: ExamplePlan, mesh_root: Path) -> Images:
+    from dataset_builder.rendering.examples import render_view
+
+    example, = render_view([plan], mesh_root)
+    return example.layers
+
+
+def compare(name: str, asked: Sequence[Images], reference: Images) -> Figures:
+    """Figures of one layer on the object. asked: independent renders with `name`, its `_raw` and `_se`.
+
+    Renders with few camera rays differ in what they find of the outline, and a layer is 0 where its own mask is: the
+    pixels are those that all of them find.
+    With a and b two such renders and r the reference, E[(a - r)(b - r)] is bias^2 plus the reference's variance: the
+    noise of a and b is independent and falls out.
+    """
+    inside = np.all([images["mask"][..., 0] > 0 for images in (*asked, reference)], axis=0)
+    expected, noise = (reference[key][inside].astype(np.float64) for key in (name, f"{name}_se"))
+    off = [images[name][inside] - expected for images in asked]
+    raw = [images[f"{name}_raw"][inside] - expected for images in asked]
+    weight, mean = 1 / (expected**2 + DARK), max(float(expected.mean()), 1e-12)
+    own = float((noise**2 * weight).mean())
+    product = math.prod(off[:2]) if len(off) > 1 else np.zeros_like(expected)
+    variance = _of_mean(noise) + sum(_of_mean(images[f"{name}_se"][inside]) for images in asked) / len(asked)**2
+    return Figures(
+        bias=float(np.mean(off)) / mean, bias_error=variance / mean**2, relmse_reference=own,
+        pixel_bias=float((product * weight).mean()) - own, relmse_raw=float(np.mean([x**2 * weight for x in raw])),
+        relmse_denoised=float(np.mean([x**2 * weight for x in off])))
+
+
+def _of_mean(error: np.ndarray) -> float:
+    """Variance of the mean of (P, 3) values with these standard errors: pixels are independent, channels are not."""
+    return float((error.mean(axis=1, dtype=np.float64) ** 2).sum()) / len(error) ** 2
+
+
+def _combined(name: str, examples: Sequence[Figures]) -> Denoised:
+    """Mean over examples, to six digits."""
+    def mean(key: str) -> float:
+        return sum(getattr(figures, key) for figures in examples) / len(examples)
+    return Denoised(
+        layer=name, bias=_rounded(mean("bias")), bias_error=_rounded(math.sqrt(mean("bias_error") / len(examples))),
+        pixel_bias=_rounded(math.sqrt(max(mean("pixel_bias"), 0.0))), relmse_raw=_rounded(mean("relmse_raw")),
+        relmse_denoised=_rounded(mean("relmse_denoised")), relmse_reference=_rounded(mean("relmse_reference")),
+        examples=len(examples))
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.{DIGITS}g}")
+
+
+def _load(path: Path, maker: str) -> tuple[Denoised, ...]:
+    """Figures that were measured before; none where there are none, or they are damaged or of another maker."""
+    try:
+        content = json.loads(path.read_bytes())
+        if not isinstance(content, dict) or content.get("maker") != maker:
+            return ()
+        return tuple(Denoised.model_validate(item) for item in content["denoised"])
+    except (FileNotFoundError, ValueError, KeyError, TypeError):
+        return ()

@@ -1,0 +1,45 @@
+"""What every example took, beside the dataset: wall-clock seconds are of one machine and one day, and would make two
+builds of the same dataset differ, so they stand in no shard.
+"""
+
+import csv
+from collections.abc import Iterable
+from io import StringIO
+from pathlib import Path
+
+from dataset_builder.engine.unit import Outcome
+from dataset_builder.shards.atomic import write_atomic
+from dataset_builder.shards.folder import SECONDS
+
+HEADER = ("key", "stage", "seconds")
+
+
+class Timings:
+    """Seconds by example and stage: `plan`, a pass, `denoise`, `encode`. What a stage made for several examples of a
+    view counts for the first of them. An earlier run's figures stay where nothing was rendered again."""
+
+    def __init__(self, folder: Path):
+        self._path = folder / SECONDS
+        self._known: dict[tuple[str, str], str] = self._load()
+
+    def add(self, outcomes: Iterable[Outcome]) -> None:
+        """Take the figures of what was rendered."""
+        for outcome in outcomes:
+            if outcome.seconds and not outcome.kept:
+                self._known = {pair: value for pair, value in self._known.items() if pair[0] != outcome.ref.key}
+                self._known |= {(outcome.ref.key, stage): f"{value:.4f}" for stage, value in outcome.seconds.items()}
+
+    def write(self) -> None:
+        """Write all of them, by key. Raises OutputError where that cannot be done."""
+        text = StringIO()
+        rows = csv.writer(text, lineterminator="\n")
+        rows.writerow(HEADER)
+        rows.writerows((key, stage, value) for (key, stage), value in sorted(self._known.items()))
+        write_atomic(self._path, text.getvalue().encode())
+
+    def _load(self) -> dict[tuple[str, str], str]:
+        try:
+            lines = self._path.read_text(encoding="utf-8").splitlines()
+        except (FileNotFoundError, UnicodeDecodeError):
+            return {}
+        return {(row[0], row[1]): row[2] for row in csv.reader(lines[1:]) if len(row) == len(HEADER)}

@@ -1,0 +1,133 @@
+"""What the passes of one view trace: geometry in the frame of the target object, and one open scene at a time."""
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from dataset_builder.layers import Pass
+from dataset_builder.planning.example_plan import ExamplePlan, IlluminationPlan, RoughPlan
+from dataset_builder.rendering.fog import Fog
+from dataset_builder.rendering.frame import Frame
+from dataset_builder.rendering.passes import View
+from dataset_builder.rendering.rough_mesh import RoughTwin, rough_twin
+from dataset_builder.rendering.scene import Body, Stage, body_of, staged
+from dataset_builder.rendering.soup import Soup, clean, merge, surroundings
+from dataset_builder.rendering.surface import Textures
+
+
+@dataclass(kw_only=True)
+class ViewScenes:
+    """Geometry and scenes of the view that `plan` belongs to, made when first asked for.
+
+    The light-free passes of the 3DM have a scene without lamps, so that they are the same bits whatever light comes
+    first; those of the R3DM share the scene of their light. The last scene stays open until `close`.
+    """
+
+    plan: ExamplePlan
+    mesh_root: Path
+    _twins: dict[RoughPlan, RoughTwin] = field(default_factory=dict)
+    _rough_bodies: dict[RoughPlan, Body] = field(default_factory=dict)
+    """Of the last noise level only: they are large."""
+    _scene: ExitStack = field(default_factory=ExitStack)
+    _open: tuple[object, Stage] | None = None
+
+    def close(self) -> None:
+        """Let the open scene go."""
+        self._open = None
+        self._scene.close()
+
+    @cached_property
+    def frame(self) -> Frame:
+        """Where the renderer's origin is, and how long its unit."""
+        return Frame.of(clean(self.plan.target, self.mesh_root).corners)
+
+    @cached_property
+    def view(self) -> View:
+        """Camera and resolution, in the frame."""
+        return View(camera=self.frame.camera(self.plan.camera), render=self.plan.render)
+
+    @cached_property
+    def clean_object(self) -> Soup:
+        """The 3DM of the target object."""
+        return self.frame.soup(clean(self.plan.target, self.mesh_root))
+
+    @cached_property
+    def _room(self) -> Soup:
+        return self.frame.soup(surroundings(self.plan, self.mesh_root))
+
+    @cached_property
+    def _materials(self) -> Textures:
+        """Materials of the target and of everything about it: the same for every geometry of the view."""
+        return Textures.upload([*self.clean_object.materials, *self._room.materials], self.plan.render.texture_size)
+
+    @cached_property
+    def _clean_body(self) -> Body:
+        return self._body(self.clean_object, self._room)
+
+    def _body(self, target: Soup, room: Soup) -> Body:
+        return body_of(merge([target, room]), self._materials, frozenset(self.plan.effects.features))
+
+    @cached_property
+    def _open_body(self) -> Body:
+        """The clean scene without the parts that block the source light."""
+        if not self.plan.source_light.open:
+            return self._clean_body
+        return self._body(self.clean_object, self._room.without(self.plan.source_light.open))
+
+    def _rough_body(self, rough: RoughPlan) -> Body:
+        if rough not in self._rough_bodies:
+            self._rough_bodies = {rough: self._body(self.rough_object(rough), self._room)}
+        return self._rough_bodies[rough]
+
+    def rough_object(self, rough: RoughPlan) -> Soup:
+        """The R3DM of one noise level."""
+        return self.frame.soup(self.twin(rough).soup)
+
+    def twin(self, rough: RoughPlan) -> RoughTwin:
+        """The R3DM of one noise level in the world, and how rough it is."""
+        if rough not in self._twins:
+            self._twins[rough] = rough_twin(self.plan.target, rough, self.mesh_root)
+        return self._twins[rough]
+
+    def dark(self) -> Stage:
+        """The 3DM without light."""
+        return self._stage("dark", lambda: self._clean_body, None)
+
+    def source(self) -> Stage:
+        """The 3DM under the source illumination, with what blocks it out of the way."""
+        return self._stage("source", lambda: self._open_body, self._light(self.plan, "source"))
+
+    def target(self, plan: ExamplePlan) -> Stage:
+        """The 3DM under the target illumination of a plan."""
+        return self._stage(("target", plan.light), lambda: self._clean_body, self._light(plan, "target"))
+
+    def rough(self, plan: ExamplePlan, lit: bool = True) -> Stage:
+        """The R3DM of a plan under its target illumination, or without light where nothing needs it."""
+        light = self._light(plan, "rough") if lit else None
+        return self._stage(("rough", plan.rough, plan.light), lambda: self._rough_body(plan.rough), light)
+
+    def _light(self, plan: ExamplePlan, render_pass: Pass) -> IlluminationPlan:
+        """The lights that a pass simulates, in the frame."""
+        light = plan.source_light if render_pass == "source" else plan.target_light
+        kept = tuple(light.lights[index] for index in plan.effects.of(render_pass).lights)
+        return self.frame.illumination(light.model_copy(update={"lights": kept}))
+
+    @cached_property
+    def _fog(self) -> Fog | None:
+        """The medium that fills the box of the room."""
+        if "fog" not in self.plan.effects.features:
+            return None
+        room, fog = self.plan.room, self.frame.fog(self.plan.fog)
+        x, y = room.width / 2, room.depth / 2
+        low, high = (self.frame.points(np.array(corner)) for corner in ((-x, -y, 0), (x, y, room.height)))
+        return Fog(fog.extinction, fog.albedo, fog.anisotropy, low.tolist(), high.tolist())
+
+    def _stage(self, key: object, body: Callable[[], Body], light: IlluminationPlan | None) -> Stage:
+        if self._open is None or self._open[0] != key:
+            self.close()
+            self._open = key, self._scene.enter_context(staged(body(), light, self._fog, self.mesh_root))
+        return self._open[1]

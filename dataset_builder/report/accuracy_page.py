@@ -1,0 +1,83 @@
+"""The accuracy study as files: figures, and the page with questions, answers, figures and tables."""
+
+import math
+from collections.abc import Sequence
+
+from dataset_builder.report.study_figures import accuracy_figures
+from dataset_builder.report.study_page import Section, page
+from dataset_builder.shards.atomic import write_atomic
+from dataset_builder.studies.accuracy.accumulation import ACCUMULATION
+from dataset_builder.studies.accuracy.advice import Advice
+from dataset_builder.studies.accuracy.advise_storage import codec_means
+from dataset_builder.studies.accuracy.budget import BUDGETS, REFERENCE_DEPTH
+from dataset_builder.studies.accuracy.curves import PRICE, curve
+from dataset_builder.studies.accuracy.depth import DEPTH
+from dataset_builder.studies.accuracy.edges import EDGES
+from dataset_builder.studies.accuracy.rows import Row, layers_in
+from dataset_builder.studies.accuracy.run import AccuracyStudy
+from dataset_builder.studies.accuracy.sampling import ADAPTIVE, ADAPTIVE_DENOISED, DENOISED, UNIFORM
+from dataset_builder.studies.accuracy.storage import CODECS
+from dataset_builder.studies.accuracy.textures import TEXTURES
+
+QUESTIONS = {
+    UNIFORM: "What does each further sample per pixel bring?",
+    ADAPTIVE: "What does sampling by need save?",
+    DENOISED: "What does denoising bring, and what does it leave?",
+    DEPTH: "How long must light paths be?",
+    EDGES: "How fine must the rough mesh be?",
+    TEXTURES: "How many texels do D and I_t need?",
+    CODECS: "Half or float, and which codec?",
+    ACCUMULATION: "Do float32 sums drift?",
+}
+SHOWN = ("setting", "layer", "seconds", "spp", "error", "PSNR, dB", "FLIP")
+
+
+def write_page(study: AccuracyStudy, rows: Sequence[Row], advice: Advice, backend: str) -> None:
+    """Write `figures/*.png` and `report.html` in the study's folder. Raises OutputError."""
+    figures = accuracy_figures(rows, advice, study.spec.dataset.render.bias)
+    for name, figure in figures.items():
+        write_atomic(study.out / "figures" / f"{name}.png", figure)
+    sections = [_section(question, text, rows, advice, figures.get(question, b""))
+                for question, text in QUESTIONS.items() if question in figures]
+    text = page(f"What accuracy costs: {study.spec.dataset.name}", _lead(study, rows, backend), sections,
+                advice.lines())
+    write_atomic(study.out / "report.html", text.encode())
+
+
+def _lead(study: AccuracyStudy, rows: Sequence[Row], backend: str) -> list[str]:
+    examples = list(dict.fromkeys(row.example for row in rows))
+    image = study.spec.dataset.image
+    return [
+        f"{len(examples)} examples ({', '.join(examples)}), {image.width}x{image.height} pixels, {backend}.",
+        f"Errors are against references of {BUDGETS[study.budget].reference_spp} spp and depth {REFERENCE_DEPTH} with "
+        "samples of their own, less the noise that these are known to have; where that hides the error, the point is "
+        "hollow and an upper bound. Error is sqrt(relMSE), relMSE = mean((x - r)^2 / (r^2 + 0.01 m^2)), m the mean of "
+        "the layer, over the object's pixels or the frame, as the dataset asks for the layer. PSNR is taken after the "
+        "tone mapping of the previews, FLIP is HDR-FLIP. Means over examples are geometric. Seconds are those of the "
+        "pass that makes the layer, kernels compiled before.",
+        f"A star marks the recommended point: the cheapest from which on halving the error costs {PRICE} times the "
+        "time or more. Where error falls as seconds to the power of -1/2, halving costs 4 times.",
+    ]
+
+
+def _section(question: str, text: str, rows: Sequence[Row], advice: Advice, figure: bytes) -> Section:
+    answers = [advice.sentences.get(question, "Too little was measured to say.")]
+    if question == DENOISED:
+        answers.append(advice.sentences.get(ADAPTIVE_DENOISED, ""))
+    head, body = _table(question, rows)
+    return Section(question=text, answer=" ".join(filter(None, answers)), figure=figure, head=head, rows=body)
+
+
+def _table(question: str, rows: Sequence[Row]) -> tuple[Sequence[str], list[list[str]]]:
+    if question == CODECS:
+        return ("type and codec", "kB per example", "ms to encode", "ms to decode"), [
+            [name, f"{mean['bytes'] / 1e3:.1f}", f"{1e3 * mean['encode_seconds']:.1f}",
+             f"{1e3 * mean['decode_seconds']:.1f}"] for name, mean in codec_means(rows).items()]
+    names = [question, ADAPTIVE_DENOISED] if question == DENOISED else [question]
+    points = [(layer, point) for name in names for layer in layers_in(rows, name) for point in curve(rows, name, layer)]
+    return SHOWN, [[point.setting, layer, f"{point.seconds:.3g}", _text(point.spp, ".0f"), f"{point.error:.2%}",
+                    _text(point.psnr, ".1f"), _text(point.flip, ".4f")] for layer, point in points]
+
+
+def _text(value: float, form: str) -> str:
+    return format(value, form) if math.isfinite(value) else ""

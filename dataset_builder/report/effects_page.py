@@ -1,0 +1,100 @@
+"""The effects study as files: a figure, and the page with seconds, differences and decisions."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from dataset_builder.report.study_figures import COLOURS, PALE, panels, png
+from dataset_builder.report.study_page import Section, page
+from dataset_builder.shards.atomic import write_atomic
+from dataset_builder.studies.effects.differences import FACTOR, SIGMAS, Difference
+from dataset_builder.studies.effects.run import Compared, EffectsStudy, decisions, saving, seconds_by_pass
+
+
+def effects_figure(found: Sequence[Compared]) -> Figure:
+    """Seconds of every example both ways, and the bias of every layer with what is allowed."""
+    figure, (left, right) = panels(2, "Only what the scene calls for, against everything on")
+    places = np.arange(len(found))
+    for offset, (name, colour) in enumerate((("planned", COLOURS[0]), ("everything", PALE))):
+        left.bar(places + 0.4 * (offset - 0.5), [sum(getattr(one, name).values()) for one in found], 0.38,
+                 color=colour, label={"planned": "as planned", "everything": "everything on"}[name])
+    left.set(title=f"seconds per example: {saving(found):.2f} times less", ylabel="seconds", xticks=places)
+    left.set_xticklabels([one.example for one in found], rotation=30, ha="right", fontsize=8)
+    left.legend(fontsize=8)
+    layers = list(dict.fromkeys(one.layer for compared in found for one in compared.differences))
+    for number, compared in enumerate(found):
+        own = compared.differences
+        rows = [layers.index(one.layer) + 0.6 * (number / max(len(found) - 1, 1) - 0.5) for one in own]
+        right.errorbar([100 * one.bias for one in own], rows, xerr=[100 * SIGMAS * one.bias_se for one in own],
+                       linestyle="none", marker="o", markersize=3.5, color=COLOURS[number % len(COLOURS)],
+                       label=compared.example, linewidth=1)
+    if allowed := [one.allowed for compared in found for one in compared.differences]:
+        right.axvspan(-100 * allowed[0], 100 * allowed[0], color="#e8f3ec", zorder=0)
+        right.set_xlim(*(sign * 100 * max(3 * allowed[0], _widest(found)) for sign in (-1, 1)))
+    right.set(title=f"bias, bars {SIGMAS:g} standard errors; shaded: allowed", xlabel="mean of the difference, %",
+              yticks=range(len(layers)), yticklabels=layers)
+    right.invert_yaxis()
+    right.legend(fontsize=7)
+    return figure
+
+
+def _widest(found: Sequence[Compared]) -> float:
+    widths = [abs(one.bias) for compared in found for one in compared.differences if np.isfinite(one.bias)]
+    return 1.2 * max(widths, default=0.0)
+
+
+def write_page(study: EffectsStudy, found: Sequence[Compared], backend: str) -> None:
+    """Write `figures/effects.png` and `report.html` in the study's folder. Raises OutputError."""
+    figure = png(effects_figure(found))
+    write_atomic(study.out / "figures" / "effects.png", figure)
+    allowed = study.spec.dataset.render.bias
+    lead = [
+        f"{len(found)} examples, {backend}. Both sides have the same spp and samples of their own.",
+        f"A layer passes where its mean differs by at most {allowed:g} of it plus {SIGMAS:g} standard errors, and "
+        f"where the share of pixels that differ by more than {allowed:g} of the layer's mean plus {SIGMAS:g} of their "
+        f"own standard errors is at most {FACTOR:g} times what noise gives (Student's t). Of layers without light the "
+        "mean alone is judged.",
+    ]
+    write_atomic(study.out / "report.html", page(
+        f"Only what the scene calls for: {study.spec.dataset.name}", lead,
+        [_differences(found, figure), _seconds(found), _decisions(found)]).encode())
+
+
+def verdict(found: Sequence[Compared]) -> str:
+    """One sentence: how much time is saved, and which layers differ by more than they may."""
+    wrong = [one for compared in found for one in compared.differences if not one.holds]
+    worst = max((one for compared in found for one in compared.differences),
+                key=lambda one: abs(one.bias) - SIGMAS * one.bias_se)
+    text = (f"As planned, examples take {saving(found):.2f} times less time than with everything on; the worst mean "
+            f"differs by {worst.bias:+.2%} +- {worst.bias_se:.2%} ({worst.layer} of {worst.example}).")
+    if not wrong:
+        return f"{text} No layer of any example differs by more than its stated error."
+    return f"{text} Beyond the stated error: {', '.join(f'{one.layer} of {one.example}' for one in wrong)}."
+
+
+def _differences(found: Sequence[Compared], figure: bytes) -> Section:
+    return Section(question="Does leaving effects out change the picture, and what does it save?",
+                   answer=verdict(found), figure=figure,
+                   head=("example", "layer", "bias", "standard error", "worst z", "pixels beyond", "noise gives",
+                         "verdict"),
+                   rows=[_row(one) for compared in found for one in compared.differences])
+
+
+def _row(one: Difference) -> list[str]:
+    return [one.example, one.layer, f"{one.bias:+.3%}", f"{one.bias_se:.3%}", f"{one.worst_z:.1f}", f"{one.share:.2%}",
+            f"{one.expected:.2%}", "pass" if one.holds else "FAIL"]
+
+
+def _seconds(found: Sequence[Compared]) -> Section:
+    rows = [[name, f"{planned:.3f}", f"{everything:.3f}", f"{everything / planned:.2f}" if planned else ""]
+            for name, (planned, everything) in seconds_by_pass(found).items()]
+    return Section(question="Where is time saved?", answer="Seconds per example and pass, means over examples.",
+                   head=("pass", "as planned", "everything on", "ratio"), rows=rows)
+
+
+def _decisions(found: Sequence[Compared]) -> Section:
+    rows = [[effect, choice, f"{count} of {len(found)}", reason]
+            for (effect, choice), (count, reason) in decisions(found).items()]
+    return Section(question="What was decided?", answer="Decisions of planning, with the reason in one example.",
+                   head=("effect", "choice", "examples", "reason"), rows=rows)

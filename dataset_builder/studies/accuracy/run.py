@@ -1,0 +1,99 @@
+"""The whole study: examples one by one, question by question, then what follows from all rows."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+
+from dataset_builder.planning.catalogue import ExampleRef
+from dataset_builder.rendering.backend import activate
+from dataset_builder.shards.atomic import write_atomic
+from dataset_builder.studies.accuracy import (
+    accumulation,
+    advise_bounds,
+    advise_sampling,
+    advise_storage,
+    depth,
+    edges,
+    sampling,
+    storage,
+    textures,
+)
+from dataset_builder.studies.accuracy.advice import Advice
+from dataset_builder.studies.accuracy.bench import Bench
+from dataset_builder.studies.accuracy.budget import BUDGETS
+from dataset_builder.studies.accuracy.rows import Row, write_table
+from dataset_builder.studies.reference import References, pixel_versions
+from dataset_builder.studies.sampled import StudySpec, chosen_layers
+from dataset_builder.studies.timing import REPEATS
+
+MEASURES: dict[str, Callable[[Bench, ExampleRef], Iterator[Row]]] = {
+    "sampling": sampling.measure, "path depth": depth.measure, "edge length": edges.measure,
+    "texture size": textures.measure, "storage": storage.measure, "accumulation": accumulation.measure,
+}
+"""Groups of questions by what the terminal calls them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AccuracyStudy:
+    """What to study. examples: how many. layers: those among them that the dataset holds. out: the study's folder.
+    budget: a key of `BUDGETS`."""
+
+    spec: StudySpec
+    out: Path
+    examples: int
+    layers: tuple[str, ...]
+    budget: str
+    backend: str
+
+    @property
+    def table(self) -> Path:
+        """Where the rows go."""
+        return self.out / "results.csv"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """One group of questions on one example: done of `steps`, its rows, and the seconds that it took."""
+
+    number: int
+    steps: int
+    example: str
+    group: str
+    rows: tuple[Row, ...]
+    seconds: float
+
+
+def run(study: AccuracyStudy) -> Iterator[Step]:
+    """Measure; the table is written after every step, so that an interrupted study leaves what it has.
+
+    Raises UserError where the spec, its plans or the output folder do not allow it.
+    """
+    activate(study.backend)
+    refs, bench, rows = study.spec.sample(study.examples), bench_of(study), list[Row]()
+    work = [(ref, group) for ref in refs for group in MEASURES]
+    for number, (ref, group) in enumerate(work, start=1):
+        start = perf_counter()
+        found = tuple(MEASURES[group](bench, ref))
+        rows += found
+        write_table(rows, study.table)
+        yield Step(number=number, steps=len(work), example=ref.key, group=group, rows=found,
+                   seconds=perf_counter() - start)
+
+
+def bench_of(study: AccuracyStudy) -> Bench:
+    """What the questions work with. Raises UserError where the dataset holds none of the layers."""
+    references = References(folder=study.out / "references", made_by=pixel_versions(study.backend))
+    return Bench(spec=study.spec, budget=BUDGETS[study.budget], references=references,
+                 extents=chosen_layers(study.spec.dataset, study.layers),
+                 repeats=REPEATS if study.budget == "full" else 1)
+
+
+def conclude(study: AccuracyStudy, rows: Sequence[Row]) -> Advice:
+    """What all rows say; the settings are written to `recommended.txt`, one option of the command line per line."""
+    advice, dataset = Advice(), study.spec.dataset
+    advise_sampling.advise(advice, rows, dataset, BUDGETS[study.budget])
+    advise_bounds.advise(advice, rows, dataset)
+    advise_storage.advise(advice, rows, dataset)
+    write_atomic(study.out / "recommended.txt", advice.lines().encode())
+    return advice

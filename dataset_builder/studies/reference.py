@@ -1,0 +1,77 @@
+"""Converged references, rendered once and kept beside the study's results."""
+
+import importlib.metadata
+from dataclasses import dataclass
+from functools import cache
+from io import BytesIO
+from pathlib import Path
+from zipfile import BadZipFile
+
+import numpy as np
+
+import dataset_builder
+from dataset_builder.digest import digest, sha256_file
+from dataset_builder.planning.example_plan import ExamplePlan
+from dataset_builder.rendering.backend import renderer_versions
+from dataset_builder.shards.atomic import write_atomic
+from dataset_builder.studies.timing import render
+
+PIXEL_SOURCES = ("rendering", "planning", "assets", "geometry", "layers.py", "seeding.py")
+"""What of this package decides pixels, once there is a plan: reports may change without a reference being lost."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Reference:
+    """layers: name -> (H, W, C) float32, with the standard error of each that has noise as `<name>_se`. cached: it was
+    there already."""
+
+    layers: dict[str, np.ndarray]
+    cached: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class References:
+    """References below `folder`, one file for each plan and whatever turns it into pixels."""
+
+    folder: Path
+    made_by: dict[str, str]
+
+    def get(self, plan: ExamplePlan, mesh_root: Path) -> Reference:
+        """The layers of `plan`, from the cache or rendered now. Raises OutputError where the disk refuses."""
+        path = self.path(plan)
+        if (found := _read(path)) is not None:
+            return Reference(layers=found, cached=True)
+        layers = render(plan, mesh_root).layers
+        stream = BytesIO()
+        np.savez(stream, allow_pickle=False, **layers)
+        write_atomic(path, stream.getvalue())
+        return Reference(layers=layers, cached=False)
+
+    def path(self, plan: ExamplePlan) -> Path:
+        """Where the reference of a plan lies."""
+        key = digest({"plan": plan.model_dump(mode="json"), "versions": self.made_by})
+        return self.folder / f"{plan.key}-{key[:32]}.npz"
+
+
+def pixel_versions(backend: str) -> dict[str, str]:
+    """Versions of whatever turns a plan into pixels."""
+    libraries = {name: importlib.metadata.version(name) for name in ("numpy", "open3d", "scipy", "trimesh")}
+    return {**renderer_versions(backend), **libraries, "source": _pixel_source()}
+
+
+@cache
+def _pixel_source() -> str:
+    package = Path(dataset_builder.__file__).parent
+    files = [file for name in PIXEL_SOURCES for file in ([package / name] if name.endswith(".py")
+                                                         else sorted((package / name).rglob("*.py")))]
+    return digest({file.relative_to(package).as_posix(): sha256_file(file) for file in files})
+
+
+def _read(path: Path) -> dict[str, np.ndarray] | None:
+    """The layers of a file of the cache; None where there is none, or one that is damaged."""
+    try:
+        # NumPy leaves a damaged file open
+        with np.load(BytesIO(path.read_bytes())) as file:
+            return {name: file[name] for name in file.files}
+    except (FileNotFoundError, BadZipFile, ValueError, EOFError):
+        return None

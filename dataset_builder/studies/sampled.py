@@ -1,0 +1,111 @@
+"""What studies work on: a few examples of a dataset, planned with other settings but the same content."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+from dataset_builder.errors import PlanError, UserError
+from dataset_builder.planning.catalogue import ExampleRef
+from dataset_builder.planning.example_plan import ExamplePlan
+from dataset_builder.planning.plan import Planner
+from dataset_builder.seeding import derive_seed
+from dataset_builder.spec.dataset import DatasetSpec
+from dataset_builder.spec.load import load_dataset
+
+PLANNERS = 128
+"""Planners kept: one per setting, so that neighbouring examples share what they share."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudySpec:
+    """A dataset spec under study. overrides: what the user changed, before any setting of the study."""
+
+    path: Path
+    overrides: tuple[str, ...] = ()
+
+    @property
+    def dataset(self) -> DatasetSpec:
+        """The spec without any setting of the study."""
+        return self.planner().loaded.dataset
+
+    @property
+    def mesh_root(self) -> Path:
+        """Folder that mesh files are relative to."""
+        return self.path.parent
+
+    def planner(self, *settings: str) -> Planner:
+        """The planner of the spec with `settings`, overrides as `--set` takes them."""
+        return _planner(self.path, (*self.overrides, *settings))
+
+    def plan(self, ref: ExampleRef, *settings: str) -> ExamplePlan:
+        """The plan of one example with `settings`; raises SpecError and PlanError as a build does."""
+        return self.planner(*settings).example(ref)
+
+    def sample(self, count: int) -> tuple[ExampleRef, ...]:
+        """`count` examples that can be planned, spread evenly over the dataset, some of every split where there are
+        enough; the same ones every time. Raises PlanError where there is none."""
+        planner = self.planner()
+        chosen = tuple(found for part in _parts(planner.examples, count)
+                       if (found := next(_plannable(planner, part), None)))
+        if not chosen:
+            raise PlanError("no example of those sampled can be planned; `dataset-builder plan` says why")
+        return chosen
+
+
+@lru_cache(maxsize=PLANNERS)
+def _planner(path: Path, overrides: tuple[str, ...]) -> Planner:
+    return Planner(load_dataset(path, overrides))
+
+
+def _parts(refs: Sequence[ExampleRef], count: int) -> list[list[ExampleRef]]:
+    """The dataset cut into `count` runs of neighbours, none across two splits; one example is to come of each."""
+    by_split: dict[str, list[ExampleRef]] = {}
+    for ref in refs:
+        by_split.setdefault(ref.view.pair.split, []).append(ref)
+    groups = list(by_split.values())[:count]
+    shares = [max(1, round(count * len(group) / len(refs))) for group in groups]
+    while sum(shares) > count:
+        shares[shares.index(max(shares))] -= 1
+    while sum(shares) < min(count, len(refs)):
+        spare = [len(group) - share for group, share in zip(groups, shares, strict=True)]
+        shares[spare.index(max(spare))] += 1
+    return [group[i * len(group) // share:(i + 1) * len(group) // share]
+            for group, share in zip(groups, shares, strict=True) for i in range(share)]
+
+
+def _plannable(planner: Planner, refs: Sequence[ExampleRef]) -> Iterator[ExampleRef]:
+    for ref in refs:
+        try:
+            planner.example(ref)
+        except PlanError:
+            continue
+        yield ref
+
+
+def reseeded(plan: ExamplePlan, *path: str | int) -> ExamplePlan:
+    """The same plan with other Monte Carlo samples: independent of the plan's own and of every other path's.
+
+    The seed of a spec cannot do that, for it decides the content, too.
+    """
+    seed = str(derive_seed(int(plan.render.seed), "study", *path))
+    return plan.model_copy(update={"render": plan.render.model_copy(update={"seed": seed})})
+
+
+def layer_override(extents: dict[str, str]) -> str:
+    """The override that asks for these layers and no other: what is not studied is not rendered."""
+    return "layers={" + ", ".join(f"{name}: {extent}" for name, extent in extents.items()) + "}"
+
+
+def spp_override(spec: DatasetSpec, spp: int) -> str:
+    """The override that gives every pass with light `spp`, a multiple of batches; the light-free ones keep theirs, so
+    that the object's pixels stay the same."""
+    return f"render.spp={{first_hit: {spec.render.spp.first_hit}, source: {spp}, target: {spp}, rough: {spp}}}"
+
+
+def chosen_layers(spec: DatasetSpec, wanted: Sequence[str]) -> dict[str, str]:
+    """Those of the layers `wanted` that the dataset holds, with their extents. Raises UserError where it holds none."""
+    found = {name: spec.layers[name] for name in wanted if name in spec.layers}
+    if not found:
+        raise UserError(f"layers: expected some of {', '.join(spec.layers)}, got {', '.join(wanted)}")
+    return dict[str, str](found)

@@ -1,0 +1,105 @@
+"""Light too strong, too weak, too much of it, from the wrong side: energy adds up, scales, and stays where it is."""
+
+import math
+
+import numpy as np
+
+from dataset_builder.planning.example_plan import LightPlan
+from dataset_builder.rendering.soup import merge
+from dataset_builder.seeding import rng
+from dataset_builder.studies.stress.bench import Shot, at, judged, off_by, on_floor, render, sigmas
+from dataset_builder.studies.stress.case import SIGMAS, Measured, Size, hard_case
+from dataset_builder.studies.stress.light_cases import DEVIATION, DIRECT, HIGH, WORST, distance
+from dataset_builder.studies.stress.scenes import WIDE, ball, camera, floor, light, lit_by, matte, quad, still_life
+
+
+@hard_case(name="light/strong-but-hidden", bound=SIGMAS, figure="|z| of the picture's mean",
+           expectation="a strong light that a wall hides takes most samples, yet the weak one's S is unbiased",
+           failure="S too dark by the share of samples that the hidden light takes")
+def strong_but_hidden(size: Size) -> Measured:
+    """Light sampling goes by unoccluded irradiance, thirty to one."""
+    strong = light("point", 30.0, position=(0, 2, 1), weight=30.0)
+    weak = light("point", 1.0, position=(0, -2, 1))
+    wall = quad(matte(), (-WIDE, 0, 0), (2 * WIDE, 0, 0), (0, 0, HIGH))
+    shot = Shot(camera=camera((0, -4, 2), (0, -2, 0), 20), max_depth=DIRECT)
+    picture = render(merge([floor(), wall]), lit_by(strong, weak), shot, size)
+    truth = on_floor(shot.camera, at(shot, size), lambda p: 1 / distance(p, 1.0, y=-2.0) ** 3 / math.pi)
+    return judged(picture, sigmas(picture.shading, truth, pixels=False))
+
+
+def scaled_energy(size: Size, factor: float) -> Measured:
+    """The picture under lights of `factor` times the radiance, over the factor, against the picture itself."""
+    def lamps(k: float) -> tuple[LightPlan, ...]:
+        return (light("area", 8 * k, position=(1.5, -2, 2), direction=(-1.5, 2, -2), size=0.8),
+                light("point", 3 * k, position=(-1, -2, 1.5)), light("dome", 0.2 * k))
+    shot = Shot(camera=camera(), replicas=4)
+    plain, scaled = (render(still_life(ball(matte(0.7))), lit_by(*lamps(k)), shot, size) for k in (1.0, factor))
+    off = max(off_by(getattr(scaled, name) / factor, getattr(plain, name)) for name in ("image", "shading"))
+    return judged(scaled, off)
+
+
+@hard_case(name="light/energy-1e-6", bound=1e-5, figure=DEVIATION,
+           expectation="with a millionth of the energy, the same picture a million times darker, to rounding",
+           failure="black or grainy pictures: a threshold somewhere takes little light for none")
+def energy_small(size: Size) -> Measured:
+    """Far below what any display shows."""
+    return scaled_energy(size, 1e-6)
+
+
+@hard_case(name="light/energy-1e6", bound=1e-5, figure=DEVIATION,
+           expectation="with a million times the energy, the same picture a million times brighter, to rounding",
+           failure="clipped or overflowing values, or other paths: roulette went by absolute radiance")
+def energy_large(size: Size) -> Measured:
+    """Beyond what half holds, within float32."""
+    return scaled_energy(size, 1e6)
+
+
+@hard_case(name="light/thousand", bound=SIGMAS, figure=WORST,
+           expectation="a thousand lights of unequal power add up to the sum of each one's formula",
+           failure="too dark or too bright: lights left out, counted twice, or drawn with a wrong probability")
+def thousand(size: Size) -> Measured:
+    """Point lights over the floor; powers span a factor of 100."""
+    random = rng(1, "thousand lights")
+    places = np.stack([random.uniform(-3, 3, 1000), random.uniform(-3, 3, 1000), random.uniform(1, 2, 1000)], axis=-1)
+    powers = 10 ** random.uniform(-2, 0, 1000)
+    weights = powers / np.linalg.norm(places, axis=1) ** 2
+    lamps = [light("point", float(power), position=tuple(place), weight=float(weight))
+             for place, power, weight in zip(places.tolist(), powers, weights, strict=True)]
+    shot = Shot(camera=camera((0, -4, 1.5), (0, 0, 0), 20), max_depth=DIRECT)
+    picture = render(floor(), lit_by(*lamps), shot, size)
+
+    def formula(points: np.ndarray) -> np.ndarray:
+        total = np.zeros(points.shape[:-1])
+        for (x, y, z), power in zip(places, powers, strict=True):
+            total += power * z / distance(points, z, x, y) ** 3 / math.pi
+        return total
+    return judged(picture, sigmas(picture.shading, on_floor(shot.camera, at(shot, size), formula)))
+
+
+@hard_case(name="light/sun-along-a-surface", bound=1e-4, figure=DEVIATION,
+           expectation="a sun that travels exactly in the floor's plane lights none of it, and all of a wall facing it",
+           failure="speckle on the floor: the sign of a cosine of 0 decides")
+def sun_along_a_surface(size: Size) -> Measured:
+    """S on the wall is E / pi."""
+    wall = quad(matte(0.3), (-WIDE, 2, 0), (2 * WIDE, 0, 0), (0, 0, HIGH))
+    shot = Shot(camera=camera((0, -4, 2), (0, 1, 0.5), 40), max_depth=DIRECT)
+    picture = render(merge([floor(), wall]), lit_by(light("sun", math.pi, direction=(0, 1, 0))), shot, size)
+    up = picture.normal[..., 2]
+    truth = np.repeat(np.where(up > 0.5, 0.0, 1.0)[..., None], 3, axis=-1)
+    both = picture.same & (up < 0.5), picture.same & (up > 0.5)
+    also = () if all(part.any() for part in both) else ("expected floor and wall in the picture",)
+    return judged(picture, off_by(picture.s, truth, picture.same), also=also)
+
+
+@hard_case(name="light/two-sided", bound=1e-5, figure=DEVIATION,
+           expectation="a surface is lit on the viewer's side, whichever way it winds, and black when lit from behind",
+           failure="half of the picture black: faces seen from their back take no light")
+def two_sided(size: Size) -> Measured:
+    """Two halves that wind against each other, under a sun from the viewer's side and from the other."""
+    halves = merge([quad(matte(), (-3, 0, -3), (3, 0, 0), (0, 0, 6)), quad(matte(), (3, 0, -3), (-3, 0, 0), (0, 0, 6))])
+    shot = Shot(camera=camera((0, -3, 0)), max_depth=DIRECT)
+    lit, dark = (render(halves, lit_by(light("sun", math.pi, direction=(0, y, 0))), shot, size) for y in (1, -1))
+    return judged(lit, max(off_by(lit.shading, 1.0), float(dark.shading.max())))
+
+
+CASES = (strong_but_hidden, energy_small, energy_large, thousand, sun_along_a_surface, two_sided)

@@ -1,0 +1,191 @@
+"""Surfaces at the ends of their ranges, in white furnaces: light that goes in comes out, no more and hardly less."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from dataset_builder.assets.asset import Material
+from dataset_builder.rendering.soup import merge
+from dataset_builder.studies.stress.bench import Picture, Shot, judged, render, sigmas
+from dataset_builder.studies.stress.case import SIGMAS, Measured, Size, hard_case
+from dataset_builder.studies.stress.scenes import WIDE, ball, box, camera, floor, light, lit_by, matte, quad
+
+SKY = lit_by(light("dome"))
+ENERGY = "energy lost or gained, relative"
+WHITE = (1.0, 1.0, 1.0)
+MIRROR = Material(name="mirror", base_color=WHITE, roughness=0.0, metallic=1.0)
+GLASS = Material(name="glass", base_color=WHITE, roughness=0.0, transmission=1.0)
+SEEN = camera((0, -4, 1), fov=26)
+DEEP = 64
+
+
+def furnace(material: Material, size: Size, *, max_depth: int = DEEP, spp: int = 1) -> Picture:
+    """A ball under a sky of radiance 1, seen so that it fills the middle of the frame."""
+    return render(ball(material), SKY, Shot(camera=SEEN, max_depth=max_depth, spp=spp * size.spp), size)
+
+
+def kept(picture: Picture, expected: float | np.ndarray = 1.0) -> float:
+    """Relative deviation of the mean of I over the object from the mean of what is expected."""
+    inside = picture.mask > 1 - 1e-6
+    truth = np.broadcast_to(expected, picture.i.shape)[inside].mean()
+    return abs(float(picture.i[inside].mean() / truth) - 1) if inside.any() else math.inf
+
+
+def beyond(picture: Picture) -> tuple[str, ...]:
+    """D + R <= 1 wherever the object is."""
+    most = float((picture.d + picture.r).max())
+    return () if most <= 1 + 1e-3 else (f"expected D + R <= 1, got {most:g}",)
+
+
+@hard_case(name="material/albedo-0", bound=0.0, figure="largest I",
+           expectation="a black object sends nothing back, while its S is that of any convex one: the sky",
+           failure="NaN where 0 is divided by 0: lobes are sampled in proportion to what they reflect")
+def albedo_zero(size: Size) -> Measured:
+    """Both lobes are zero. A box, since flat faces see no other: on a smooth-shaded ball facets hide a little sky."""
+    picture = render(box(matte(0.0), (-1, -1, -1), (1, 1, 1), 1), SKY, Shot(camera=SEEN), size)
+    inside = picture.mask > 1 - 1e-6
+    off = sigmas(picture.shading, np.ones_like(picture.s), where=inside)
+    also = () if off <= SIGMAS else (f"S: expected 1, got it {off:.1f} standard errors off",)
+    return judged(picture, picture.image[:, inside].max(), also=also)
+
+
+@hard_case(name="material/albedo-1", bound=SIGMAS, figure="worst |z| of pixels and picture",
+           expectation="a white ball under a white sky cannot be told from the sky: I = S = 1",
+           failure="a ball that shows: a wrong density, a lost or doubled sample")
+def albedo_one(size: Size) -> Measured:
+    """The open white furnace."""
+    picture = furnace(matte(1.0), size)
+    inside = picture.mask > 1 - 1e-6
+    return judged(picture, sigmas(picture.image, np.ones_like(picture.i), where=inside))
+
+
+@hard_case(name="material/closed-white-furnace", bound=0.01, figure=ENERGY,
+           expectation="in a closed white room with a black lamp, paths of 64 edges find its radiance everywhere",
+           failure="darkness in proportion to depth: paths are cut, or roulette takes more than it gives back")
+def closed_white_furnace(size: Size) -> Measured:
+    """Walls of albedo 1 lose nothing, so in equilibrium all that arrives anywhere is what the lamp, which absorbs all,
+    sends. A path misses the lamp 63 times with a probability of 1e-4."""
+    room = box(matte(1.0), (-1, -1, -1), (1, 1, 1), 1)
+    lamp = lit_by(light("sphere", 1.0, position=(0.35, 0.35, 0), size=0.6))
+    shot = Shot(camera=camera((-0.8, -0.9, 0.8), (-0.9, 0.9, -0.8), 20), max_depth=DEEP)
+    picture = render(room, lamp, shot, size)
+    return judged(picture, max(kept(picture), abs(float(picture.s.mean()) - 1)))
+
+
+@hard_case(name="material/white-cup", bound=0.01, figure=ENERGY,
+           expectation="down in a white cup twice as deep as wide, I = S = 1 under a sky of 1",
+           failure="a dark bottom: long paths are lost")
+def white_cup(size: Size) -> Measured:
+    """Open at the top, seen from above; light needs many bounces down."""
+    cup = merge([floor(matte(1.0), half=0.5, instance=1), *(
+        quad(matte(1.0), corner, along, (0, 0, 2)) for corner, along in (
+            ((-0.5, -0.5, 0), (1, 0, 0)), ((0.5, -0.5, 0), (0, 1, 0)), ((0.5, 0.5, 0), (-1, 0, 0)),
+            ((-0.5, 0.5, 0), (0, -1, 0))))])
+    shot = Shot(camera=camera((0.05, 0, 3), (0, 0.05, 0), 12), max_depth=DEEP, spp=2 * size.spp)
+    picture = render(cup, SKY, shot, size)
+    return judged(picture, max(kept(picture), abs(float(picture.s.mean()) - 1)))
+
+
+def undiffuse(picture: Picture, where: np.ndarray | None = None) -> tuple[str, ...]:
+    """D = 0 on pixels (H, W): nothing is scattered below the surface of metal and of clear glass."""
+    most = float(np.abs(picture.d if where is None else picture.d[where]).max(initial=0.0))
+    return () if most <= 1e-6 else (f"D: expected 0, got {most:g}",)
+
+
+def metal(size: Size, roughness: float) -> Measured:
+    """White metal in the furnace sends back R, its tabulated reflectance, and D = 0."""
+    picture = furnace(replace(MIRROR, roughness=roughness), size, max_depth=2)
+    return judged(picture, kept(picture, picture.r), diffuse=False, also=(*undiffuse(picture), *beyond(picture)))
+
+
+@hard_case(name="material/roughness-0", bound=0.01, figure=ENERGY,
+           expectation="metal of roughness 0 sends back R, all but 1% of it",
+           failure="black or blazing metal: the lobe is narrower than float32 resolves")
+def roughness_zero(size: Size) -> Measured:
+    """The limit of the microfacet lobe."""
+    return metal(size, 0.0)
+
+
+@hard_case(name="material/roughness-1e-4", bound=0.01, figure=ENERGY,
+           expectation="metal of roughness 1e-4 sends back R, all but 1% of it",
+           failure="as for roughness 0, or a step between the two")
+def roughness_tiny(size: Size) -> Measured:
+    """Alpha would be 1e-8."""
+    return metal(size, 1e-4)
+
+
+@hard_case(name="material/roughness-1", bound=0.01, figure=ENERGY,
+           expectation="metal of roughness 1 sends back R, all but 1% of it",
+           failure="R that is not what the surface does: a table that differs from the lobe")
+def roughness_one(size: Size) -> Measured:
+    """The widest lobe."""
+    return metal(size, 1.0)
+
+
+@hard_case(name="material/metallic-1", bound=1e-6, figure="largest D, or I not in the specular part",
+           expectation="metal under a lamp has no diffuse part: D = 0, and I is all specular",
+           failure="metal with a milky film")
+def metallic_one(size: Size) -> Measured:
+    """Half rough gold, lamp and floor about it."""
+    gold = Material(name="gold", base_color=(1.0, 0.8, 0.3), roughness=0.5, metallic=1.0)
+    scene = merge([ball(gold), floor(height=-1)])
+    lamp = lit_by(light("area", 8, position=(1.5, -2, 2), direction=(-1.5, 2, -2), size=0.8))
+    picture = render(scene, lamp, Shot(camera=SEEN), size)
+    inside = (picture.mask > 1 - 1e-6) & picture.same
+    off = np.abs(picture.image - picture.specular)[:, inside].max() / picture.image[:, inside].max()
+    return judged(picture, max(off, float(picture.d[inside].max())), diffuse=False)
+
+
+@hard_case(name="material/perfect-mirror", bound=0.01, figure="deviation from what is mirrored, relative",
+           expectation="a mirror shows a sunlit wall with the wall's own radiance",
+           failure="a dark or grainy mirror image: the lobe and its density disagree where both are huge")
+def perfect_mirror(size: Size) -> Measured:
+    """The wall faces the sun: its radiance is albedo E / pi everywhere, of which the mirror reflects R."""
+    ground = floor(MIRROR, instance=1)
+    wall = quad(matte(0.5), (-WIDE, 3, 0), (2 * WIDE, 0, 0), (0, 0, WIDE))
+    shot = Shot(camera=camera((0, -3, 2), (0, 0, 0), 20), max_depth=3)
+    picture = render(merge([ground, wall]), lit_by(light("sun", math.pi, direction=(0, 1, 0))), shot, size)
+    seen = picture.mask > 1 - 1e-6
+    truth = 0.5 * picture.r[seen].mean()
+    return judged(picture, abs(float(picture.i[seen].mean() / truth) - 1), diffuse=False)
+
+
+def layered(material: Material, size: Size) -> Measured:
+    """No more comes out than goes in, and I is D S and R of the sky."""
+    picture = furnace(material, size, max_depth=2)
+    return judged(picture, kept(picture, picture.d + picture.r), diffuse=False, also=beyond(picture))
+
+
+@hard_case(name="material/coat", bound=0.01, figure=ENERGY,
+           expectation="a white plastic under a clear coat sends back D + R, and no more than it gets",
+           failure="varnish that glows: the coat's light is added without being taken from below")
+def coated(size: Size) -> Measured:
+    """Full weight, smooth coat over a glossy base."""
+    return layered(Material(name="coat", base_color=WHITE, roughness=0.4, coat=1.0, coat_roughness=0.1), size)
+
+
+@hard_case(name="material/sheen", bound=0.01, figure=ENERGY,
+           expectation="white cloth with a white sheen sends back D + R, and no more than it gets",
+           failure="rims that glow: fibres add light at grazing angles")
+def sheened(size: Size) -> Measured:
+    """Full sheen, the roughest and the most glancing."""
+    return layered(Material(name="sheen", base_color=WHITE, specular=0.0, sheen=WHITE, sheen_roughness=0.3), size)
+
+
+@hard_case(name="material/everything", bound=0.05, figure=ENERGY,
+           expectation="half metal, half glass, coated and with sheen: finite, and no more than goes in",
+           failure="NaN or energy out of nothing where lobes meet")
+def everything(size: Size) -> Measured:
+    """All lobes at once, at the middle of their ranges; what comes out is at most 1 and most of it."""
+    mixed = Material(name="all", base_color=WHITE, roughness=0.3, metallic=0.5, transmission=0.5, coat=0.5,
+                     coat_roughness=0.2, sheen=(0.5, 0.5, 0.5), sheen_roughness=0.4)
+    picture = furnace(mixed, size, spp=4)
+    inside = picture.mask > 1 - 1e-6
+    mean = float(picture.i[inside].mean())
+    also = () if mean > 0.7 else (f"expected most of the light to come back, got {mean:g}",)
+    return judged(picture, max(0.0, mean - 1), diffuse=False, also=(*also, *beyond(picture)))
+
+
+CASES = (albedo_zero, albedo_one, closed_white_furnace, white_cup, roughness_zero, roughness_tiny, roughness_one,
+         metallic_one, perfect_mirror, coated, sheened, everything)

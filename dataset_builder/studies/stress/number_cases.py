@@ -1,0 +1,155 @@
+"""Numbers at the ends of their types: half range, denormals, pictures of one pixel, long sums, extreme seeds."""
+
+import math
+
+import numpy as np
+
+from dataset_builder.planning.stage import TARGET_INSTANCE
+from dataset_builder.rendering.soup import merge
+from dataset_builder.shards.exr import DTYPES, decode, encode
+from dataset_builder.shards.gates import s_prime_energy
+from dataset_builder.shards.identities import MASK, check_layers, identity_table
+from dataset_builder.spec.dataset import GatesSpec
+from dataset_builder.studies.stress.bench import Picture, Shot, judged, off_by, render
+from dataset_builder.studies.stress.case import Measured, Size, hard_case
+from dataset_builder.studies.stress.scenes import ball, bare, camera, floor, light, lit_by, matte, standing
+
+KEY = "00000000"
+SUN = lit_by(light("sun", math.pi, direction=(0, 1, -1)))
+S_OF_FLOOR = math.sqrt(0.5)
+"""E cos / pi under `SUN`, with E = pi."""
+
+DOWN = camera((0, -1, 3), (0, 0, 0), 30)
+LOST = "values that differ after storage"
+
+
+def stored_wrong(values: np.ndarray, layer: str = "i_t") -> int:
+    """How many of some values (N,) do not come back from the files of every type exactly as the type rounds them."""
+    image = np.resize(values.astype(np.float32), (4, max(len(values), 4), 3))
+    wrong = 0
+    for dtype in DTYPES:
+        back = decode(encode(image, layer=layer, key=KEY, dtype=dtype))
+        wrong += int(np.count_nonzero(back.view(np.uint32) != image.astype(dtype).astype(np.float32).view(np.uint32)))
+    return wrong
+
+
+@hard_case(name="number/denormals", bound=0.0, figure=LOST,
+           expectation="denormal values of either type come back from an EXR file bit by bit",
+           failure="values flushed to 0: a layer's darkest parts lose their steps")
+def denormals(size: Size) -> Measured:
+    """The smallest of float32 and of half, both zeros, and what lies between."""
+    tiny = np.array([0.0, -0.0, 1e-45, 1e-40, 1.1754942e-38, 6e-8, 1.19e-7, 6.0975552e-5, 6.1035156e-5])
+    kept = np.float32(1e-45) > 0
+    return Measured(figure=stored_wrong(np.concatenate([tiny, -tiny]), "normal"),
+                    wrong=() if kept else ("expected float32 arithmetic with denormals",))
+
+
+@hard_case(name="number/half-range", bound=0.0, figure=LOST,
+           expectation="the largest half, and all about powers of two, come back from a file as rounded",
+           failure="infinite or clipped highlights")
+def half_range(size: Size) -> Measured:
+    """Up to 65504, each power's neighbours included."""
+    powers = 2.0 ** np.arange(-24, 16)
+    about = [powers, powers * (1 - 2**-12), powers * (1 + 2**-11), [65504]]
+    return Measured(figure=stored_wrong(np.concatenate(about)))
+
+
+@hard_case(name="number/all-black-layer", bound=0.0, figure="values that are not 0",
+           expectation="where no light arrives, I and S are 0 in picture and file, and the energy gate says so",
+           failure="NaN from 0 / 0, or a black example that is shipped")
+def all_black_layer(size: Size) -> Measured:
+    """A sun from below the floor."""
+    picture = render(floor(instance=TARGET_INSTANCE), lit_by(light("sun", direction=(0, 0, 1))),
+                     Shot(camera=DOWN, max_depth=2, replicas=1), size)
+    black = picture.s.astype(np.float32)
+    back = decode(encode(black, layer="s_prime", key=KEY, dtype="float16"))
+    mask = picture.mask[..., None].astype(np.float32)
+    told = s_prime_energy(back, mask, GatesSpec().s_prime_energy)
+    return judged(picture, int(np.count_nonzero(back)) + int(np.count_nonzero(picture.image)),
+                  also=() if told else ("expected the gate s_prime_energy to refuse it",))
+
+
+def checked(picture: Picture) -> list[str]:
+    """Identities that the layers of a picture break, as an example would be checked."""
+    layers = {"mask": picture.mask[..., None], "d": picture.d, "r": picture.r, "i_t": picture.i, "s": picture.s}
+    stored = {name: decode(encode(values.astype(np.float32), layer=name, key=KEY, dtype="float32"))
+              for name, values in layers.items()}
+    tolerances = {name: tolerance for name, _, tolerance in identity_table("float32")}
+    return [problem.identity for problem in check_layers(stored, dict.fromkeys(stored, "frame"), tolerances)]
+
+
+@hard_case(name="number/mask-of-one-pixel", bound=0.0, figure="pixels of the mask but one",
+           expectation="an object that covers part of one pixel has a mask of one pixel, and layers as they should be",
+           failure="an object that is lost, or broken identities: means over a handful of samples")
+def mask_of_one_pixel(size: Size) -> Measured:
+    """A chip in the middle of a pixel's footprint."""
+    width = 3.2 * math.tan(math.radians(15)) * 2 / size.side
+    x, y = 0.5 * width, 0.5 * width
+    chip = np.array([[x - 0.3 * width, y - 0.3 * width, 0.1], [x + 0.3 * width, y - 0.3 * width, 0.1],
+                     [x, y + 0.3 * width, 0.1]])
+    soup = merge([standing(bare(chip, [[0, 1, 2]]), matte(0.8)), floor()])
+    seen = camera((0, -1e-3, 3.3), (0, 0, 0), 30)
+    picture = render(soup, lit_by(light("sun", math.pi)), Shot(camera=seen, max_depth=2, replicas=4), size)
+    return judged(picture, abs(int(np.count_nonzero(picture.mask)) - 1), also=tuple(checked(picture)))
+
+
+@hard_case(name="number/empty-mask", bound=0.0, figure="pixels of the mask",
+           expectation="an object out of the frame has an empty mask, no NaN anywhere, and breaks the identity mask",
+           failure="depth or normals of 0 / 0, or an example without its object that is shipped")
+def empty_mask(size: Size) -> Measured:
+    """The object is behind the camera, the frame sees the floor and nothing else."""
+    soup = merge([ball(matte(), centre=(0, -9, 3)), floor()])
+    picture = render(soup, SUN, Shot(camera=DOWN, max_depth=2, replicas=1), size)
+    broken = checked(picture)
+    return judged(picture, int(np.count_nonzero(picture.mask)),
+                  also=() if broken == [MASK] else (f"expected the identity {MASK} to break, got {broken}",))
+
+
+def frame_of(size: Size, width: int, height: int) -> Measured:
+    """A floor in the sun, in a frame of any size: S is E cos / pi in every pixel, and the file has its shape."""
+    narrow = camera((0, -1, 3), (0, 0, 0), 30 if width >= height else 30 * width / height)
+    shot = Shot(camera=narrow, size=(width, height), max_depth=2, replicas=1)
+    picture = render(floor(instance=TARGET_INSTANCE), SUN, shot, size)
+    shape = decode(encode(picture.s.astype(np.float32), layer="s", key=KEY, dtype="float16")).shape
+    also = () if shape == (height, width, 3) else (f"expected shape {(height, width, 3)}, got {shape}",)
+    wrong = off_by(picture.shading, S_OF_FLOOR) + off_by(picture.mask[..., None], 1.0)
+    return judged(picture, wrong, also=also)
+
+
+FRAME = "largest deviation of S and mask, relative"
+
+
+@hard_case(name="number/image-1x1", bound=1e-5, figure=FRAME,
+           expectation="a picture of one pixel shows what it should",
+           failure="a crash, or pixels of another size")
+def one_pixel(size: Size) -> Measured:
+    """The least picture."""
+    return frame_of(size, 1, 1)
+
+
+@hard_case(name="number/image-1x4096", bound=1e-5, figure=FRAME,
+           expectation="a picture one pixel wide and 4096 high shows what it should",
+           failure="rows and columns mixed up, or a field of view that is measured along the wrong side")
+def one_column(size: Size) -> Measured:
+    """The field of view is horizontal."""
+    return frame_of(size, 1, 4096)
+
+
+@hard_case(name="number/image-4096x1", bound=1e-5, figure=FRAME,
+           expectation="a picture 4096 pixels wide and one high shows what it should",
+           failure="rows and columns mixed up")
+def one_row(size: Size) -> Measured:
+    """The other way round."""
+    return frame_of(size, 4096, 1)
+
+
+@hard_case(name="number/image-37x23", bound=1e-5, figure=FRAME,
+           expectation="a picture whose sides are multiples of nothing shows what it should",
+           failure="missing pixels at the end of a block")
+def odd_size(size: Size) -> Measured:
+    """Two primes."""
+    return frame_of(size, 37, 23)
+
+
+CASES = (denormals, half_range, all_black_layer, mask_of_one_pixel, empty_mask, one_pixel, one_column, one_row,
+         odd_size)

@@ -1,0 +1,80 @@
+"""Rendering one planned example, and the time that each of its layers took, without compiling kernels."""
+
+from collections.abc import Hashable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dataset_builder.layers import LAYERS
+from dataset_builder.planning.example_plan import ExamplePlan
+
+if TYPE_CHECKING:
+    from dataset_builder.rendering.examples import Rendered
+
+STEADY = 0.9
+"""Share of the time that a repetition must save for another one to be worth it."""
+
+REPEATS = 3
+TINY = 12
+"""Pixels along a side of what is rendered for its kernels alone."""
+DENOISE = "denoise"
+"""What the denoiser's time is called in `Rendered.seconds`."""
+
+
+def render(plan: ExamplePlan, mesh_root: Path) -> "Rendered":
+    """One example; `rendering.backend.activate` must have run in this process."""
+    from dataset_builder.rendering.examples import render_view
+
+    return next(render_view([plan], mesh_root))
+
+
+def timed(plan: ExamplePlan, mesh_root: Path, repeats: int = REPEATS) -> "Rendered":
+    """One example with the least time of every pass out of up to `repeats` runs: until one saves next to nothing.
+
+    What else the machine does, and kernels that were not compiled after all, only ever add.
+    """
+    found = render(plan, mesh_root)
+    for _ in range(repeats - 1):
+        before, again = sum(found.seconds.values()), render(plan, mesh_root).seconds
+        found.seconds.update({name: min(seconds, again[name]) for name, seconds in found.seconds.items()})
+        if sum(again.values()) >= STEADY * before:
+            break
+    return found
+
+
+@dataclass(frozen=True)
+class Warm:
+    """Which kernels are compiled already. A kernel depends on features, layers and spp, not on the size of the image,
+    so that a tiny one compiles them all."""
+
+    done: set[Hashable] = field(default_factory=set)
+
+    def up(self, setting: str, plan: ExamplePlan, mesh_root: Path) -> None:
+        """Compile what rendering `plan` needs, where no plan like it was met under this setting before."""
+        key = (setting, plan.effects.features, plan.render.layers)
+        if key not in self.done:
+            render(tiny(plan), mesh_root)
+            self.done.add(key)
+
+
+def tiny(plan: ExamplePlan) -> ExamplePlan:
+    """The same plan with few pixels."""
+    return plan.model_copy(update={"render": plan.render.model_copy(update={"width": TINY, "height": TINY})})
+
+
+def seconds_of(layer: str, found: "Rendered") -> float:
+    """Seconds of the pass that makes a layer, and of its share of denoising where that was asked for."""
+    denoised = found.plan.render.denoise
+    share = found.seconds.get(DENOISE, 0.0) / len(denoised) if layer in denoised else 0.0
+    return found.seconds.get(LAYERS[layer].render_pass, 0.0) + share
+
+
+def work_of(layer: str, record: dict[str, Any]) -> dict[str, float]:
+    """Mean, least and most spp, and paths, of the pass that makes a layer."""
+    entry = next(entry for entry in record["passes"] if entry["name"] == LAYERS[layer].render_pass)
+    return {name: float(entry[name]) for name in ("spp", "spp_min", "spp_max", "paths")}
+
+
+def reached_by(layer: str, record: dict[str, Any]) -> float:
+    """The relative error that the record claims for a layer: root mean square over the object's pixels."""
+    return next((float(entry["relative_error"]) for entry in record.get("layers", ()) if entry["name"] == layer), 0.0)
