@@ -20,6 +20,7 @@ import numpy as np
 from dataset_builder.errors import PlanError
 from dataset_builder.planning.example_plan import IlluminationPlan, LightPlan
 from dataset_builder.planning.irradiance import BEAM_SHARE
+from dataset_builder.rendering.beads import bead, is_bead
 from dataset_builder.rendering.images import LAMP_SIDE, environment, lamp_texture, mean_luminance, read_image
 
 SPARE_DEPTH = -240.0
@@ -52,12 +53,14 @@ def emitters(illumination: IlluminationPlan, image_root: Path | None = None) -> 
     lamps = (light for light in illumination.lights if light.kind == "area")
     images = _Images(root=image_root, on_lamps=any(light.image for light in lamps))
     for kind, (make, slots) in _KINDS.items():
-        lights = [light for light in illumination.lights if light.kind == kind]
+        lights = [light for light in illumination.lights if light.kind == kind and not is_bead(light)]
         if slots and len(lights) > slots:
             raise PlanError(f"lights: expected at most {slots} of kind {kind}, got {len(lights)}")
         spares = [_spare(kind)] * ((slots or _power_of_two(len(lights))) - len(lights))
         for index, light in enumerate([*lights, *spares]):
             entries[f"{kind}_{index}"] = make(light, images)
+    for index, light in enumerate(filter(is_bead, illumination.lights)):
+        entries[f"bead_{index}"] = bead(light, _black(), _surface_emitter(light))
     if not any(light.weight > 0 and any(light.radiance) for light in illumination.lights):
         raise PlanError("lights: expected at least one that shines, got none")
     return entries

@@ -61,7 +61,8 @@ def lobes_of(point: SurfacePoint, features: frozenset[str], si: mi.SurfaceIntera
 def _opaque(lobes: Lobes, point: SurfacePoint, features: frozenset[str], cosine: mi.Float, below: Any, opaque: Any,
             tables: Reflectances) -> None:
     """Metal and opaque dielectric, which have `opaque` of the surface and `below` of the light."""
-    matte = point.base * (1 - point.metallic)
+    # Interpolated texels may add up to a hair more than 1
+    matte = point.base * dr.maximum(1 - point.metallic, 0)
     if point.transmission is not None:
         matte = matte * (1 - point.transmission)
     lobes.diffuse = matte * below

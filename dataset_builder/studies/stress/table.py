@@ -33,4 +33,5 @@ def summary(results: Iterable[Result], seconds: float) -> str:
     """The last line of a run."""
     verdicts = [result.passed for result in results]
     passed = sum(verdicts)
-    return f"{len(verdicts)} cases, {passed} passed, {len(verdicts) - passed} failed, {seconds:.1f} seconds"
+    cases = "1 case" if len(verdicts) == 1 else f"{len(verdicts)} cases"
+    return f"{cases}, {passed} passed, {len(verdicts) - passed} failed, {seconds:.1f} seconds"
