@@ -1,6 +1,7 @@
 """What the pages say is true of the code: blocks run, links lead somewhere, names exist, tables are in step."""
 
 import argparse
+import json
 import re
 import shlex
 import shutil
@@ -9,12 +10,15 @@ from pathlib import Path
 
 import pytest
 import trimesh
+from ruamel.yaml import YAML
 
 from dataset_builder.cli import main, parser
 from dataset_builder.layers import LAYERS, PAPER_LAYERS
 from dataset_builder.shards import gates
 from dataset_builder.shards.identities import identity_table
 from dataset_builder.spec.dataset import DatasetSpec
+from dataset_builder.spec.load import load_dataset
+from dataset_builder.spec.scene import ObjectSpec
 from tools import spec_tables
 
 ROOT = Path(__file__).parent.parent
@@ -171,6 +175,24 @@ def test_keys_of_specs_exist(page: Path) -> None:
             assert path in keys, code
 
 
+@pytest.mark.parametrize("page", [page for page in PAGES if page.stem != "own-meshes" and blocks(page, "yaml")],
+                         ids=lambda page: page.stem)
+def test_yaml_blocks_are_valid(page: Path) -> None:
+    """Parts of dataset files fit into the mini dataset's, whole object files are object files."""
+    for block in blocks(page, "yaml"):
+        parts = YAML(typ="safe").load(block)
+        if "family" in parts:
+            assert ObjectSpec.model_validate(parts)
+        else:
+            assert load_dataset(ROOT / "scene_specs" / f"{MINI}.yaml", [f"{key}={json.dumps(part)}" for key, part
+                                                                         in merged(parts).items()])
+
+
+def merged(parts: dict[str, dict[str, object]]) -> dict[str, object]:
+    """Overrides of single values, so that what a page leaves out stays as it is."""
+    return {f"{name}.{key}": value for name, values in parts.items() for key, value in values.items()}
+
+
 def known_keys() -> set[str]:
     """Dotted path of every key of a dataset file."""
     models = {"": DatasetSpec, **{f"{path}.": model for path, model in spec_tables.nested(DatasetSpec, "")}}
@@ -195,8 +217,8 @@ def test_every_layer_is_defined_and_no_other() -> None:
     page = ROOT / "docs" / "layers.md"
     table = prose(page).partition("## Definitions")[2].partition("\n## ")[0]
     named = re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE)
-    errors = re.findall(r"`(\w+_se)`", table)
-    assert [*named, *errors] == list(LAYERS) and tuple(named[:6]) == PAPER_LAYERS
+    others = re.findall(r"`(\w+_(?:se|raw))`", table)
+    assert [*named, *others] == list(LAYERS) and tuple(named[:6]) == PAPER_LAYERS
 
 
 def test_first_page_knows_every_layer_but_errors() -> None:

@@ -18,6 +18,7 @@ from dataset_builder.engine.unit import Job, planner_of
 from dataset_builder.errors import OutputError, PlanError, Problem, UserError
 from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.planning.example_plan import ExamplePlan, GoalPlan
+from dataset_builder.planning.guides import FACTOR, REPEATS
 from dataset_builder.planning.plan import Planner
 from dataset_builder.planning.views import units
 from dataset_builder.rendering.backend import activate
@@ -26,12 +27,6 @@ from dataset_builder.shards.atomic import write_atomic
 from dataset_builder.shards.folder import WORK
 from dataset_builder.shards.manifest import Denoised
 from dataset_builder.spec.loaded import LoadedSpec
-
-FACTOR = 16
-"""How many times the dataset's spp a reference has: a quarter of the noise."""
-
-REPEATS = 2
-"""Independent renders of an example as the dataset asks: their products hold the bias without the noise."""
 
 DARK = 0.01
 """Added to the squared reference in relMSE, so that black pixels do not rule it."""
@@ -79,20 +74,23 @@ def candidates(planner: Planner, count: int) -> list[ExampleRef]:
 
 
 def _measured(refs: Sequence[ExampleRef], count: int, job: Job, workers: int) -> list[dict[str, Figures]]:
-    """Figures of the first `count` examples that can be planned and rendered."""
-    found: dict[int, dict[str, Figures]] = {}
+    """Figures of the first `count` examples that can be planned and rendered; the first reason where none can."""
+    found, failed = dict[int, dict[str, Figures]](), dict[int, tuple[Problem, ...]]()
     while refs and len(found) < count:
         now, refs = refs[:count - len(found)], refs[count - len(found):]
-        results = local.run(partial(measure, job), now, workers=min(workers, len(now)))
-        found |= {index: figures for index, figures in results if figures}
+        for index, figures, problems in local.run(partial(measure, job), now, workers=min(workers, len(now))):
+            if problems:
+                failed[index] = problems
+            else:
+                found[index] = figures
     if not found:
-        rule = "expected an example to measure the bias on, but none can be planned and rendered"
-        raise PlanError([Problem(where="", path="render.denoise", rule=rule, hint="build without it to see why")])
+        rule = "expected an example to measure the bias on, but none can be planned and rendered; the first reason:"
+        raise PlanError([Problem(where="", path="render.denoise", rule=rule), *next(iter(failed.values()), ())])
     return [found[index] for index in sorted(found)]
 
 
-def measure(job: Job, ref: ExampleRef) -> tuple[int, dict[str, Figures]]:
-    """Index of an example and the figures of its denoised layers; none where it cannot be planned or rendered."""
+def measure(job: Job, ref: ExampleRef) -> tuple[int, dict[str, Figures], tuple[Problem, ...]]:
+    """Index of an example and the figures of its denoised layers, or why it cannot be planned or rendered."""
     activate(job.backend, job.threads)
     planner = planner_of(job)
     try:
@@ -103,8 +101,8 @@ def measure(job: Job, ref: ExampleRef) -> tuple[int, dict[str, Figures]]:
     except UserError as error:
         if isinstance(error, OutputError):
             raise
-        return ref.index, {}
-    return ref.index, {name: compare(name, asked, reference) for name in plan.render.denoise}
+        return ref.index, {}, error.problems
+    return ref.index, {name: compare(name, asked, reference) for name in plan.render.denoise}, ()
 
 
 def as_asked(plan: ExamplePlan, repeat: int) -> ExamplePlan:

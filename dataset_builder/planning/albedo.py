@@ -3,6 +3,7 @@
 import numpy as np
 
 from dataset_builder.assets.asset import Material, Texture
+from dataset_builder.assets.glass import metallic_range
 
 SCHLICK_MEAN = 1 / 21
 """Integral of 2 c (1 - c)^5 over cosines c: mean of Schlick's term for light from everywhere."""
@@ -35,7 +36,8 @@ def scattered_share(material: Material) -> float:
 
     In [0, 1]. What goes into glass or back inside it is not in it: that goes on as it came and counts as crossings.
     """
-    base, (low, high) = np.asarray(material.base_color) * _brightest(material.texture), _metallic_range(material)
+    base, (low, high) = np.asarray(material.base_color) * _brightest(material.texture), metallic_range(material)
+    # What is opaque scatters most at one of them: 1 - that is a product of two lines
     opaque = np.maximum(_opaque(material, base, low), _opaque(material, base, high))
     glass = glass_share(material.ior, material.thin) if material.transmission else 0.0
     share = np.maximum(opaque + material.transmission * (1 - high) * np.minimum(glass - opaque, 0), glass)
@@ -47,23 +49,6 @@ def _brightest(texture: Texture | None) -> np.ndarray:
     if texture is None:
         return np.ones(3)
     return np.clip(np.nan_to_num(texture.base_color, nan=1.0), 0, 1).max(axis=(0, 1))
-
-
-def least_roughness(material: Material) -> float:
-    """Perceptual roughness where a material is smoothest."""
-    texels = None if material.texture is None else material.texture.roughness
-    least = 1.0 if texels is None else float(np.clip(np.nan_to_num(texels, nan=1.0), 0, 1).min())
-    return material.roughness * least
-
-
-def _metallic_range(material: Material) -> tuple[float, float]:
-    """Least and largest metallic value. What is opaque scatters most at one of them: 1 - that is a product of two
-    lines."""
-    texels = None if material.texture is None else material.texture.metallic
-    if texels is None:
-        return material.metallic, material.metallic
-    texels = np.clip(np.nan_to_num(texels, nan=1.0), 0, 1)
-    return material.metallic * float(texels.min()), material.metallic * float(texels.max())
 
 
 def _opaque(material: Material, base: np.ndarray, metallic: float) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import astuple, dataclass, fields
-from math import sqrt
+from math import inf, sqrt
 from typing import get_args
 
 import numpy as np
@@ -10,8 +10,9 @@ import numpy as np
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.layers import LAYERS, Extent, Pass
 from dataset_builder.planning.catalogue import ExampleRef, ViewRef, count_examples, views_of
-from dataset_builder.planning.example_plan import ExamplePlan, RenderPlan
-from dataset_builder.planning.plan import Planner, layers_asked
+from dataset_builder.planning.example_plan import ExamplePlan, GoalPlan, RenderPlan
+from dataset_builder.planning.guides import FACTOR, REPEATS
+from dataset_builder.planning.plan import Planner, first_plan, layers_asked
 from dataset_builder.planning.sight import window_share
 from dataset_builder.seeding import rng
 from dataset_builder.spec.dataset import DatasetSpec
@@ -19,8 +20,6 @@ from dataset_builder.spec.dataset import DatasetSpec
 INSTANCE = "instance"
 PASSES: tuple[str, ...] = (*get_args(Pass), INSTANCE)
 """The instance layer has a pass of its own: one ray through the centre of every pixel."""
-MASKS = ("mask", "mask_rough")
-"""Layers that are 0 where the object is not, so that the whole frame asks for no further pixels."""
 CHANNEL_BYTES = {"float32": 4, "float16": 2}
 
 
@@ -79,7 +78,7 @@ class Estimate:
     planned: int
     """Those of them that can be planned."""
     runs: Mapping[str, int]
-    """Launches of each pass."""
+    """Launches of each pass for the examples themselves."""
 
 
 def _pass_of(layer: str) -> str:
@@ -101,22 +100,26 @@ def pass_runs(layers: Iterable[tuple[str, Extent]], lights: int, levels: int) ->
 
 
 def pass_share(name: str, plan: ExamplePlan, window: float) -> float:
-    """Share of the frame that a pass traces: all of it where a layer wants the frame, else the object's pixels.
+    """Share of the frame that a pass traces: all of it where it was planned on the frame, else the object's pixels.
 
     Light-free passes look for these pixels in the rectangle about the object, which takes the share `window`.
     """
-    extents = [extent for layer, extent in plan.render.layers if _pass_of(layer) == name and layer not in MASKS]
-    if name == INSTANCE or "frame" in extents:
+    if name == INSTANCE or plan.effects.of(name).extent == "frame":
         return 1.0
     return window if name.startswith("first_hit") else plan.camera.coverage
 
 
-def expected_spp(render: RenderPlan, name: str, noise: float) -> float:
-    """Samples per pixel of a pass: fixed, or what its layers' goals are likely to take."""
+def expected_spp(render: RenderPlan, name: str, noise: float, pace: float) -> float:
+    """Samples per pixel of a pass: fixed, or what its layers' goals are likely to take. pace: those of a second."""
     first = {"source": render.spp_source, "target": render.spp_target, "rough": render.spp_rough, INSTANCE: 1}.get(
         name, render.spp_first_hit)
-    goals = [goal for goal in render.goals if goal.error and _pass_of(goal.layer) == name]
-    return max([first, *(min((noise / goal.error) ** 2, goal.cap) for goal in goals)])
+    return max([first, *(_goal_spp(goal, noise, pace) for goal in render.goals if _pass_of(goal.layer) == name)])
+
+
+def _goal_spp(goal: GoalPlan, noise: float, pace: float) -> float:
+    """Sampling ends with the error, the time or the cap, whichever comes first."""
+    by_error = (noise / goal.error) ** 2 if goal.error else inf
+    return min(by_error, goal.seconds * pace if goal.seconds else inf, goal.cap)
 
 
 def stored_bytes(layers: Iterable[tuple[str, Extent]], frame: int, coverage: float, dtype: str, rates: Rates) -> float:
@@ -153,16 +156,37 @@ def view_cost(plan: ExamplePlan, lights: int, levels: int, window: float, dtype:
     seconds, pixels, paths = rates.seconds_per_view + rates.seconds_per_example * examples, 0.0, 0.0
     runs = pass_runs(plan.render.layers, lights, levels)
     for name, times in runs.items():
-        traced = times * pass_share(name, plan, window) * frame
+        once = pass_share(name, plan, window) * frame
+        traced = times * once
         rate = rates.free_paths if name.startswith(("first_hit", INSTANCE)) else rates.light_paths
         pixels += traced
-        spp = expected_spp(plan.render, name, rates.noise)
+        spp = expected_spp(plan.render, name, rates.noise, rate / max(once, 1))
         paths += traced * spp
         seconds += traced * spp / rate
     passes = sum(runs.values())
     seconds = (seconds + passes * rates.seconds_per_pass) / cores
     return Cost(passes=passes, pixels=pixels, paths=paths, seconds=seconds,
                 bytes=examples * example_bytes(plan, dtype, rates))
+
+
+def calibration_cost(planner: Planner, rates: Rates, cores: int = 1) -> Cost:
+    """Cost of measuring how far denoised layers may be trusted, from the first example that can be planned.
+
+    Every example that is measured is rendered `REPEATS` times as asked, and once with `FACTOR` times the spp.
+    """
+    spec, denoise = planner.loaded.dataset, planner.loaded.dataset.render.denoise
+    plan = first_plan(planner) if denoise.layers else None
+    if plan is None:
+        return Cost()
+    layers = tuple((name, extent) for name, extent in plan.render.layers if name in denoise.layers)
+    plan = plan.model_copy(update={"render": plan.render.model_copy(update={"layers": layers})})
+    count = min(denoise.examples, sum(len(views_of(spec, split)) for split in spec.splits))
+    window = window_share(planner.stage(planner.examples[plan.index].view.pair), plan.camera,
+                          spec.image.height / spec.image.width)
+    one = view_cost(plan, 1, 1, window, spec.storage.dtype, rates, min(cores, count))
+    renders, times = count * (REPEATS + 1), count * (REPEATS + FACTOR)
+    return Cost(passes=renders * one.passes, pixels=renders * one.pixels, paths=times * one.paths,
+                seconds=times * one.seconds)
 
 
 def extrapolate(costs: Sequence[Cost], views: int) -> tuple[Cost, Cost]:
@@ -202,7 +226,7 @@ def _split_cost(planner: Planner, views: Sequence[ViewRef], lights: int, rates: 
 
 
 def estimate(planner: Planner, views: int = 24, rates: Rates | None = None, cores: int = 1) -> Estimate:
-    """Cost of the whole dataset from about `views` views, drawn in every split in proportion and planned for real.
+    """Cost of the whole dataset, and of what precedes it, from about `views` views, drawn in every split in proportion and planned for real.
 
     Views that cannot be planned are passed over and counted. Raises PlanError where splits share an object or a scene,
     and where none of the views tried in a split can be planned.
@@ -220,5 +244,6 @@ def estimate(planner: Planner, views: int = 24, rates: Rates | None = None, core
         tried, planned = tried + len(chosen), planned + len(costs)
         for name, times in pass_runs(layers_asked(spec), split.lights, len(spec.rough.levels)).items():
             runs[name] += times * len(own)
+    total = total + astuple(calibration_cost(planner, rates or Rates(), cores))
     return Estimate(total=Cost.of(total), error=Cost.of(np.sqrt(variance)), examples=count_examples(spec), views=count,
                     tried=tried, planned=planned, runs=runs)

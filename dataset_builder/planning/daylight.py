@@ -29,7 +29,7 @@ in, since planning looks from few points."""
 
 
 def dome(radiance: float, *, image: str = "", image_sha256: str = "", turn: float = 0.0) -> LightPlan:
-    """A uniform grey dome, or an image of the sky around, times `radiance`; its weight is that of a mean of 1."""
+    """A uniform grey dome, or an image of the sky around, brought to mean 1, times `radiance`."""
     return LightPlan(kind="dome", position=ORIGIN, direction=ORIGIN, size=0.0, cutoff=0.0, radiance=(radiance,) * 3,
                      temperature=0.0, weight=pi * radiance, image=image, image_sha256=image_sha256, turn=turn)
 

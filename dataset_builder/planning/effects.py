@@ -9,6 +9,7 @@ from math import hypot
 from pathlib import Path
 from typing import get_args
 
+from dataset_builder.errors import PlanError, Problem
 from dataset_builder.layers import LAYERS
 from dataset_builder.planning.example_plan import (
     Decision,
@@ -33,6 +34,7 @@ PASSES = ("first_hit", "source", "target", "first_hit_rough", "rough")
 LIT = ("source", "target", "rough")
 EVERYWHERE = ("mask", "mask_rough", "instance")
 """Layers whose extent needs no further pixels: 0 where the object is not, or a pass of its own."""
+DARK = "take parts of the room away with `open`, give it windows or no ceiling, or set a light up inside"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,15 +51,17 @@ class _Scene:
 
 def plan_effects(*, spec: RenderSpec, room: RoomPlan, target: PlacedObject, furniture: tuple[PlacedObject, ...],
                  source_light: IlluminationPlan, target_light: IlluminationPlan, fog: FogPlan, render: RenderPlan,
-                 mesh_root: Path) -> EffectsPlan:
-    """What is simulated for one example, with reasons.
+                 mesh_root: Path, where: str = "") -> EffectsPlan:
+    """What is simulated for one example, with reasons. where: the view, as errors name it.
 
     Features, and what the light-free and source passes simulate, follow from the view alone: no target light changes
-    them. Raises PlanError where a mesh file is not the one that was planned.
+    them. Raises PlanError where a mesh file is not the one that was planned, and where no light of a pass that runs can
+    reach the object.
     """
     light = {"source": source_light, "target": target_light, "rough": target_light}
+    _require_light(room, light, render, where)
     if spec.effects == "all":
-        return _everything(render, light)
+        return _everything(spec, render, light)
     use = scene_use(room, (target, *furniture), mesh_root)
     scene = _Scene(spec=spec, room=room, use=use, light=light, fog=fog, render=render)
     planned = [_plan_pass(scene, name) for name in PASSES]
@@ -67,14 +71,15 @@ def plan_effects(*, spec: RenderSpec, room: RoomPlan, target: PlacedObject, furn
     return EffectsPlan(features=features, passes=tuple(entry for entry, _ in planned), decisions=decisions)
 
 
-def _everything(render: RenderPlan, light: dict[str, IlluminationPlan]) -> EffectsPlan:
+def _everything(spec: RenderSpec, render: RenderPlan, light: dict[str, IlluminationPlan]) -> EffectsPlan:
+    depth = MOST if spec.max_depth == "auto" else max(int(spec.max_depth), MOST)
     passes = tuple(PassEffects(name=name, extent="frame", lights=_all(light[name].lights) if name in light else (),
-                               max_depth=MOST) for name in PASSES)
+                               max_depth=depth) for name in PASSES)
     reason = "everything on, as asked"
     decisions = (*(Decision(effect=f"pass {name}", choice="frame" if _runs(render, name) else "not run", reason=reason)
                    for name in PASSES),
                  *(Decision(effect=f"lights of {name}", choice="all", reason=reason) for name in LIT),
-                 *(Decision(effect=f"path depth of {name}", choice=f"{MOST}", reason=reason) for name in LIT),
+                 *(Decision(effect=f"path depth of {name}", choice=f"{depth}", reason=reason) for name in LIT),
                  *(Decision(effect=feature, choice="on", reason=reason) for feature in get_args(Feature)))
     return EffectsPlan(features=get_args(Feature), passes=passes, decisions=decisions)
 
@@ -149,6 +154,19 @@ def _lights(scene: _Scene, name: str) -> tuple[tuple[int, ...], Decision]:
     kept = tuple(index for index, each in enumerate(found) if each.kept)
     return kept, Decision(effect=f"lights of {name}", choice=f"{len(kept)} of {len(lights)}",
                           reason=said(lights, found) or "there are none")
+
+
+def _require_light(room: RoomPlan, light: dict[str, IlluminationPlan], render: RenderPlan, where: str) -> None:
+    """Raise PlanError for every pass that would run in the dark."""
+    problems = []
+    for name in (name for name in LIT if _runs(render, name)):
+        found = reaching(light[name], room)
+        if not any(each.kept for each in found):
+            why = said(light[name].lights, found) or "there are none"
+            rule = f"expected a light that reaches the object in the pass {name}, got none: {why}"
+            problems.append(Problem(where=where, path="source" if name == "source" else "target", rule=rule, hint=DARK))
+    if problems:
+        raise PlanError(problems)
 
 
 def _standing(scene: _Scene, name: str) -> list[MaterialUse]:

@@ -4,8 +4,9 @@ from collections.abc import Callable, Sequence
 from typing import get_args
 
 from dataset_builder.assets.asset import Material
+from dataset_builder.assets.glass import disperses, is_pane, is_solid, metallic_range
 from dataset_builder.planning.example_plan import Decision, Feature, FogPlan, LightPlan
-from dataset_builder.planning.materials_used import MaterialUse, SceneUse, is_pane, is_smooth, is_solid
+from dataset_builder.planning.materials_used import MaterialUse, SceneUse, is_smooth
 
 NAMED = 3
 """How many materials a reason names before it counts the rest."""
@@ -26,7 +27,7 @@ _CALLS: dict[Feature, tuple[Callable[[Material], bool], str]] = {
     "sheen": (lambda material: max(material.sheen) > 0, "has sheen"),
     "glass": (is_solid, "is solid glass"),
     "thin": (is_pane, "is thin glass"),
-    "dispersion": (lambda material: is_solid(material) and material.abbe > 0, "is glass with an Abbe number"),
+    "dispersion": (disperses, "is glass with an Abbe number"),
 }
 """What a material must be to call for a feature, and how to say so."""
 
@@ -91,13 +92,15 @@ def _fog(fog: FogPlan) -> Decision:
 def _caustics(materials: Sequence[MaterialUse], lights: Sequence[LightPlan]) -> list[Decision]:
     """What becomes of light that solid glass and mirrors gather on other surfaces. Panes only pass it on."""
     glass = [each for each in materials if is_solid(each.material)]
-    mirrors = [each for each in materials if each.material.metallic > 0.5 and each.roughness <= MIRROR]
+    mirrors = [each for each in materials if metallic_range(each.material)[1] > 0.5 and each.smoothest <= MIRROR]
     if not glass and not mirrors:
         return [Decision(effect="caustics", choice="none", reason="no solid glass and no mirror is in the scene")]
     kinds = {light.kind for light in lights if any(light.radiance)}
     points, wide = sorted(kinds.intersection(POINTS)), sorted(kinds.difference(POINTS))
-    lost = [each for each in glass if is_smooth(each.roughness)]
-    noisy = [each for each in (*glass, *mirrors) if each not in lost]
+    # Textured glass may be smooth in one texel and rough in another
+    lost = [each for each in glass if is_smooth(each.smoothest)]
+    rough = [each for each in glass if not is_smooth(each.roughest)]
+    noisy = [*rough, *(each for each in mirrors if each not in glass)]
     found = ((bool(wide), "simulated", f"paths from a surface meet {_kinds(wide)} by way of", [*glass, *mirrors]),
              (bool(points), "noisy", f"{_kinds(points)} without extent, found only through the narrow lobes of", noisy),
              (bool(points), "not simulated", f"{_kinds(points)} without extent, which no path meets by way of", lost))

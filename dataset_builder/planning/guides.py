@@ -7,6 +7,11 @@ ALBEDO = {"i_s": "d", "i_t": "d"}
 """Layers that carry the colour of the surface, and what shows it. Lighting carries none."""
 
 NORMAL = {"3dm": "normal", "r3dm": "normal_rough"}
+FACTOR = 16
+"""How many times the dataset's spp a reference has that denoised layers are measured against: a quarter of the noise.
+"""
+REPEATS = 2
+"""Independent renders of such an example as the dataset asks: their products hold the bias without the noise."""
 MASKS = {"3dm": ("mask",), "r3dm": ("mask", "mask_rough")}
 """By geometry: where a layer of extent `object` lives is where any of these is above 0."""
 

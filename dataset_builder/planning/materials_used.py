@@ -8,9 +8,10 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from dataset_builder.assets.asset import Asset, Material
+from dataset_builder.assets.glass import roughness_range
 from dataset_builder.geometry.edges import consistent, dihedral_angles, edges_of
 from dataset_builder.geometry.normals import CREASE_ANGLE
-from dataset_builder.planning.albedo import least_roughness, scattered_share
+from dataset_builder.planning.albedo import scattered_share
 from dataset_builder.planning.example_plan import PlacedObject, RoomPlan
 from dataset_builder.planning.realise import asset_of, room_parts
 
@@ -25,29 +26,21 @@ class MaterialUse:
     """One material that at least one face shows.
 
     owner: name of the object, or of the part of the room. part: `furniture`, or a part of the room. scattered: largest
-    share of light that it scatters, see `albedo.scattered_share`. roughness: least over its texels.
+    share of light that it scatters, see `albedo.scattered_share`. smoothest, roughest: least and largest roughness over
+    its texels.
     """
 
     owner: str
     part: str
     material: Material
     scattered: float
-    roughness: float
+    smoothest: float
+    roughest: float
 
     @property
     def name(self) -> str:
         """As reasons name it: `top: oak of train-table-00`."""
         return f"{self.material.name} of {self.owner if self.part == 'furniture' else f'the {self.part}'}"
-
-
-def is_solid(material: Material) -> bool:
-    """Whether a surface bounds glass that bends light."""
-    return material.transmission > 0 and material.metallic < 1 and not material.thin
-
-
-def is_pane(material: Material) -> bool:
-    """Whether a surface is a sheet of glass, which bends none."""
-    return material.transmission > 0 and material.metallic < 1 and material.thin
 
 
 def is_smooth(roughness: float) -> bool:
@@ -57,11 +50,11 @@ def is_smooth(roughness: float) -> bool:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Facts:
-    """What one asset shows. figures: of each material, what it scatters and its least roughness; smooth: whether
-    normals bend."""
+    """What one asset shows. figures: of each material, what it scatters, its least and its largest roughness; smooth:
+    whether normals bend."""
 
     materials: tuple[Material, ...]
-    figures: tuple[tuple[float, float], ...]
+    figures: tuple[tuple[float, float, float], ...]
     smooth: bool
 
 
@@ -84,7 +77,7 @@ def _facts(asset: Asset) -> _Facts:
     if asset not in _known:
         shown = tuple(asset.materials[index] for index in np.unique(asset.mesh.material))
         _known[asset] = _Facts(materials=shown, smooth=_is_smooth(asset), figures=tuple(
-            (scattered_share(material), least_roughness(material)) for material in shown))
+            (scattered_share(material), *roughness_range(material)) for material in shown))
     return _known[asset]
 
 
@@ -99,9 +92,9 @@ def scene_use(room: RoomPlan, objects: Iterable[PlacedObject], mesh_root: Path) 
     """What a room and the objects in it show. Raises PlanError where a mesh file is not the one that was planned."""
     things = [(name, name, asset) for name, asset in room_parts(room).items()]
     things += [(placed.object.name, "furniture", asset_of(placed.object, mesh_root)) for placed in objects]
-    uses = [MaterialUse(owner=owner, part=part, material=material, scattered=scattered, roughness=roughness)
+    uses = [MaterialUse(owner=owner, part=part, material=material, scattered=scattered, smoothest=least, roughest=most)
             for owner, part, asset in things
-            for material, (scattered, roughness) in zip(_facts(asset).materials, _facts(asset).figures, strict=True)]
+            for material, (scattered, least, most) in zip(_facts(asset).materials, _facts(asset).figures, strict=True)]
     return SceneUse(materials=tuple(uses),
                     smooth=tuple(owner for owner, _, asset in things if _facts(asset).smooth),
                     flat=tuple(owner for owner, _, asset in things if not _facts(asset).smooth),

@@ -11,8 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, exp, log
 
+from dataset_builder.assets.glass import is_pane, is_solid
 from dataset_builder.planning.example_plan import FogPlan
-from dataset_builder.planning.materials_used import MaterialUse, is_pane, is_smooth, is_solid
+from dataset_builder.planning.materials_used import MaterialUse, is_smooth
 
 LEAST, MOST = 3, 64
 SOLID_CROSSINGS, PANE_CROSSINGS = 8, 4
@@ -56,7 +57,7 @@ def needed_depth(share: float, bias: float) -> int:
 def crossings(materials: Sequence[MaterialUse]) -> int:
     """Edges that paths need beyond the bound, to get through glass."""
     solid = any(is_solid(use.material) for use in materials)
-    panes = any(is_pane(use.material) and not is_smooth(use.roughness) for use in materials)
+    panes = any(is_pane(use.material) and not is_smooth(use.roughest) for use in materials)
     return SOLID_CROSSINGS * solid + PANE_CROSSINGS * panes
 
 

@@ -113,7 +113,7 @@ class Planner:
         fog = self.contents[ref.view.pair.split].scenes[ref.view.pair.scene].fog
         effects = plan_effects(spec=spec.render, room=stage.room, target=stage.target, furniture=stage.furniture,
                                source_light=shared.source, target_light=light, fog=fog, render=render,
-                               mesh_root=self.loaded.path.parent)
+                               mesh_root=self.loaded.path.parent, where=_where(ref.view, stage))
         return ExamplePlan(
             schema_version=SCHEMA_VERSION, key=ref.key, index=ref.index, split=ref.view.pair.split, view=ref.view.name,
             light=ref.light, room=shared.stage.room, target=shared.stage.target, furniture=shared.stage.furniture,

@@ -21,7 +21,8 @@ from dataset_builder.errors import PlanError
 from dataset_builder.planning.example_plan import IlluminationPlan, LightPlan
 from dataset_builder.planning.irradiance import BEAM_SHARE
 from dataset_builder.rendering.beads import bead, is_bead
-from dataset_builder.rendering.images import LAMP_SIDE, environment, lamp_texture, mean_luminance, read_image
+from dataset_builder.rendering.images import LAMP_SIDE, environment, lamp_texture, read_image
+from dataset_builder.spec.image_source import ENVIRONMENT_SUFFIXES, TEXTURE_SUFFIXES
 
 SPARE_DEPTH = -240.0
 """Height of spare lights: far below any floor, within the cube that `shapes` pads scenes to."""
@@ -40,7 +41,8 @@ class _Images:
         """The image of a light that has one."""
         if self.root is None:
             raise PlanError(f"lights: expected the folder of the image {light.image}, got none")
-        return read_image(self.root / light.image, light.image_sha256)
+        suffixes = ENVIRONMENT_SUFFIXES if light.kind == "dome" else TEXTURE_SUFFIXES
+        return read_image(self.root / light.image, light.image_sha256, suffixes)
 
 
 def emitters(illumination: IlluminationPlan, image_root: Path | None = None) -> dict[str, Any]:
@@ -82,7 +84,7 @@ def _dome(light: LightPlan, images: _Images) -> dict[str, Any]:
     texels = environment(images.of(light))
     return {"type": "envmap", "bitmap": mi.Bitmap(texels * np.array(light.radiance, dtype=np.float32)),
             "to_world": mi.ScalarTransform4f().rotate([0, 0, 1], light.turn) @ _upright(),
-            "sampling_weight": light.weight * mean_luminance(texels)}
+            "sampling_weight": light.weight}
 
 
 def _upright() -> mi.ScalarTransform4f:

@@ -11,7 +11,6 @@ from dataset_builder.digest import sha256_file
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.planning.blackbody import LUMINANCE
 
-KINDS = (".exr", ".hdr", ".png")
 KEPT = 4
 """Images kept in memory: those of the lights of one view."""
 LAMP_SIDE = 256
@@ -21,14 +20,14 @@ LEAST_WIDTH, MOST_WIDTH = 64, 4096
 
 
 @lru_cache(maxsize=KEPT)
-def read_image(path: Path, sha256: str) -> np.ndarray:
+def read_image(path: Path, sha256: str, suffixes: tuple[str, ...]) -> np.ndarray:
     """(H, W, 3) float32 linear Rec.709 of an OpenEXR, Radiance or PNG file (sRGB), not to be written to.
 
-    Raises PlanError where the file is missing, is not the one that was planned, cannot be read, or holds values that
-    are not finite or below 0.
+    suffixes: those that its use allows. Raises PlanError where the file has another one, is missing, is not the one
+    that was planned, cannot be read, is black, or holds values that are not finite or below 0.
     """
-    if path.suffix.lower() not in KINDS:
-        raise _refused(path, f"expected a file of kind {' '.join(KINDS)}, got {path.suffix or 'none'}", "convert it")
+    if path.suffix.lower() not in suffixes:
+        raise _refused(path, f"expected a file of kind {' '.join(suffixes)}, got {path.suffix or 'none'}", "convert it")
     try:
         found = sha256_file(path)
     except OSError as error:
@@ -40,6 +39,9 @@ def read_image(path: Path, sha256: str) -> np.ndarray:
     bad = image[~(np.isfinite(image) & (image >= 0))]
     if len(bad):
         raise _refused(path, f"expected finite values of at least 0, got {bad[0]:g} in {len(bad)} places", "mend it")
+    # What underflows when it is brought to mean 1 is as good as black
+    if image.mean(dtype=np.float64) < np.finfo(np.float32).tiny:
+        raise _refused(path, "expected an image with light in it, got a black one", "leave it out, or mend it")
     image.flags.writeable = False
     return image
 
@@ -54,22 +56,30 @@ def _decoded(path: Path) -> np.ndarray:
 
 
 def lamp_texture(image: np.ndarray) -> np.ndarray:
-    """(LAMP_SIDE, LAMP_SIDE, 3) float32 of mean luminance 1; all zeros stay zeros."""
+    """(LAMP_SIDE, LAMP_SIDE, 3) float32 of mean luminance 1, of an image that is not black."""
     texels = resized(image, (LAMP_SIDE, LAMP_SIDE))
-    mean = float(texels.mean(axis=(0, 1), dtype=np.float64) @ LUMINANCE)
-    return (texels / mean if mean > 0 else texels).astype(np.float32)
+    return (texels / float(texels.mean(axis=(0, 1), dtype=np.float64) @ LUMINANCE)).astype(np.float32)
 
 
 def environment(image: np.ndarray) -> np.ndarray:
-    """(W/2, W, 3) float32 whose width is a power of two, the next one to the image's."""
+    """(W/2, W, 3) float32 of mean luminance 1 over the sphere, of an image that is not black; the width is a power of
+    two, the next one to the image's."""
     width = int(np.clip(1 << (image.shape[1] - 1).bit_length(), LEAST_WIDTH, MOST_WIDTH))
-    return resized(image, (width, width // 2)).astype(np.float32)
+    texels = resized(image, (width, width // 2))
+    return (texels / mean_luminance(texels)).astype(np.float32)
 
 
 def mean_luminance(image: np.ndarray) -> float:
-    """Mean luminance of a latitude-longitude image over the sphere."""
-    rows = np.sin(np.pi * (np.arange(len(image)) + 0.5) / len(image))
-    return float(np.average((image @ LUMINANCE).mean(axis=1), weights=rows))
+    """Mean luminance over the sphere of a latitude-longitude image as Mitsuba shows it.
+
+    Its first and last rows are the poles, and between two rows it is linear in the polar angle t: row i weighs the
+    integral of its hat function times sin t.
+    """
+    step = np.pi / (len(image) - 1)
+    weights = 2 * np.sin(step * np.arange(len(image))) * (1 - np.cos(step)) / step
+    weights[[0, -1]] = 1 - np.sin(step) / step
+    rows = (image @ LUMINANCE).mean(axis=1, dtype=np.float64)
+    return float(np.average(rows, weights=weights))
 
 
 def _refused(path: Path, rule: str, hint: str) -> PlanError:

@@ -1,7 +1,7 @@
 """Means of pixels with honest errors: from batches, from several rounds together, and over a whole layer.
 
-Nothing here traces a ray. Rounds are independent of each other; how many samples each took of a pixel may depend on
-other pixels, never on its own, so that pooling by number of samples is unbiased (see `rounds`).
+Nothing here traces a ray. Estimates are independent of each other; how many samples each took of a pixel must not
+depend on what it found there, so that pooling by number of samples is unbiased (see `rounds`).
 """
 
 from collections.abc import Sequence
@@ -79,6 +79,18 @@ def pooled(rounds: Sequence[Estimate]) -> Estimate:
     with np.errstate(divide="ignore", invalid="ignore"):
         freedom = np.where(doubt > 0, variance**2 / doubt, most)
     return Estimate(mean=mean, error=np.sqrt(variance), spp=spp, freedom=freedom)
+
+
+def averaged(halves: Sequence[Estimate]) -> Estimate:
+    """Independent estimates of the same pixels as one, each with the same weight whatever its samples."""
+    n = len(halves)
+    parts = [(found.error / n) ** 2 for found in halves]
+    variance = np.sum(parts, axis=0)
+    doubt = sum(part**2 / np.maximum(found.freedom, 1) for part, found in zip(parts, halves, strict=True))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        freedom = np.where(doubt > 0, variance**2 / doubt, sum(found.freedom for found in halves))
+    return Estimate(mean=sum(found.mean for found in halves) / n, error=np.sqrt(variance),
+                    spp=np.sum([found.spp for found in halves], axis=0), freedom=freedom)
 
 
 def gathered(found: Estimate, entries: np.ndarray, count: int) -> Estimate:

@@ -37,10 +37,10 @@ class View:
         """The camera, as Mitsuba's."""
         return sensor_of(self.camera, self.render.width, self.render.height)
 
-    def estimate(self, integrand: Integrand, pixels: np.ndarray, spp: int, seed: int) -> Estimate:
-        """`rendering.estimate.estimate` with this view's size and batches."""
-        return estimate(integrand, pixels, width=self.render.width, height=self.render.height, spp=spp,
-                        batches=self.render.batches, seed=seed)
+    def estimate(self, integrand: Integrand, pixels: np.ndarray, spp: int, batches: int, seed: int) -> Estimate:
+        """`rendering.estimate.estimate` with this view's size."""
+        return estimate(integrand, pixels, width=self.render.width, height=self.render.height, spp=spp, batches=batches,
+                        seed=seed)
 
 
 def radiance_sampler(view: View, stage: Stage, max_depth: int) -> Sample:
@@ -54,15 +54,15 @@ def radiance_sampler(view: View, stage: Stage, max_depth: int) -> Sample:
         channels = [*found.image, *found.shading, *found.specular, *(found.shading * found.shading)]
         return [*channels, *found.air] if stage.fog else channels
 
-    def sample(pixels: np.ndarray, spp: int, seed: int) -> Estimate:
-        return view.estimate(integrand, pixels, spp, seed).padded(RADIANCE_CHANNELS["air"].stop)
+    def sample(pixels: np.ndarray, spp: int, batches: int, seed: int) -> Estimate:
+        return view.estimate(integrand, pixels, spp, batches, seed).padded(RADIANCE_CHANNELS["air"].stop)
 
     return sample
 
 
 def radiance(view: View, stage: Stage, pixels: np.ndarray, *, max_depth: int, spp: int, seed: int) -> Estimate:
     """What `radiance_sampler` samples, at a fixed spp."""
-    return radiance_sampler(view, stage, max_depth)(pixels, spp, seed)
+    return radiance_sampler(view, stage, max_depth)(pixels, spp, view.render.batches, seed)
 
 
 def first_hit(view: View, stage: Stage, pixels: np.ndarray, *, spp: int, seed: int) -> Estimate:
@@ -82,7 +82,7 @@ def first_hit(view: View, stage: Stage, pixels: np.ndarray, *, spp: int, seed: i
                     *(diffuse * diffuse)]
         return [channels[0], *(dr.select(met, channel, 0) for channel in channels[1:])]
 
-    return view.estimate(integrand, pixels, spp, seed)
+    return view.estimate(integrand, pixels, spp, view.render.batches, seed)
 
 
 def instances(view: View, stage: Stage, pixels: np.ndarray) -> np.ndarray:

@@ -1,19 +1,21 @@
 """Sampling in rounds: every pixel a little, then more where the noise is, until each layer is as good as was asked.
 
 Samples that decide how many follow must not be averaged with those: a pixel that looks dark by chance would be left
-dark. So the noise of a pixel is predicted from the samples of the pixels around it, and its own have no say
-(`allocation`): how often a pixel is asked is independent of what it answers, and its mean is unbiased.
+dark, and a picture whose rare bright paths have not come yet would be taken for finished. So there are two halves with
+random numbers of their own, and each is told by the other where to go on and when to stop: how often a half asks a
+pixel is independent of what it finds there. The result is their plain average.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from math import sqrt
 from time import perf_counter
 from typing import Literal
 
 import numpy as np
 
-from dataset_builder.rendering.allocation import SHARE, predicted_deviation, wanted
-from dataset_builder.rendering.moments import Estimate, gathered, pooled, quantile, relative
+from dataset_builder.rendering.allocation import deviations, expected_error, wanted
+from dataset_builder.rendering.moments import Estimate, averaged, gathered, pooled
 from dataset_builder.rendering.neighbours import moderated
 from dataset_builder.seeding import derive_seed
 
@@ -24,7 +26,7 @@ BATCH_SIZES = (4, 16, 64, 256, 1024)
 """Samples per batch in later rounds: each size is a kernel of its own."""
 
 GROWTH = 8.0
-"""After a round, a pixel has at most this many times the samples it had: predictions are noisy themselves."""
+"""After a round, a pixel has at most this many times the samples it had: errors are noisy themselves."""
 
 AIM = 0.97
 """Share of the error asked for that rounds aim at, to arrive rather than come close again and again."""
@@ -32,8 +34,11 @@ AIM = 0.97
 SLACK = 0.02
 """A pixel that lacks this share of its samples at most is there."""
 
-Sample = Callable[[np.ndarray, int, int], Estimate]
-"""(pixels, spp, seed) -> their estimate."""
+LEAST_BATCHES = 2
+"""Independent batches in a half: fewer have no error."""
+
+Sample = Callable[[np.ndarray, int, int, int], Estimate]
+"""(pixels, spp, batches, seed) -> their estimate."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -67,52 +72,57 @@ def refine(sample: Sample, pixels: np.ndarray, width: int, *, first: int, batche
 
     pixels: (P,) indices row * width + column, rising. batches: independent ones in every round. seed: 64 bits.
     """
-    start, stopped, smallest = clock(), dict[str, Stop](), batches * BATCH_SIZES[0]
-    rounds = [found := sample(pixels, first, seed)]
-    known = moderated(found, pixels, width)
-    while open_goals := [goal for goal in goals if goal.layer not in stopped]:
-        spent, wishes = clock() - start, []
-        for goal in open_goals:
-            extra = _extra(goal, known, pixels, width, smallest)
-            if stop := _stop(goal, known, extra, spent):
-                stopped[goal.layer] = stop
-            else:
-                wishes.append(_within(goal, found, extra, spent))
-        if wishes:
-            own_seed = derive_seed(seed, "round", len(rounds))
-            rounds.append(_more(sample, pixels, np.max(wishes, axis=0), batches, own_seed))
-            found = pooled(rounds)
-            known = moderated(found, pixels, width)
-    return Refined(found=known, stopped=stopped, rounds=len(rounds))
+    if not goals:
+        return Refined(found=moderated(sample(pixels, first, batches, seed), pixels, width), stopped={}, rounds=1)
+    start, each = clock(), max(LEAST_BATCHES, batches // 2)
+    halves = [[sample(pixels, max(each, first // 2), each, derive_seed(seed, "half", k))] for k in (0, 1)]
+    while True:
+        found = [pooled(half) for half in halves]
+        known = [moderated(half, pixels, width) for half in found]
+        extras = [{goal.layer: _extra(goal, found[k], known[1 - k], each * BATCH_SIZES[0]) for goal in goals}
+                  for k in (0, 1)]
+        stopped = {goal.layer: _stop(goal, found, known, [extra[goal.layer] for extra in extras], clock() - start)
+                   for goal in goals}
+        open_goals = [goal for goal in goals if not stopped[goal.layer]]
+        if not open_goals:
+            break
+        for k, half in enumerate(halves):
+            spent = clock() - start
+            extra = np.max([_within(goal, found[k], extras[k][goal.layer], spent) for goal in open_goals], axis=0)
+            if extra.any():
+                half.append(_more(sample, pixels, extra, each, derive_seed(seed, "round", k, len(half))))
+    ended = {layer: stop for layer, stop in stopped.items() if stop}
+    return Refined(found=moderated(averaged(found), pixels, width), stopped=ended, rounds=max(map(len, halves)))
 
 
-def _reached(goal: Goal, found: Estimate) -> float:
-    """The error that SHARE of the pixels stay below."""
-    return quantile(relative(found.mean[goal.inside, goal.channels], found.error[goal.inside, goal.channels]), SHARE)
+def _error_of_a_half(goal: Goal) -> float:
+    """What each half's error is to be, for the average of both to have the one asked for."""
+    return sqrt(2) * goal.error
 
 
-def _extra(goal: Goal, found: Estimate, pixels: np.ndarray, width: int, smallest: int) -> np.ndarray:
-    """(P,) samples that each pixel lacks for one goal, of which a round can take no less than `smallest`; 0 for pixels
-    that are there, or at the cap."""
-    wish = np.where(goal.inside, GROWTH * found.spp, 0)
+def _extra(goal: Goal, own: Estimate, other: Estimate, smallest: int) -> np.ndarray:
+    """(P,) samples that a half lacks for one goal, by what the other half knows; a round can take no fewer than
+    `smallest` of a pixel. 0 for pixels that are there, or at the cap."""
+    wish = np.where(goal.inside, GROWTH * own.spp, 0)
     if goal.error:
-        deviation = predicted_deviation(found, goal.channels, goal.inside, pixels, width)
-        # One factor for all pixels, so that what is predicted for the layer is what was found
-        expected = np.quantile((deviation / np.sqrt(found.spp))[goal.inside], SHARE) if goal.inside.any() else 0.0
-        scale = _reached(goal, found) / expected if expected else 1.0
-        wish = wanted(scale * deviation, AIM * goal.error)
-    lacking = np.minimum(wish, GROWTH * found.spp) - found.spp
-    room = goal.cap - found.spp
-    return np.where((lacking > SLACK * found.spp) & (room >= smallest), np.minimum(lacking, room), 0)
+        deviation = deviations(other, goal.channels, goal.inside)
+        if expected_error(deviation, own.spp) <= _error_of_a_half(goal):
+            return np.zeros(len(own.spp))
+        wish = wanted(deviation, AIM * _error_of_a_half(goal))
+    lacking = np.minimum(wish, GROWTH * own.spp) - own.spp
+    room = goal.cap // 2 - own.spp
+    return np.where((lacking > SLACK * own.spp) & (room >= smallest), np.minimum(lacking, room), 0)
 
 
-def _stop(goal: Goal, found: Estimate, extra: np.ndarray, spent: float) -> Stop | None:
+def _stop(goal: Goal, found: Sequence[Estimate], known: Sequence[Estimate], extras: Sequence[np.ndarray],
+          spent: float) -> Stop | None:
     """Why a goal is done with, if it is."""
-    if goal.error and _reached(goal, found) <= goal.error:
-        return "error"
     if goal.seconds and spent >= goal.seconds:
         return "time"
-    return None if extra.any() else "cap"
+    if any(extra.any() for extra in extras):
+        return None
+    reached = [expected_error(deviations(known[1 - k], goal.channels, goal.inside), found[k].spp) for k in (0, 1)]
+    return "error" if goal.error and max(reached) <= _error_of_a_half(goal) else "cap"
 
 
 def _within(goal: Goal, found: Estimate, extra: np.ndarray, spent: float) -> np.ndarray:
@@ -133,6 +143,6 @@ def _more(sample: Sample, pixels: np.ndarray, extra: np.ndarray, batches: int, s
     for kind, size in enumerate(sizes.tolist()):
         if len(here := np.flatnonzero((chosen == kind) & (times > 0))):
             entries = np.repeat(here, times[here])
-            part = sample(pixels[entries], size, derive_seed(seed, size))
+            part = sample(pixels[entries], size, batches, derive_seed(seed, size))
             parts.append(gathered(part, entries, len(pixels)))
     return pooled(parts)

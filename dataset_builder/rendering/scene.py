@@ -103,6 +103,6 @@ def sensor_of(camera: CameraPlan, width: int, height: int) -> mi.Sensor:
     film = {"type": "hdrfilm", "width": width, "height": height, "rfilter": {"type": "box"}, "pixel_format": "rgb",
             "component_format": "float32"}
     sensor: dict[str, Any] = {"type": "perspective", "fov": camera.fov, "fov_axis": "x", "film": film,
-                              "near_clip": 1e-3, "far_clip": 1e4,
+                              "near_clip": 1e-3, "far_clip": 1e7,
                               "to_world": mi.ScalarTransform4f().look_at(camera.position, camera.target, camera.up)}
     return mi.load_dict(sensor)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dataset_builder.assets.asset import Material, Texture
+from dataset_builder.assets.glass import disperses, is_pane, is_solid
 from dataset_builder.errors import PlanError, Problem
 
 CHANNELS = 8
@@ -101,10 +102,9 @@ def needs(materials: Sequence[Material]) -> frozenset[str]:
 
 
 def _needs(m: Material) -> set[str]:
-    may_transmit = m.transmission > 0 and (m.metallic < 1 or (m.texture is not None and m.texture.metallic is not None))
     calls = {"textures": m.texture is not None, "specular": m.metallic > 0 or (m.specular > 0 and m.transmission < 1),
-             "coat": m.coat > 0, "sheen": max(m.sheen) > 0, "glass": may_transmit and not m.thin,
-             "thin": may_transmit and m.thin, "dispersion": may_transmit and not m.thin and m.abbe > 0}
+             "coat": m.coat > 0, "sheen": max(m.sheen) > 0, "glass": is_solid(m), "thin": is_pane(m),
+             "dispersion": disperses(m)}
     return {feature for feature, called in calls.items() if called}
 
 

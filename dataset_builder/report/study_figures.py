@@ -70,7 +70,9 @@ def sampling_figure(rows: Sequence[Row], advice: Advice, questions: Sequence[str
         for question in questions:
             _curve(one, rows, question, layer, pale=question == UNIFORM and len(questions) > 1)
             if question != UNIFORM or len(questions) == 1:
-                _mark(one, advice.marked.get((question, layer)))
+                # Denoising trades noise for bias: it is never recommended
+                smooth = question in (DENOISED, ADAPTIVE_DENOISED)
+                _mark(one, advice.marked.get((question, layer)), "knee" if smooth else "recommended")
         _slope(one, curve(rows, UNIFORM, layer))
         _dressed(one, layer, SECONDS, ERROR)
         one.legend(fontsize=8)
@@ -94,10 +96,10 @@ def _curve(axes: Axes, rows: Sequence[Row], question: str, layer: str, *, pale: 
                       fontsize=7, color=colour, alpha=0.6 if pale else 1)
 
 
-def _mark(axes: Axes, point: Point | None) -> None:
+def _mark(axes: Axes, point: Point | None, what: str = "recommended") -> None:
     if point:
         axes.plot([point.seconds], [point.error], marker="*", markersize=17, color="black", markerfacecolor="#F0E442",
-                  linestyle="none", zorder=5, label=f"recommended: {point.setting}")
+                  linestyle="none", zorder=5, label=f"{what}: {point.setting}")
 
 
 def _slope(axes: Axes, points: Sequence[Point]) -> None:

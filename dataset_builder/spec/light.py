@@ -27,7 +27,8 @@ class SourceSpec(Model):
     sun: SunSpec | None = None
     """Leave it out for none."""
     environment: str = ""
-    """Latitude-longitude image (.exr .hdr), relative to the dataset file, that multiplies `dome`; empty for none."""
+    """Latitude-longitude image (.exr .hdr), relative to the dataset file, that multiplies `dome`; brought to mean
+    luminance 1 over the sphere, so that `dome` says how bright it is. Empty for none."""
     turn: AnyNumber = 0.0
     """Degrees that the environment is turned about the vertical."""
     open: tuple[Literal["ceiling", "walls"], ...] = ("ceiling", "walls")
@@ -56,14 +57,15 @@ class TargetSpec(Model):
     dome: within(low=0) = 0.05  # type: ignore[valid-type]
     """Radiance of the dim light from outside, through windows."""
     environment: str = ""
-    """Latitude-longitude image (.exr .hdr), relative to the dataset file, that multiplies `dome`; empty for none."""
+    """Latitude-longitude image (.exr .hdr), relative to the dataset file, that multiplies `dome`; brought to mean
+    luminance 1 over the sphere, so that `dome` says how bright it is. Empty for none."""
     turn: AnyNumber = 0.0
     """Degrees that the environment is turned about the vertical."""
     sun: SunSpec | None = None
     """A sun outside, which shines in through windows; leave it out for none."""
     textures: tuple[str, ...] = ()
     """Images (.exr .png), relative to the dataset file, one of which every area light shows, each as likely; brought
-    to mean 1, so that `strength` holds. Empty for even light."""
+    to mean luminance 1, so that `strength` holds. Empty for even light."""
     brightness: Annotated[Interval, interval(0)] = (0.1, 20.0)
     """Least and largest mean direct irradiance on the visible part of the object, in units of the source dome's."""
     attempts: PositiveInt = 200

@@ -18,7 +18,8 @@ class LoadedSpec:
 
     Files are keyed by their path relative to the folder of the dataset file, with forward slashes; every reference
     inside `dataset` and `scenes` is such a key, so `rooms[scene.room]` and `objects[piece.object]` always work.
-    meshes: the mesh file of each object that has one, under the object's key.
+    meshes: the mesh file of each object that has one, under the object's key. images: SHA-256 of each image that lights
+    show, by its name in the dataset file.
     """
 
     path: Path
@@ -27,10 +28,12 @@ class LoadedSpec:
     scenes: Mapping[str, SceneSpec]
     rooms: Mapping[str, RoomSpec]
     meshes: Mapping[str, MeshSource]
+    images: Mapping[str, str]
 
     @cached_property
     def spec_digest(self) -> str:
-        """SHA-256 over the content of everything, mesh files included; not over the folder that it lies in."""
+        """SHA-256 over the content of everything, files of meshes and images
+        included; not over the folder that it lies in."""
         return digest(self.content())
 
     def content(self) -> dict[str, Any]:
@@ -39,4 +42,5 @@ class LoadedSpec:
         plain = {kind: {key: spec.model_dump(mode="json", by_alias=True) for key, spec in specs.items()}
                  for kind, specs in groups.items()}
         meshes = {key: mesh.content() for key, mesh in self.meshes.items()}
-        return {"dataset": self.dataset.model_dump(mode="json", by_alias=True), "meshes": meshes, **plain}
+        return {"dataset": self.dataset.model_dump(mode="json", by_alias=True), "meshes": meshes,
+                "images": dict(self.images), **plain}

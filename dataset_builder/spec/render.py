@@ -51,7 +51,7 @@ class GoalSpec(Model):
     seconds: Annotated[float, Field(gt=0)] | None = None
     """Time after which no further round begins; what comes out then depends on the machine."""
     cap: PositiveInt = 4096
-    """Most samples of any pixel."""
+    """Most samples of any pixel, at least the spp of the layer's pass."""
 
     @model_validator(mode="after")
     def _asks_for_something(self) -> "GoalSpec":
@@ -64,11 +64,18 @@ class DenoiseSpec(Model):
     """Layers that are shipped denoised; the record of every example says so and how far that may be trusted."""
 
     layers: tuple[Literal["i_s", "i_t", "s", "s_prime"], ...] = ()
-    """Layers to denoise, among those that the dataset holds; none by default."""
+    """Different layers to denoise, among those that the dataset holds; none by default."""
     keep_raw: bool = False
     """Also ship each as it was before, as `<layer>_raw`."""
     examples: PositiveInt = 2
     """Converged examples of the dataset on which the bias is measured before the build begins."""
+
+    @model_validator(mode="after")
+    def _distinct_layers(self) -> "DenoiseSpec":
+        for index, name in enumerate(self.layers):
+            if name in self.layers[:index]:
+                raise broken(f"expected each layer once, got {name} again", path=("layers", index))
+        return self
 
 
 def _depth(value: Any) -> str | None:
@@ -120,4 +127,13 @@ class RenderSpec(Model):
             spp = getattr(self.spp, name)
             if spp % self.batches:
                 raise broken(f"expected a multiple of batches ({self.batches}), got {spp}", path=("spp", name))
+        return self
+
+    @model_validator(mode="after")
+    def _caps_allow_the_first_round(self) -> "RenderSpec":
+        for name, goal in self.accuracy.items():
+            render_pass = LAYERS[name].render_pass
+            if goal.cap < (spp := getattr(self.spp, render_pass)):
+                raise broken(f"expected >= the spp of its pass, {spp} of {render_pass}, got {goal.cap}",
+                             path=("accuracy", name, "cap"))
         return self

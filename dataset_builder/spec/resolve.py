@@ -13,6 +13,7 @@ from dataset_builder.spec.check import check_object, check_splits, files_like, f
 from dataset_builder.spec.dataset import DatasetSpec, ObjectsSpec, ScenesSpec, SplitSpec
 from dataset_builder.spec.document import Document
 from dataset_builder.spec.families import FAMILIES
+from dataset_builder.spec.image_source import find_images
 from dataset_builder.spec.loaded import LoadedSpec
 from dataset_builder.spec.mesh_source import MeshSource
 from dataset_builder.spec.model import Model
@@ -58,13 +59,16 @@ class Resolver:
         for path, name in _split_references(document.data):
             kind = self._object if path[2] == "objects" else self._scene
             self._follow(document, path, name, "", kind)
+        images, problems = find_images(document, self.root.parent)
+        self.problems += problems
         if spec is not None:
             spec = spec.model_copy(update={"splits": tuple(map(_keyed_split, spec.splits))})
             self.problems += check_splits(spec, document, self.meshes)
         if self.problems or spec is None:
             raise SpecError(dict.fromkeys(self.problems))
         return LoadedSpec(path=self.root, dataset=spec, objects=_found(self.objects), scenes=_found(self.scenes),
-                          rooms=_found(self.rooms), meshes=MappingProxyType(self.meshes))
+                          rooms=_found(self.rooms), meshes=MappingProxyType(self.meshes),
+                          images=MappingProxyType(images))
 
     def _validated(self, document: Document, model: type[AnyModel]) -> AnyModel | None:
         result = validated(document, model)

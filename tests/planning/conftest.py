@@ -90,7 +90,7 @@ def load(tmp_path: Path) -> Load:
              room: dict[str, Any] | None = None, **more: Any) -> LoadedSpec:
         objects = {f"{family}.yaml": ObjectSpec(family=family) for family in ("chair", "stool", "cabinet")}
         return LoadedSpec(path=tmp_path / "dataset.yaml", dataset=DatasetSpec.model_validate(dataset or dataset_data()),
-                          objects=objects | more.pop("objects", {}), meshes=more.pop("meshes", {}),
+                          objects=objects | more.pop("objects", {}), meshes=more.pop("meshes", {}), images={},
                           scenes={"scene.yaml": SceneSpec.model_validate(scene or scene_data())},
                           rooms={"room.yaml": RoomSpec.model_validate(room or {"width": 6, "depth": 5, "height": 2.8})})
 

@@ -54,9 +54,9 @@ def traced(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[tuple[str, int, boo
 
 
 def _watched_sampler(sample: Callable[..., Any], ran: list[tuple[str, int, bool]], lights: list[Any]) -> Any:
-    def watched(pixels: np.ndarray, spp: int, seed: int) -> Any:
+    def watched(pixels: np.ndarray, *rest: int) -> Any:
         ran.append(("radiance", len(pixels), lights[-1] is not None))
-        return sample(pixels, spp, seed)
+        return sample(pixels, *rest)
     return watched
 
 

@@ -31,7 +31,7 @@ def scenes() -> list[tuple[Any, slice, np.ndarray, Any]]:
         plan = planner.example(planner.examples[index])
         shared = ViewPasses(plan=plan, mesh_root=loaded.path.parent)
         pixels = shared.covered_by_either(plan)
-        reference = sampler(shared)(pixels, REFERENCE_SPP, 999)
+        reference = sampler(shared)(pixels, REFERENCE_SPP, BATCHES, 999)
         found.append((shared, RADIANCE_CHANNELS[layer], pixels, reference))
         shared.scenes.close()
     return found

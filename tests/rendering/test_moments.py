@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from dataset_builder.rendering.moments import Estimate, gathered, of_batches, pooled, quantile, relative
+from dataset_builder.rendering.moments import Estimate, averaged, gathered, of_batches, pooled, quantile, relative
+from dataset_builder.rendering.neighbours import moderated
 
 RNG = np.random.default_rng(3)
 
@@ -68,3 +69,19 @@ def test_relative_errors_have_a_floor():
 
 def test_quantile_of_no_pixels_is_zero():
     assert quantile(np.zeros((0, 3))) == 0.0 and quantile(np.array([[3.0, 3.0]])) == pytest.approx(3.0)
+
+
+def test_halves_weigh_the_same_whatever_their_samples():
+    a, b = normal_round(3, 16), normal_round(3, 400)
+    both = averaged([a, b])
+    assert both.mean == pytest.approx((a.mean + b.mean) / 2) and (both.spp == 416).all()
+    assert both.error == pytest.approx(np.hypot(a.error, b.error) / 2)
+
+
+@pytest.mark.parametrize("pixels", [[5], [5, 6], [5, 7, 9], list(range(9)), list(range(400))])
+def test_moderated_intervals_cover_whatever_the_shape_of_a_mask(pixels):
+    """From a pixel alone, which keeps its own error, to a frame: 92 to 98% of 95% intervals hold the truth."""
+    pixels = np.array(pixels)
+    found = [moderated(normal_round(len(pixels), 16), pixels, 20) for _ in range(6000 // len(pixels))]
+    covered = np.mean([np.abs(one.mean - 2.0) <= one.interval() for one in found])
+    assert 0.92 < covered < 0.98

@@ -10,6 +10,9 @@ from dataset_builder.studies.accuracy.rows import Row, of
 from dataset_builder.studies.accuracy.sampling import ADAPTIVE, UNIFORM
 from dataset_builder.studies.errors import geometric_mean
 
+TOLERABLE = 0.1
+"""Error above which no setting is recommended, however well it pays to be that cheap."""
+
 PRICE = 3.5
 """Times the seconds that halving the error costs beyond the knee; 4 where error falls as seconds to the -1/2."""
 
@@ -50,12 +53,14 @@ def _point(rows: Sequence[Row]) -> Point:
 
 
 def knee(points: Sequence[Point]) -> Point | None:
-    """The cheapest point from which on halving the error costs `PRICE` times the time or more; None without points.
+    """The cheapest point with a `TOLERABLE` error from which on halving it costs `PRICE` times the time or more; the
+    most accurate where none is tolerable, None without points.
 
     Before it, fixed costs of a pass dominate and accuracy is cheap; beyond it, Monte Carlo's law holds, or less than
     that. The price is taken over the next two steps, one where there is only one, as times are noisy.
     """
     usable = [point for point in points if not point.at_floor and point.error > 0]
+    usable = [point for point in usable if point.error <= TOLERABLE] or usable[-1:]
     for index, point in enumerate(usable):
         later = usable[min(index + 2, len(usable) - 1)]
         if later is point or price(point, later) >= PRICE:

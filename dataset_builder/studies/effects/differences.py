@@ -1,14 +1,15 @@
 """Two renderings of one example with independent samples: is the difference noise, or more than that?
 
 Of a layer with light, the standard error of every pixel is known. It comes from the spread of B batches, so that the
-difference of two pixels over its standard error follows Student's t with 2 (B - 1) degrees of freedom rather than a
-normal distribution. Of a layer without light, the noise on outlines and textures comes from a third rendering.
+difference of two pixels over its standard error follows Student's t rather than a normal distribution: with 2 (B - 1)
+degrees of freedom of its own and `neighbours.PRIOR` of those around it on each side, which are the same neighbours twice
+and count once. Of a layer without light, the noise on outlines and textures comes from a third rendering.
 
 A layer passes where both rules hold:
 - bias: |mean of the difference| <= allowed * mean + SIGMAS * its standard error, over the pixels that count;
 - pixels: the share of pixels that differ by more than allowed * mean + SIGMAS of their own standard errors is at most
   FACTOR times what t says, plus SIGMAS standard deviations of such a share.
-Means are those of the layer with everything on; allowed is `render.bias`.
+Means are those of absolute values of the layer with everything on; allowed is `render.bias`.
 """
 
 from dataclasses import dataclass
@@ -16,6 +17,8 @@ from math import sqrt
 
 import numpy as np
 from scipy.stats import t
+
+from dataset_builder.rendering.neighbours import PRIOR
 
 SIGMAS = 3.3
 """Standard errors that noise exceeds once in a thousand times, where they are known exactly."""
@@ -75,7 +78,7 @@ def noisy_difference(example: str, layer: str, planned: np.ndarray, everything: 
                       bias=_over(float(difference.mean()), scale) if len(difference) else 0.0,
                       bias_se=_over(sqrt(float(np.sum(deviation**2))) / max(len(difference), 1), scale),
                       worst_z=float(z.max(initial=0.0)), share=float(beyond.mean()) if len(beyond) else 0.0,
-                      expected=float(2 * t.sf(SIGMAS, 2 * (batches - 1))))
+                      expected=float(2 * t.sf(SIGMAS, freedom(batches))))
 
 
 def clear_difference(example: str, layer: str, planned: np.ndarray, everything: np.ndarray, again: np.ndarray, *,
@@ -84,7 +87,7 @@ def clear_difference(example: str, layer: str, planned: np.ndarray, everything: 
 
     Noise sits on outlines and in textures, unlike from pixel to pixel, so that only the mean is judged.
     """
-    mean = float(np.abs(everything).mean(dtype=np.float64)) if everything.size else 0.0
+    mean = _mean(everything)
     difference = planned.astype(np.float64) - everything
     noise = planned.astype(np.float64) - again
     error = sqrt(float(np.sum(noise.sum(axis=1) ** 2))) / max(noise.size, 1)
@@ -93,8 +96,14 @@ def clear_difference(example: str, layer: str, planned: np.ndarray, everything: 
                       bias_se=_over(error, mean), worst_z=0.0, share=0.0, expected=0.0)
 
 
+def freedom(batches: int) -> float:
+    """Degrees of freedom of a pixel's difference over its moderated standard error."""
+    return 2 * (batches - 1 + PRIOR)
+
+
 def _mean(values: np.ndarray) -> float:
-    return float(values.mean(dtype=np.float64)) if values.size else 0.0
+    """Of absolute values: layers may be negative, as `air` is where fog takes more light than it brings."""
+    return float(np.abs(values).mean(dtype=np.float64)) if values.size else 0.0
 
 
 def _over(value: float, mean: float) -> float:

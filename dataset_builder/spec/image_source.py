@@ -1,0 +1,61 @@
+"""Images that a dataset's lights show: which kinds of file there are for which use, where they are, and their digests."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from dataset_builder.digest import sha256_file
+from dataset_builder.errors import Problem
+from dataset_builder.spec.check import files_like
+from dataset_builder.spec.document import Document
+from dataset_builder.spec.problems import shown
+
+ENVIRONMENT_SUFFIXES = (".exr", ".hdr")
+TEXTURE_SUFFIXES = (".exr", ".png")
+"""Files that an environment, and the texture of a lamp, may be."""
+KeyPath = tuple[str | int, ...]
+
+
+def find_images(document: Document, folder: Path) -> tuple[dict[str, str], list[Problem]]:
+    """SHA-256 of every image that a dataset file in `folder` names, by the name written there; and what is wrong.
+
+    What is in an image is looked at when it is rendered.
+    """
+    digests, problems = dict[str, str](), list[Problem]()
+    for path, name, suffixes in _named(document.data):
+        file = folder / name
+        rule, hint = _image_rule(file, name, suffixes)
+        if not rule and name not in digests:
+            try:
+                digests[name] = sha256_file(file)
+            except OSError as error:
+                rule = f"expected a readable image, got: {error.strerror}"
+        if rule:
+            problems.append(document.problem(path, rule, hint))
+    return digests, problems
+
+
+def _image_rule(file: Path, name: str, suffixes: tuple[str, ...]) -> tuple[str, str]:
+    """The rule that a named image breaks, and a hint."""
+    if file.suffix.lower() not in suffixes:
+        return f"expected a file that ends in one of {' '.join(suffixes)}, got {shown(name)}", "convert it"
+    if file.is_dir():
+        return f"expected an image, got the folder {shown(name)}", "name a file in it"
+    if not file.is_file():
+        return f"expected an image, found none at {shown(name)}", files_like(file)
+    return "", ""
+
+
+def _named(data: Any) -> Iterator[tuple[KeyPath, str, tuple[str, ...]]]:
+    """Where plain data of a dataset names an image, its name, and the suffixes that it may have."""
+    for part in ("source", "target"):
+        if isinstance(name := _at(_at(data, part), "environment"), str) and name:
+            yield (part, "environment"), name, ENVIRONMENT_SUFFIXES
+    textures = _at(_at(data, "target"), "textures")
+    for index, name in enumerate(textures if isinstance(textures, tuple) else ()):
+        if isinstance(name, str):
+            yield ("target", "textures", index), name, TEXTURE_SUFFIXES
+
+
+def _at(data: Any, key: str) -> Any:
+    return data.get(key) if isinstance(data, dict) else None
