@@ -62,7 +62,7 @@ def _accuracy(options: argparse.Namespace) -> int:
                           backend=options.backend)
     for step in run(study):
         print(f"{step.number}/{step.steps} example {step.example}, {step.group}: {len(step.rows)} rows, "
-              f"{step.seconds:.1f} s", flush=True)
+              + ("kept from an earlier run" if step.kept else f"{step.seconds:.1f} s"), flush=True)
         rows += step.rows
     advice = conclude(study, rows)
     write_page(study, rows, advice, choose(options.backend).summary)

@@ -226,10 +226,11 @@ def _split_cost(planner: Planner, views: Sequence[ViewRef], lights: int, rates: 
 
 
 def estimate(planner: Planner, views: int = 24, rates: Rates | None = None, cores: int = 1) -> Estimate:
-    """Cost of the whole dataset, and of what precedes it, from about `views` views, drawn in every split in proportion and planned for real.
+    """Cost of the whole dataset, and of the measuring that precedes it where it is denoised.
 
-    Views that cannot be planned are passed over and counted. Raises PlanError where splits share an object or a scene,
-    and where none of the views tried in a split can be planned.
+    From about `views` views, drawn in every split in proportion and planned for real. Views that cannot be planned are
+    passed over and counted. Raises PlanError where splits share an object or a scene, and where none of the views tried
+    in a split can be planned.
     """
     spec, _ = planner.loaded.dataset, planner.contents
     total, variance, tried, planned, runs = np.zeros(5), np.zeros(5), 0, 0, dict.fromkeys(PASSES, 0)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from dataset_builder.rendering.transport import Air, World, balance, cross_air, sample_light
+from dataset_builder.rendering.transport import Air, World, balance, carried, cross_air, sample_light
 
 MAX_SURVIVAL = 0.95
 
@@ -20,7 +20,7 @@ class Start:
     """A ray that leaves `point` along `direction`, drawn with `density`; delta: there was no other choice.
 
     edges: of the path so far, this one included if it ends somewhere. scale: weight that the result gets, which Russian
-    roulette goes by.
+    roulette goes by. carried: see `transport.carried`.
     """
 
     point: mi.Interaction3f
@@ -29,6 +29,7 @@ class Start:
     delta: mi.Bool
     edges: mi.UInt32
     scale: mi.Float
+    carried: mi.Float
 
 
 @dataclass
@@ -52,6 +53,8 @@ def follow(world: World, sampler: mi.Sampler, start: Start, active: mi.Bool) -> 
     """Radiance that arrives at the start's point from its direction; throughput starts at one."""
     scene, max_depth, rr_depth, scale = world.scene, world.max_depth, world.rr_depth, start.scale
     ray = start.point.spawn_ray(start.direction)
+    if world.dispersion:
+        ray.time = start.carried
     result, throughput, eta = mi.Color3f(0), mi.Color3f(1), mi.Float(1)
     depth, active = mi.UInt32(start.edges), mi.Bool(active)
     prev_si, prev_pdf, prev_delta = mi.Interaction3f(start.point), mi.Float(start.density), mi.Bool(start.delta)
@@ -81,6 +84,8 @@ def follow(world: World, sampler: mi.Sampler, start: Start, active: mi.Bool) -> 
         throughput *= dr.select(active_next, bounce.weight, 0)
         eta = eta * bounce.eta if world.glass else eta
         ray = air.point.spawn_ray(bounce.direction)
+        if world.dispersion:
+            ray.time = carried(throughput)
         prev_si = dr.select(bounce.passed, prev_si, mi.Interaction3f(air.point))
         prev_pdf = dr.select(bounce.passed, prev_pdf, bounce.density)
         prev_delta = dr.select(bounce.passed, prev_delta, bounce.delta)

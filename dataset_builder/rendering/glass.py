@@ -31,7 +31,8 @@ QUADRATURE = 128
 @dataclass
 class Glass:
     """weight: share of the surface that is glass; tint: what a crossing leaves; indices: relative index of refraction
-    for light that goes on from the viewer's side, one or one per channel; spreads: whether these differ."""
+    for light that goes on from the viewer's side, one or one per channel; spreads: whether these differ; carried: the
+    colour channel that a path is left with, as `transport.carried` counts, or 0."""
 
     weight: mi.Float
     tint: mi.Color3f
@@ -40,6 +41,7 @@ class Glass:
     smooth: mi.Bool
     alpha: mi.Float
     spreads: mi.Bool
+    carried: mi.Float
 
 
 @dataclass
@@ -56,7 +58,7 @@ class Crossing:
 
 
 def glass_of(*, weight: mi.Float, base: mi.Color3f, roughness: mi.Float, ior: mi.Float, abbe: mi.Float | None,
-             thin: mi.Bool, outside: mi.Bool) -> Glass:
+             thin: mi.Bool, outside: mi.Bool, carried: mi.Float) -> Glass:
     """Glass of a material. A solid is tinted by the root of `base` at each crossing, a pane by all of it: what lies
     behind either is tinted once. outside: whether the viewer's side is the air."""
     alpha = dr.square(roughness)
@@ -64,7 +66,7 @@ def glass_of(*, weight: mi.Float, base: mi.Color3f, roughness: mi.Float, ior: mi
     indices = tuple(dr.select(thin, ior, dr.select(outside, index, dr.rcp(index))) for index in channels)
     return Glass(weight=weight, tint=dr.select(thin, base, dr.sqrt(base)), indices=indices, thin=thin,
                  smooth=(alpha < MIN_ALPHA) | (~thin & (ior - 1 < MIN_BEND)), alpha=dr.maximum(alpha, MIN_ALPHA),
-                 spreads=mi.Bool(False) if abbe is None else ~thin & (abbe > 0) & (ior > 1))
+                 spreads=mi.Bool(False) if abbe is None else ~thin & (abbe > 0) & (ior > 1), carried=carried)
 
 
 def evaluate(glass: Glass, wi: mi.Vector3f, wo: mi.Vector3f, reflected: mi.Bool) -> tuple[mi.Color3f, mi.Float]:
@@ -86,11 +88,15 @@ def scatter(glass: Glass, wi: mi.Vector3f, sample1: mi.Float, sample2: mi.Point2
     down = dr.select(glass.thin, _flipped(mirrored), mi.refract(wi, facet, cos_t, inverse))
     shares = [_fresnel(glass, mi.Frame3f.cos_theta(wi), each) for each in glass.indices]
     mean = sum(shares, mi.Float(0)) / len(shares)
+    turned, chance = _colour(shares) / mean, dr.select(glass.spreads, mi.Float(1 / 3), 1)
+    if len(shares) > 1:
+        alone = glass.carried > 0
+        turned, mean, chance = dr.select(alone, 1, turned), dr.select(alone, share, mean), dr.select(alone, 1, chance)
     onward = colours * glass.tint * dr.select(glass.thin, 1, dr.square(inverse))
     return Crossing(wo=dr.select(reflected, mirrored, down), reflected=reflected,
                     null=~reflected & glass.thin & glass.smooth, eta=dr.select(reflected | glass.thin, 1, eta),
-                    weight=dr.select(reflected, _colour(shares) / mean, onward),
-                    probability=dr.select(reflected, mean, (1 - share) * dr.select(glass.spreads, 1 / 3, 1)))
+                    weight=dr.select(reflected, turned, onward),
+                    probability=dr.select(reflected, mean, (1 - share) * chance))
 
 
 def straight(glass: Glass, wi: mi.Vector3f) -> mi.Color3f:
@@ -134,13 +140,16 @@ def _facets(glass: Glass, wi: mi.Vector3f, wo: mi.Vector3f, reflected: mi.Bool,
 
 
 def _channel(glass: Glass, sample: mi.Float) -> tuple[mi.Float, mi.Color3f, mi.Float]:
-    """The index to follow, the colours that follow it, and what is left of the random number."""
+    """The index to follow, the colours that follow it, and what is left of the random number. A path that carries one
+    channel already follows that; any other picks one, and makes up for the two that it gives up."""
     if len(glass.indices) == 1:
         return glass.indices[0], mi.Color3f(1), sample
-    channel = dr.minimum(mi.UInt32(3 * sample), 2)
+    picked, alone = dr.minimum(mi.UInt32(3 * sample), 2), glass.carried > 0
+    channel = dr.select(alone, mi.UInt32(dr.maximum(glass.carried - 0.5, 0)), picked)
     index = dr.select(channel == 0, glass.indices[0], dr.select(channel == 1, glass.indices[1], glass.indices[2]))
-    alone = mi.Color3f(*(dr.select(channel == each, mi.Float(3), 0) for each in range(3)))
-    return index, dr.select(glass.spreads, alone, 1), 3 * sample - mi.Float(channel)
+    share = dr.select(alone, mi.Float(1), 3)
+    colours = mi.Color3f(*(dr.select(channel == each, share, 0) for each in range(3)))
+    return index, dr.select(glass.spreads, colours, 1), dr.select(alone, sample, 3 * sample - mi.Float(picked))
 
 
 def _fresnel(glass: Glass, cosine: mi.Float, index: mi.Float) -> mi.Float:

@@ -19,7 +19,7 @@ import mitsuba as mi
 from dataset_builder.rendering.first_hit import COSINE_SHARE, FirstHit, first_hit, mixture
 from dataset_builder.rendering.fog import Fog
 from dataset_builder.rendering.follow import Start, follow
-from dataset_builder.rendering.transport import World, balance, in_air, sample_light
+from dataset_builder.rendering.transport import World, balance, carried, in_air, sample_light
 
 PLUGIN = "threedf_lighting"
 
@@ -92,8 +92,10 @@ def _scattered(world: World, si: mi.SurfaceInteraction3f, hit: FirstHit,
         scale = dr.select(delta | through, 1, scale)
     if world.thin:
         edges = dr.select(delta & hit.null, mi.UInt32(0), edges)
+    # Where the same path serves S, all of its colours count
+    colour = dr.select(delta, carried(w_image), 0) if world.dispersion else mi.Float(0)
     return w_image, w_shading, Start(point=si, direction=si.to_world(hit.wo), density=density, delta=delta, edges=edges,
-                                     scale=scale)
+                                     scale=scale, carried=colour)
 
 
 def _air(world: World, fog: Fog, sampler: mi.Sampler, rest: mi.Sampler, ray: mi.Ray3f, end: mi.Float,
@@ -113,7 +115,7 @@ def _air(world: World, fog: Fog, sampler: mi.Sampler, rest: mi.Sampler, ray: mi.
     direct = dr.select(lit & (ds.pdf != 0), phase * em_weight * mis, 0)
     direction, density = fog.scatter(ray.d, sampler.next_2d(lit))
     start = Start(point=point, direction=direction, density=density, delta=mi.Bool(False), edges=mi.UInt32(1),
-                  scale=fog.albedo * lost)
+                  scale=fog.albedo * lost, carried=mi.Float(0))
     later = follow(world, rest, start, lit)
     return lost * (fog.albedo * (direct + later) - surface)
 

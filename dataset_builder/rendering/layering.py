@@ -53,7 +53,7 @@ def lobes_of(point: SurfacePoint, features: frozenset[str], si: mi.SurfaceIntera
         opaque = 1 - share
         lobes.glass = glass_of(weight=share * below, base=point.base, roughness=point.roughness, ior=point.ior,
                                abbe=point.abbe if "dispersion" in features else None, thin=_thin(point.thin, features),
-                               outside=dr.dot(si.to_world(si.wi), si.n) > 0)
+                               outside=dr.dot(si.to_world(si.wi), si.n) > 0, carried=si.time)
     _opaque(lobes, point, features, cosine, below, opaque, tables)
     return lobes
 

@@ -89,7 +89,7 @@ def averaged(halves: Sequence[Estimate]) -> Estimate:
     doubt = sum(part**2 / np.maximum(found.freedom, 1) for part, found in zip(parts, halves, strict=True))
     with np.errstate(divide="ignore", invalid="ignore"):
         freedom = np.where(doubt > 0, variance**2 / doubt, sum(found.freedom for found in halves))
-    return Estimate(mean=sum(found.mean for found in halves) / n, error=np.sqrt(variance),
+    return Estimate(mean=np.sum([found.mean for found in halves], axis=0) / n, error=np.sqrt(variance),
                     spp=np.sum([found.spp for found in halves], axis=0), freedom=freedom)
 
 

@@ -43,7 +43,8 @@ def moderated(found: Estimate, pixels: np.ndarray, width: int) -> Estimate:
 
     s^2 = (f s_own^2 + g s_around^2) / (f + g) with f + g degrees of freedom (Smyth, Statistical Applications in
     Genetics and Molecular Biology 3(1), 2004, section 3), s^2 being the variance of one sample and g PRIOR, or less
-    where fewer pixels are next to it: a pixel alone keeps its own. pixels: (P,) indices row * width + column, none twice.
+    where fewer pixels are next to it: a pixel alone keeps its own. pixels: (P,) indices row * width + column,
+    none twice.
     """
     if not len(pixels) or not np.isfinite(found.error).all():
         return found

@@ -12,14 +12,15 @@ from dataset_builder.rendering.fog import Fog
 class World:
     """A scene as paths see it. max_depth: edges of the longest path; rr_depth: where Russian roulette starts.
 
-    glass, thin: whether kernels handle refracting bodies and panes that light passes straight; fog: None for clear air.
-    What is switched off leaves no trace in a kernel.
+    glass, thin: whether kernels handle refracting bodies and panes that light passes straight; dispersion: whether
+    glass spreads colours; fog: None for clear air. What is switched off leaves no trace in a kernel.
     """
 
     def __init__(self, scene: mi.Scene, max_depth: mi.UInt32, rr_depth: mi.UInt32, features: frozenset[str],
                  fog: Fog | None):
         self.scene, self.max_depth, self.rr_depth = scene, max_depth, rr_depth
         self.glass, self.thin, self.fog = "glass" in features, "thin" in features, fog
+        self.dispersion = "dispersion" in features
 
 
 @dataclass
@@ -74,6 +75,15 @@ def _through_panes(scene: mi.Scene, point: mi.Interaction3f, ds: mi.DirectionSam
         ray = si.spawn_ray_to(ds.p)
         active = met & (dr.max(passed) != 0)
     return passed
+
+
+def carried(weight: mi.Color3f) -> mi.Float:
+    """1 + the only colour channel that a path's weight has left, or 0 where there are more; dispersive glass follows
+    that channel on from there. Rays hold it as their time, which scenes that do not move have no use for."""
+    one, two, three = (weight[channel] != 0 for channel in range(3))
+    found = dr.select(one & ~two & ~three, mi.Float(1), 0)
+    found = dr.select(two & ~one & ~three, 2, found)
+    return dr.select(three & ~one & ~two, 3, found)
 
 
 def balance(pdf: mi.Float, other: mi.Float) -> mi.Float:

@@ -56,7 +56,8 @@ def _lead(study: AccuracyStudy, rows: Sequence[Row], backend: str) -> list[str]:
         "tone mapping of the previews, FLIP is HDR-FLIP. Means over examples are geometric. Seconds are those of the "
         "pass that makes the layer, kernels compiled before.",
         f"A star marks the recommended point: the cheapest from which on halving the error costs {PRICE} times the "
-        "time or more. Where error falls as seconds to the power of -1/2, halving costs 4 times.",
+        "time or more. Where error falls as seconds to the power of -1/2, halving costs 4 times. "
+        "Of denoised pictures the star is the knee only: denoising is never recommended.",
     ]
 
 

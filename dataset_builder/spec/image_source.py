@@ -1,4 +1,4 @@
-"""Images that a dataset's lights show: which kinds of file there are for which use, where they are, and their digests."""
+"""Images that a dataset's lights show: which kinds of file each use takes, where they are, and their digests."""
 
 from collections.abc import Iterator
 from pathlib import Path

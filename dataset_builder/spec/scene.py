@@ -79,7 +79,8 @@ class ObjectSpec(Model):
     file: str | None = None
     """Mesh file (.glb .gltf .obj .ply), relative to this spec."""
     materials: dict[str, MaterialSpec] = {}
-    """Changes by name of the material; `*` is every material. `inspect` of a mesh and `families` tell the names."""
+    """Changes by name of the material; `*` is every material. `families` tells those of a family, and a
+    name that is none is refused with those that are."""
     category: str = ""
     """Filled from the family where it is empty."""
     licence: str = "CC0-1.0"

@@ -9,9 +9,11 @@ import pytest
 from dataset_builder.build import Event
 from dataset_builder.digest import digest
 from dataset_builder.engine import calibration
-from dataset_builder.engine.calibration import FACTOR, as_asked, candidates, compare, converged
-from dataset_builder.errors import UserError
+from dataset_builder.engine.calibration import as_asked, calibrate, candidates, compare, converged
+from dataset_builder.engine.unit import Job
+from dataset_builder.errors import PlanError, UserError
 from dataset_builder.planning.example_plan import ExamplePlan, GoalPlan
+from dataset_builder.planning.guides import FACTOR
 from dataset_builder.planning.plan import Planner
 from dataset_builder.rendering import oidn
 from dataset_builder.shards.card import card
@@ -87,6 +89,20 @@ def test_references_are_raw_and_have_a_quarter_of_the_noise() -> None:
     assert reference.render.spp_target == FACTOR * plan.render.spp_target
     goal, = reference.render.goals
     assert (goal.error, goal.seconds, goal.cap) == (0.02 / 4, 3.0 * 16, 64 * 16)
+
+
+def test_the_first_reason_is_told_where_no_example_can_be_measured(tmp_path: Path) -> None:
+    """A closed room and a source outside of it: said of the first example that was tried, once."""
+    overrides = ("source.open=[]", "render.denoise={layers: [i_t], examples: 2}")
+    spec = write_spec(tmp_path, {"rooms/den.yaml": "width: 4\ndepth: 4\nheight: 2.5\nwindows: 0\n"})
+    loaded = load_dataset(spec, overrides)
+    job = Job(spec_path=spec, overrides=overrides, spec_digest=loaded.spec_digest, folder=tmp_path / "out",
+              backend="llvm", threads=1)
+    with pytest.raises(PlanError, match="the first reason:") as caught:
+        calibrate(loaded, job, {}, workers=1)
+    rule, *reasons = caught.value.problems
+    assert rule.path == "render.denoise" and [reason.path for reason in reasons] == ["source"]
+    assert reasons[0].where.startswith("train/") and "without windows" in reasons[0].rule
 
 
 # What is measured

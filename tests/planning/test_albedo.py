@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dataset_builder.assets.asset import Material, Texture
-from dataset_builder.planning.albedo import glass_share, least_roughness, mean_schlick, scattered_share
+from dataset_builder.planning.albedo import glass_share, mean_schlick, scattered_share
 from dataset_builder.rendering.reflectance import COSINES, split_sum_table
 
 SHARES = st.floats(0, 1)
@@ -73,9 +73,3 @@ def test_glass_scatters_what_its_faces_reflect() -> None:
 def test_no_material_scatters_more_than_all(**figures: object) -> None:
     figures["base_color"] = figures.pop("base")
     assert 0 <= scattered_share(material(**figures)) <= 1
-
-
-def test_roughness_is_that_of_the_smoothest_texel() -> None:
-    rough = textured(np.ones((1, 2, 3)), roughness=np.array([[0.5, 0.1]], dtype=np.float32))
-    assert least_roughness(material(roughness=0.8, texture=rough)) == pytest.approx(0.08)
-    assert least_roughness(material(roughness=0.8)) == 0.8

@@ -9,15 +9,18 @@ from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.planning.cost import (
     Cost,
     Rates,
+    calibration_cost,
     estimate,
     example_bytes,
+    expected_spp,
     extrapolate,
     pass_runs,
     pass_share,
     view_cost,
 )
-from dataset_builder.planning.example_plan import ExamplePlan
-from dataset_builder.planning.plan import Planner, plan_example
+from dataset_builder.planning.example_plan import ExamplePlan, GoalPlan
+from dataset_builder.planning.plan import Planner, first_plan, plan_example
+from dataset_builder.planning.sight import window_share
 from dataset_builder.spec.loaded import LoadedSpec
 
 Load = Callable[..., LoadedSpec]
@@ -25,10 +28,10 @@ RATES = Rates(light_paths=100.0, free_paths=1000.0, seconds_per_pass=2.0, second
               kept_share=0.5, empty_share=0.0, example_bytes=1000.0)
 
 
-def plan_of(load: Load, data: dict[str, Any], layers: dict[str, str]) -> ExamplePlan:
+def plan_of(load: Load, data: dict[str, Any], layers: dict[str, str], **render: Any) -> ExamplePlan:
     """A plan of 20 x 10 pixels whose object covers a quarter of them."""
     data["image"], data["layers"] = {"width": 20, "height": 10}, layers
-    data["render"] = {"spp": {"first_hit": 2, "source": 4, "target": 8, "rough": 16}, "batches": 4}
+    data["render"] = {"spp": {"first_hit": 2, "source": 4, "target": 8, "rough": 16}, "batches": 4} | render
     plan = plan_example(load(data), 0)
     return plan.model_copy(update={"camera": plan.camera.model_copy(update={"coverage": 0.25})})
 
@@ -65,6 +68,47 @@ def test_masks_and_instances_on_the_frame_leave_the_light_free_passes_at_the_obj
     assert (cost.passes, cost.pixels, cost.paths) == (3, pytest.approx(80 + 80 + 200), pytest.approx(2 * 160 + 200))
     assert cost.seconds == pytest.approx((2 * 160 + 200) / 1000 + 3 + 5 + 3 * 2)
     assert pass_share("first_hit", plan_of(load, dataset_data, {"depth": "frame", "mask": "object"}), 0.4) == 1
+
+
+def test_everything_on_and_guides_trace_the_frame(load: Load, dataset_data: dict[str, Any]) -> None:
+    plan = plan_of(load, dataset_data, {"i_s": "frame", "i_t": "object", "d": "object", "mask": "object"})
+    assert [pass_share(name, plan, 0.4) for name in ("first_hit", "source", "target")] == [0.4, 1, 0.25]
+    denoised = plan_of(load, dataset_data, dict(plan.render.layers), denoise={"layers": ["i_s"]})
+    assert [pass_share(name, denoised, 0.4) for name in ("first_hit", "source", "target")] == [1, 1, 0.25]
+    whole = plan_of(load, dataset_data, {"i_t": "object", "mask": "object"}, effects="all")
+    assert [pass_share(name, whole, 0.4) for name in ("first_hit", "target")] == [1, 1]
+
+
+def test_goals_end_with_their_error_their_seconds_or_their_cap(load: Load, dataset_data: dict[str, Any]) -> None:
+    plan = plan_of(load, dataset_data, {"i_t": "object", "mask": "object"})
+    for error, seconds, cap, spp in ((0.1, 0.0, 1000, 256), (0.1, 2.0, 1000, 100), (0.0, 2.0, 1000, 100),
+                                     (0.0, 2.0, 60, 60), (0.0, 0.01, 1000, 8)):
+        goal = GoalPlan(layer="i_t", error=error, seconds=seconds, cap=cap)
+        assert expected_spp(plan.render.model_copy(update={"goals": (goal,)}), "target", 1.6, 50) == pytest.approx(spp)
+    # 50 pixels, 100 paths a second: 4 more seconds than with the 8 spp of the first round, which take 4
+    goal = GoalPlan(layer="i_t", error=0.0, seconds=8.0, cap=1000)
+    timed = plan.model_copy(update={"render": plan.render.model_copy(update={"goals": (goal,)})})
+    fixed, ended = (view_cost(each, 1, 1, 0.4, "float32", RATES).seconds for each in (plan, timed))
+    assert ended - fixed == pytest.approx(4)
+
+
+def test_measuring_the_bias_of_denoised_layers_costs_eighteen_renders(load: Load,
+                                                                     dataset_data: dict[str, Any]) -> None:
+    dataset_data["layers"] = {"i_s": "object", "i_t": "object", "d": "object", "mask": "object"}
+    plain = Planner(load(dataset_data))
+    assert calibration_cost(plain, RATES) == Cost()
+    dataset_data["render"] = {"denoise": {"layers": ["i_t"], "examples": 3}}
+    planner = Planner(load(dataset_data))
+    plan = first_plan(planner)
+    assert plan is not None
+    only = plan.model_copy(update={"render": plan.render.model_copy(update={"layers": (("i_t", "object"),)})})
+    window = window_share(planner.stage(planner.examples[plan.index].view.pair), plan.camera, 1.0)
+    one, found = view_cost(only, 1, 1, window, "float32", RATES), calibration_cost(planner, RATES)
+    assert found.seconds == pytest.approx(3 * (2 + 16) * one.seconds) and found.bytes == 0
+    assert found.paths == pytest.approx(54 * one.paths) and found.passes == 9 * 2
+    difference = estimate(planner, views=1000, rates=RATES).total.seconds - estimate(
+        plain, views=1000, rates=RATES).total.seconds
+    assert difference == pytest.approx(found.seconds)
 
 
 def test_half_floats_take_half_and_empty_pixels_next_to_nothing(load: Load, dataset_data: dict[str, Any]) -> None:

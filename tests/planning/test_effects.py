@@ -6,8 +6,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, get_args
 
+import numpy as np
 import pytest
 
+from dataset_builder.assets.asset import Material, Texture
 from dataset_builder.errors import PlanError
 from dataset_builder.planning.effects import PASSES, plan_effects
 from dataset_builder.planning.example_plan import (
@@ -22,7 +24,10 @@ from dataset_builder.planning.example_plan import (
     PlacedObject,
     RoomPlan,
 )
+from dataset_builder.planning.features import scene_features
+from dataset_builder.planning.materials_used import MaterialUse, SceneUse
 from dataset_builder.planning.plan import Planner, first_plan
+from dataset_builder.planning.probe import probe
 from dataset_builder.spec.load import load_dataset
 from dataset_builder.spec.loaded import LoadedSpec
 from dataset_builder.spec.render import RenderSpec
@@ -145,7 +150,25 @@ def test_the_dome_is_dropped_where_it_finds_no_way_in(decide: Decide) -> None:
     assert "no way into a room" in reason(closed, "lights of target")
     assert decide(lights=lights, room={"windows": 1}).of("target").lights == (0, 1)
     assert decide(lights=lights, room={"ceiling": False}).of("target").lights == (0, 1)
-    assert decide(opened=()).of("source").lights == ()
+
+
+@pytest.mark.parametrize("how", [{}, {"effects": "all"}])
+def test_a_pass_that_runs_in_the_dark_is_refused(decide: Decide, how: dict[str, Any]) -> None:
+    with pytest.raises(PlanError, match=r"source: expected a light .* in the pass source, got none: dome left out: "
+                       r"finds no way into a room with a ceiling and without windows \(take parts of the room away"):
+        decide(opened=(), **how)
+    with pytest.raises(PlanError) as caught:
+        decide(opened=(), lights=(lamp("dome"), lamp("area", 0.0)), **how)
+    assert [problem.path for problem in caught.value.problems] == ["source", "target", "target"]
+    assert decide(opened=(), layers=(("i_t", "object"), ("mask", "object")), **how).of("target").lights == (0,)
+    assert decide(opened=(), room={"windows": 1}, **how).of("source").lights == (0,)
+
+
+def test_a_source_that_finds_no_way_in_is_told_before_anything_is_rendered(load: Callable[..., LoadedSpec],
+                                                                         dataset_data: dict[str, Any]) -> None:
+    dataset_data["source"] = {"open": []}
+    with pytest.raises(PlanError, match=r"train/000000.*source: expected a light"):
+        probe(Planner(load(dataset_data, room={"width": 6, "depth": 5, "height": 2.8, "windows": 0})))
 
 
 def test_passes_that_no_layer_needs_do_not_run(decide: Decide) -> None:
@@ -180,6 +203,7 @@ def test_all_simulates_everything_everywhere(decide: Decide) -> None:
     assert effects.features == get_args(Feature)
     assert {entry.extent for entry in effects.passes} == {"frame"}
     assert {entry.max_depth for entry in effects.passes} == {64}
+    assert {entry.max_depth for entry in decide(effects="all", max_depth=100).passes} == {100}
     assert effects.of("rough").lights == (0, 1, 2) and effects.of("source").lights == (0,)
     assert {decision.reason for decision in effects.decisions} == {"everything on, as asked"}
 
@@ -200,6 +224,19 @@ def test_caustics_are_told(decide: Decide, figures: dict[str, float], kinds: tup
     assert choices(effects, "caustics") == expected
     if "not simulated" in expected:
         assert "point light" in reason(effects, "caustics") and "grey of box-1" in reason(effects, "caustics")
+
+
+def test_glass_that_is_smooth_in_one_texel_and_rough_in_another_loses_caustics_and_has_noisy_ones() -> None:
+    texels = Texture(base_color=np.ones((1, 2, 3), np.float32), roughness=np.array([[0, 1]], np.float32))
+    glass = Material(name="ice", base_color=(1, 1, 1), transmission=1.0, texture=texels)
+    metal = Material(name="foil", base_color=(1, 1, 1), metallic=1.0, texture=texels)
+    uses = tuple(MaterialUse(owner="vase", part="furniture", material=each, scattered=0.5, smoothest=0, roughest=1)
+                 for each in (glass, metal))
+    use = SceneUse(materials=uses, smooth=(), flat=(), left_out=())
+    told = {decision.choice: decision.reason for decision in scene_features(use, FogPlan(), (lamp("point"),), 64)[1]
+            if decision.effect == "caustics"}
+    assert told.keys() == {"noisy", "not simulated"}
+    assert "ice of vase, foil of vase" in told["noisy"] and told["not simulated"].endswith("ice of vase")
 
 
 def test_what_belongs_to_the_view_does_not_follow_the_target_light(decide: Decide) -> None:

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dataset_builder.assets.asset import Material
+from dataset_builder.assets.asset import Material, Texture
+from dataset_builder.assets.glass import roughness_range
 from dataset_builder.planning.example_plan import FogPlan
 from dataset_builder.planning.materials_used import MaterialUse
 from dataset_builder.planning.path_depth import (
@@ -13,6 +14,7 @@ from dataset_builder.planning.path_depth import (
     MOST,
     PANE_CROSSINGS,
     SOLID_CROSSINGS,
+    crossings,
     needed_depth,
     path_depth,
     with_fog,
@@ -25,7 +27,7 @@ CLEAR = FogPlan()
 def use(scattered: float, **more: object) -> MaterialUse:
     surface = Material(name="grey", base_color=(scattered,) * 3, **more)  # type: ignore[arg-type]
     return MaterialUse(owner="chair", part="furniture", material=surface, scattered=scattered,
-                       roughness=surface.roughness)
+                       smoothest=roughness_range(surface)[0], roughest=roughness_range(surface)[1])
 
 
 @given(share=SHARES, bias=BIASES)
@@ -64,6 +66,16 @@ def test_glass_adds_the_edges_that_lead_through_it(glass: dict[str, float], extr
     found = path_depth("auto", 0.01, [use(0.6), use(0.1, **glass)], CLEAR, 5.0)
     assert found.depth == plain.depth + extra and found.left_out == plain.left_out
     assert ("through glass" in found.reason) == bool(extra)
+
+
+def test_textured_glass_counts_where_a_texel_of_it_is_metal_no_more_or_rough() -> None:
+    white = np.ones((1, 2, 3), dtype=np.float32)
+    texels = np.array([[0.0, 1.0]], dtype=np.float32)
+    pane = use(0.1, transmission=1.0, thin=True, texture=Texture(base_color=white, roughness=texels))
+    part = use(0.1, transmission=1.0, metallic=1.0, texture=Texture(base_color=white, metallic=texels))
+    assert crossings([pane]) == PANE_CROSSINGS and crossings([part]) == SOLID_CROSSINGS
+    whole = Texture(base_color=white, metallic=np.ones_like(texels))
+    assert crossings([use(0.1, transmission=1.0, metallic=1.0, texture=whole)]) == 0
 
 
 def test_what_is_asked_for_is_taken_with_the_bound_that_it_keeps() -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from dataset_builder.digest import sha256_bytes
 from dataset_builder.spec.load import load_dataset
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
@@ -38,6 +39,13 @@ def test_meshes_are_found_beside_their_spec(tiny) -> None:
     assert loaded.objects["objects/chair.yaml"].category == "object"
 
 
+def test_images_are_found_from_the_dataset_file(tiny) -> None:
+    text = "source: {environment: a.EXR}\ntarget: {textures: [sub/b.png, sub/b.png]}\n"
+    files = {"tiny.yaml": tiny().read_text() + text, "a.EXR": "pixels", "sub/b.png": "texels"}
+    found = load_dataset(tiny(**files)).images
+    assert found == {"a.EXR": sha256_bytes(b"pixels"), "sub/b.png": sha256_bytes(b"texels")}
+
+
 def test_the_digest_ignores_place_layout_and_comments(tiny, tmp_path: Path) -> None:
     path = tiny()
     first = load_dataset(path).spec_digest
@@ -52,13 +60,16 @@ def test_the_digest_ignores_place_layout_and_comments(tiny, tmp_path: Path) -> N
     ("tiny.yaml", "seed: 3", "seed: 4"), ("tiny.yaml", "0.01", "0.011"), ("tiny.yaml", "count: 2", "count: 1"),
     ("objects/chair.yaml", "0.42", "0.43"), ("rooms/den.yaml", "3.5", "3.6"), ("scenes/den.yaml", "near", "wall"),
     ("objects/stool.yaml", "file: s.gltf", "file: s.gltf\nup: z"), ("objects/s.gltf", '"2.0"', '"2.1"'),
-    ("objects/s.bin", "bytes", "bites"), ("objects/s.png", "pixels", "pixel"),
+    ("objects/s.bin", "bytes", "bites"), ("objects/s.png", "pixels", "pixel"), ("sun.hdr", "noon", "dusk"),
+    ("moon.exr", "full", "half"), ("lamps/a.png", "red", "blue"), ("lamps/b.exr", "green", "gray"),
 ])
 def test_the_digest_follows_the_content(tiny, file: str, old: str, new: str) -> None:
     images = '[{"uri": "s.png"}, {"uri": "data:,"}]'
     gltf = f'{{"asset": {{"version": "2.0"}}, "buffers": [{{"uri": "s.bin"}}], "images": {images}}}'
-    train_only = tiny().read_text().split("  - name: test")[0]
-    files = {"tiny.yaml": train_only, "objects/stool.yaml": "file: s.gltf\n", "objects/s.gltf": gltf,
+    lights = "source: {environment: sun.hdr}\ntarget: {environment: moon.exr, textures: [lamps/a.png, lamps/b.exr]}\n"
+    train_only = tiny().read_text().split("  - name: test")[0] + lights
+    shown = {"sun.hdr": "noon", "moon.exr": "full", "lamps/a.png": "red", "lamps/b.exr": "green"}
+    files = shown | {"tiny.yaml": train_only, "objects/stool.yaml": "file: s.gltf\n", "objects/s.gltf": gltf,
              "objects/s.bin": "bytes", "objects/s.png": "pixels"}
     path = tiny(**files)
     before = load_dataset(path).spec_digest

@@ -5,6 +5,8 @@ from pathlib import Path
 import pytest
 
 from dataset_builder.errors import SpecError
+from dataset_builder.spec.image_source import ENVIRONMENT_SUFFIXES, TEXTURE_SUFFIXES
+from dataset_builder.spec.light import SourceSpec, TargetSpec
 from dataset_builder.spec.load import load_dataset
 
 HEAD = """\
@@ -40,9 +42,9 @@ def messages(path: Path) -> list[str]:
     ("render: {spp: 0}", "tiny.yaml:6: render.spp: expected >= 1, got 0"),
     ("render: {spp: 6}", "render.spp.source: expected a multiple of batches (4), got 6"),
     ("render: {spp: {targt: 8}}", "render.spp.targt: expected no such key, got 8 (nearest known key: target)"),
-    ("render: {max_depth: true}", "render.max_depth: expected a whole number, got true"),
-    ("render: {max_depth: '8'}", "render.max_depth: expected a whole number, got '8'"),
-    ("render: {max_depth: 1.5}", "render.max_depth: expected a whole number, got 1.5"),
+    ("render: {max_depth: true}", "render.max_depth: expected a whole number or auto, got true"),
+    ("render: {max_depth: '8'}", "render.max_depth: expected a whole number or auto, got '8'"),
+    ("render: {max_depth: 1.5}", "render.max_depth: expected a whole number or auto, got 1.5"),
     ("render: [1]", "tiny.yaml:6: render: expected a mapping, got [1]"),
     ("render:", "tiny.yaml:6: render: expected a mapping, got nothing"),
     ("layers: {dd: object}", "layers.dd: expected a layer, got 'dd' (nearest known name: d)"),
@@ -57,6 +59,20 @@ def messages(path: Path) -> list[str]:
     ("camera: {fov: {normal: [60, 40]}}", "camera.fov: expected in [1, 170], got [-100, 220]"),
     ("seed: -1", "seed: expected >= 0, got -1"),
     ("title: 5", "title: expected text, got 5"),
+    ("render:\n  accuracy:\n    i_t:\n      error: 0.1\n      cap: 63", "tiny.yaml:10: render.accuracy.i_t.cap: "
+     "expected >= the spp of its pass, 64 of target, got 63"),
+    ("render: {spp: 8000, accuracy: {i_s: {error: 0.1}}}",
+     "tiny.yaml:6: render.accuracy.i_s.cap: expected >= the spp of its pass, 8000 of source, got 4096"),
+    ("render:\n  denoise:\n    layers:\n    - i_t\n    - s\n    - i_t",
+     "tiny.yaml:11: render.denoise.layers[2]: expected each layer once, got i_t again"),
+    ("source:\n  environment: sky.exr", "tiny.yaml:7: source.environment: expected an image, found none at 'sky.exr'"),
+    ("target: {environment: sky.png}", "tiny.yaml:6: target.environment: expected a file that ends in one of "
+     ".exr .hdr, got 'sky.png' (convert it)"),
+    ("target: {environment: sky.exr.d/sky.hdr}", "target.environment: expected an image, found none at "
+     "'sky.exr.d/sky.hdr' (its folder does not exist)"),
+    ("target:\n  textures:\n  - a.hdr", "tiny.yaml:8: target.textures[0]: expected a file that ends in one of "
+     ".exr .png, got 'a.hdr' (convert it)"),
+    ("target: {textures: ['']}", "target.textures[0]: expected a file that ends in one of .exr .png, got ''"),
     ("version: one", r"version: expected text that matches ^\d+\.\d+\.\d+$, got 'one'"),
     ("source: {sun: {elevation: 95}}", "source.sun.elevation: expected in [0, 90], got 95"),
     ("storage: {standard_errors: 1}", "storage.standard_errors: expected true or false, got 1"),
@@ -114,6 +130,29 @@ def test_two_splits_of_one_name(in_folder) -> None:
     twice = HEAD + HEAD.split("splits:\n")[1]
     assert messages(in_folder(**{"tiny.yaml": twice})) == [
         "tiny.yaml:6: splits[1].name: expected split names to differ, got train again"]
+
+
+def test_every_image_is_checked_whatever_else_is_wrong(in_folder, tmp_path: Path) -> None:
+    (tmp_path / "folder.hdr").mkdir()
+    text = HEAD + ("seed: -1\nsource: {environment: folder.hdr}\n"
+                   "target: {environment: lamp.exr, textures: [lanp.exr, lamp.exr, b.png]}\n")
+    assert messages(in_folder(**{"tiny.yaml": text, "lamp.exr": "texels"})) == [
+        "tiny.yaml:6: seed: expected >= 0, got -1",
+        "tiny.yaml:7: source.environment: expected an image, got the folder 'folder.hdr' (name a file in it)",
+        "tiny.yaml:8: target.textures[0]: expected an image, found none at 'lanp.exr' (nearest known file: lamp.exr)",
+        "tiny.yaml:8: target.textures[2]: expected an image, found none at 'b.png'"]
+
+
+def test_a_cap_may_be_the_first_round(in_folder) -> None:
+    text = HEAD + "render: {spp: {rough: 16}, accuracy: {s_prime: {error: 0.1, cap: 16}}}\n"
+    assert load_dataset(in_folder(**{"tiny.yaml": text})).dataset.render.accuracy["s_prime"].cap == 16
+
+
+def test_suffixes_are_those_that_the_keys_explain() -> None:
+    for model, key, suffixes in ((SourceSpec, "environment", ENVIRONMENT_SUFFIXES),
+                                 (TargetSpec, "environment", ENVIRONMENT_SUFFIXES),
+                                 (TargetSpec, "textures", TEXTURE_SUFFIXES)):
+        assert f"({' '.join(suffixes)})" in (model.model_fields[key].description or "")
 
 
 def test_all_problems_of_all_files_at_once(in_folder) -> None:

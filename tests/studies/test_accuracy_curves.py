@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 
 from dataset_builder.studies.accuracy.accumulation import drifts
-from dataset_builder.studies.accuracy.curves import PRICE, curve, equal_error, knee, price
+from dataset_builder.studies.accuracy.curves import PRICE, TOLERABLE, curve, equal_error, knee, price
 from dataset_builder.studies.accuracy.depth import relative_difference, worst
 from dataset_builder.studies.accuracy.rows import Row, read_table, table, write_table
+
+GAIN = 400.0
+"""With it, every error of the uniform curve is tolerable: 1/20 at one sample."""
 
 
 def sampled(question: str, spp: float, *, fixed: float = 0.0, gain: float = 1.0, bias: float = 0.0, floor: float = 0.0,
@@ -27,22 +30,33 @@ def uniform(**law: float) -> list[Row]:
 
 
 def test_halving_costs_four_times_by_the_law() -> None:
-    first, second, *_ = curve(uniform(), "uniform", "i_t")
+    first, second, *_ = curve(uniform(gain=GAIN), "uniform", "i_t")
     assert price(first, second) == pytest.approx(4)
-    assert knee(curve(uniform(), "uniform", "i_t")) == first
+    assert knee(curve(uniform(gain=GAIN), "uniform", "i_t")) == first
 
 
 def test_fixed_costs_move_the_knee() -> None:
     # From n to 16 n spp, two steps, halving costs sqrt((16 n + c) / (n + c)): 3.5 from n = 3 c on
     for spp, fixed in ((4.0, 0.01), (16.0, 0.04), (64.0, 0.16)):
-        found = knee(curve(uniform(fixed=fixed), "uniform", "i_t"))
+        found = knee(curve(uniform(fixed=fixed, gain=GAIN), "uniform", "i_t"))
         assert found is not None and found.value == spp
         assert math.sqrt((16 * spp / 100 + fixed) / (spp / 100 + fixed)) >= PRICE
 
 
 def test_bias_is_a_knee() -> None:
-    found = knee(curve(uniform(fixed=10.0, bias=0.1), "uniform", "i_t"))
+    found = knee(curve(uniform(fixed=10.0, bias=0.1 / GAIN, gain=GAIN), "uniform", "i_t"))
     assert found is not None and found.value == 64
+
+
+def test_what_is_not_tolerable_is_no_knee() -> None:
+    """1 / sqrt(spp) is at most a tenth from 100 spp on."""
+    found = knee(curve(uniform(), "uniform", "i_t"))
+    assert found is not None and found.value == 256 and found.error <= TOLERABLE
+
+
+def test_where_nothing_is_tolerable_the_most_accurate_is_taken() -> None:
+    found = knee(curve(uniform()[:4], "uniform", "i_t"))
+    assert found is not None and found.value == 64 and found.error > TOLERABLE
 
 
 def test_what_the_reference_hides_is_an_upper_bound_and_no_knee() -> None:

@@ -8,9 +8,13 @@ from pathlib import Path
 import pytest
 
 from dataset_builder.cli import main
+from dataset_builder.report.study_figures import sampling_figure
 from dataset_builder.spec.load import load_dataset
+from dataset_builder.studies.accuracy import run
+from dataset_builder.studies.accuracy.advice import Advice
 from dataset_builder.studies.accuracy.curves import curve
-from dataset_builder.studies.accuracy.rows import COLUMNS, WHOLE, Row, of, read_table
+from dataset_builder.studies.accuracy.progress import begin, kept_steps
+from dataset_builder.studies.accuracy.rows import COLUMNS, WHOLE, Row, of, read_table, write_table
 from dataset_builder.studies.sampled import StudySpec
 from tests.small_specs import write_spec
 
@@ -45,6 +49,56 @@ def test_files_are_there(out: Path) -> None:
     assert page.count("data:image/png;base64,") == len(FIGURES)
     assert not re.search(r'(?:src|href)="(?!data:)', page)
     assert (out / "results.csv").read_text().splitlines()[0] == ",".join(COLUMNS)
+
+
+def test_an_interrupted_study_goes_on(out: Path, spec: Path, rows: list[Row], tmp_path: Path,
+                                      capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    measured = []
+    for name in run.MEASURES:
+        monkeypatch.setitem(run.MEASURES, name, lambda *_, name=name: iter(
+            measured.append(name) or [row for row in rows if run.GROUPS[row.question] == name]))
+    (tmp_path / "study.json").write_bytes((out / "study.json").read_bytes())
+    write_table([row for row in rows if run.GROUPS[row.question] in ("sampling", "path depth")],
+                tmp_path / "results.csv")
+    words = ["study", "accuracy", str(spec), *TINY, "--examples", "1", "--budget", "small", "--out", str(tmp_path)]
+    assert main([*words, "--layers", "i_t", "s_prime"]) == 0
+    assert measured == ["edge length", "texture size", "storage", "accumulation"]
+    assert capsys.readouterr().out.count("kept from an earlier run") == 2
+    assert (tmp_path / "results.csv").read_text() == (out / "results.csv").read_text()
+    # Other layers are another study: nothing is kept, and nothing of the old one is left in its table
+    measured.clear()
+    assert main([*words, "--layers", "i_t"]) == 0
+    assert measured == list(run.MEASURES) and "kept" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("content", [None, "", "question\nnone\n", "question,setting\nuniform,4 spp\n"])
+def test_tables_that_are_damaged_are_measured_anew(tmp_path: Path, content: str | None) -> None:
+    if content is not None:
+        (tmp_path / "results.csv").write_text(content)
+    assert kept_steps(tmp_path / "results.csv", run.GROUPS) == {}
+
+
+def test_rows_about_something_else_go(tmp_path: Path) -> None:
+    table = tmp_path / "results.csv"
+    begin(tmp_path, {"spec": "a"}, table)
+    table.write_text("rows")
+    begin(tmp_path, {"spec": "a"}, table)
+    assert table.read_text() == "rows"
+    begin(tmp_path, {"spec": "b"}, table)
+    assert not table.exists() and "b" in (tmp_path / "study.json").read_text()
+
+
+def test_a_star_recommends_no_denoising(rows: list[Row]) -> None:
+    def labels(*questions: str) -> list[str]:
+        figure = sampling_figure(rows, advice, questions, "")
+        return [text for axes in figure.axes for text in axes.get_legend_handles_labels()[1]]
+
+    point = curve(rows, "uniform", "i_t")[1]
+    names = ("uniform", "uniform-denoised", "adaptive-denoised")
+    advice = Advice(marked={(question, layer): point for question in names for layer in ("i_t", "s_prime")})
+    assert "recommended: 16 spp" in labels("uniform") and "knee: 16 spp" not in labels("uniform")
+    smooth = labels("uniform", *names[1:])
+    assert "knee: 16 spp" in smooth and "recommended: 16 spp" not in smooth
 
 
 def test_recommended_options_are_taken_as_they_are(out: Path, spec: Path) -> None:

@@ -1,7 +1,7 @@
 """The whole study: examples one by one, question by question, then what follows from all rows."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from time import perf_counter
 
@@ -22,6 +22,7 @@ from dataset_builder.studies.accuracy import (
 from dataset_builder.studies.accuracy.advice import Advice
 from dataset_builder.studies.accuracy.bench import Bench
 from dataset_builder.studies.accuracy.budget import BUDGETS
+from dataset_builder.studies.accuracy.progress import Steps, begin, kept_steps
 from dataset_builder.studies.accuracy.rows import Row, write_table
 from dataset_builder.studies.reference import References, pixel_versions
 from dataset_builder.studies.sampled import StudySpec, chosen_layers
@@ -32,6 +33,10 @@ MEASURES: dict[str, Callable[[Bench, ExampleRef], Iterator[Row]]] = {
     "texture size": textures.measure, "storage": storage.measure, "accumulation": accumulation.measure,
 }
 """Groups of questions by what the terminal calls them."""
+
+GROUPS = {**dict.fromkeys(sampling.QUESTIONS, "sampling"), depth.DEPTH: "path depth", edges.EDGES: "edge length",
+          textures.TEXTURES: "texture size", storage.CODECS: "storage", accumulation.ACCUMULATION: "accumulation"}
+"""The group of every question."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +59,8 @@ class AccuracyStudy:
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
-    """One group of questions on one example: done of `steps`, its rows, and the seconds that it took."""
+    """One group of questions on one example: done of `steps`, its rows, and the seconds that it took. kept: whether an
+    earlier run had measured it."""
 
     number: int
     steps: int
@@ -62,23 +68,34 @@ class Step:
     group: str
     rows: tuple[Row, ...]
     seconds: float
+    kept: bool = False
 
 
 def run(study: AccuracyStudy) -> Iterator[Step]:
-    """Measure; the table is written after every step, so that an interrupted study leaves what it has.
+    """Measure; the table is written after every step, and a study that was interrupted goes on where it ended.
 
     Raises UserError where the spec, its plans or the output folder do not allow it.
     """
     activate(study.backend)
-    refs, bench, rows = study.spec.sample(study.examples), bench_of(study), list[Row]()
+    refs, bench = study.spec.sample(study.examples), bench_of(study)
     work = [(ref, group) for ref in refs for group in MEASURES]
+    done = _done(study, bench, [(ref.key, group) for ref, group in work])
     for number, (ref, group) in enumerate(work, start=1):
-        start = perf_counter()
-        found = tuple(MEASURES[group](bench, ref))
-        rows += found
-        write_table(rows, study.table)
-        yield Step(number=number, steps=len(work), example=ref.key, group=group, rows=found,
+        start, step = perf_counter(), (ref.key, group)
+        if not (kept := step in done):
+            done[step] = tuple(MEASURES[group](bench, ref))
+            write_table([row for rows in done.values() for row in rows], study.table)
+        yield Step(number=number, steps=len(work), example=ref.key, group=group, rows=done[step], kept=kept,
                    seconds=perf_counter() - start)
+
+
+def _done(study: AccuracyStudy, bench: Bench, work: Sequence[tuple[str, str]]) -> Steps:
+    """Steps of this study that an earlier run with the same spec, settings and versions has measured."""
+    about = {"spec": study.spec.planner().loaded.spec_digest, "budget": asdict(bench.budget), "repeats": bench.repeats,
+             "layers": dict(bench.extents), "versions": bench.references.made_by}
+    begin(study.out, about, study.table)
+    done = kept_steps(study.table, GROUPS)
+    return {step: done[step] for step in work if step in done}
 
 
 def bench_of(study: AccuracyStudy) -> Bench:

@@ -1,15 +1,15 @@
 """Two renderings of one example with independent samples: is the difference noise, or more than that?
 
 Of a layer with light, the standard error of every pixel is known. It comes from the spread of B batches, so that the
-difference of two pixels over its standard error follows Student's t rather than a normal distribution: with 2 (B - 1)
-degrees of freedom of its own and `neighbours.PRIOR` of those around it on each side, which are the same neighbours twice
-and count once. Of a layer without light, the noise on outlines and textures comes from a third rendering.
+difference of two pixels over its standard error follows Student's t rather than a normal distribution. Either side has
+B - 1 degrees of freedom of its own and those that the pixels around it count for, `neighbours.PRIOR`. Of a layer
+without light, the noise on outlines and textures comes from a third rendering.
 
 A layer passes where both rules hold:
 - bias: |mean of the difference| <= allowed * mean + SIGMAS * its standard error, over the pixels that count;
 - pixels: the share of pixels that differ by more than allowed * mean + SIGMAS of their own standard errors is at most
   FACTOR times what t says, plus SIGMAS standard deviations of such a share.
-Means are those of absolute values of the layer with everything on; allowed is `render.bias`.
+Means are those of absolute values with everything on, for layers may be negative; allowed is `render.bias`.
 """
 
 from dataclasses import dataclass
@@ -102,7 +102,6 @@ def freedom(batches: int) -> float:
 
 
 def _mean(values: np.ndarray) -> float:
-    """Of absolute values: layers may be negative, as `air` is where fog takes more light than it brings."""
     return float(np.abs(values).mean(dtype=np.float64)) if values.size else 0.0
 
 

@@ -50,7 +50,7 @@ def bipyramid(valence: int) -> TriangleMesh:
     ring = np.stack([np.cos(angle), np.sin(angle), np.zeros(valence)], axis=1)
     after = (np.arange(valence) + 1) % valence
     top, bottom = valence, valence + 1
-    faces = [(i, j, top) for i, j in enumerate(after)] + [(j, i, bottom) for i, j in enumerate(after)]
+    faces = [(i, j, top) for i, j in enumerate(after.tolist())] + [(j, i, bottom) for i, j in enumerate(after.tolist())]
     return bare(np.concatenate([ring, [[0, 0, 1], [0, 0, -1]]]), faces)
 
 

@@ -50,7 +50,7 @@ def denormals(size: Size) -> Measured:
 def half_range(size: Size) -> Measured:
     """Up to 65504, each power's neighbours included."""
     powers = 2.0 ** np.arange(-24, 16)
-    about = [powers, powers * (1 - 2**-12), powers * (1 + 2**-11), [65504]]
+    about = [powers, powers * (1 - 2**-12), powers * (1 + 2**-11), np.array([65504.0])]
     return Measured(figure=stored_wrong(np.concatenate(about)))
 
 

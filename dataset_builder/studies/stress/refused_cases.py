@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -49,7 +50,7 @@ def no_light(size: Size) -> Measured:
 
     dark: dict[str, IlluminationPlan] = {
         "no lights": lit_by(), "no radiance": lit_by(light("point", 0.0)), "no weight": lit_by(light("dome", weight=0))}
-    attempts: dict[str, Callable[[], object]] = {name: lambda plan=plan: emitters(plan) for name, plan in dark.items()}
+    attempts: dict[str, Callable[[], object]] = {name: partial(emitters, plan) for name, plan in dark.items()}
     spec = SourceSpec.model_validate({"dome": 0.0})
     attempts["a spec with neither dome nor sun"] = lambda: source_light(spec, lambda *path: rng(0, *path))
     return taken(attempts)
@@ -64,7 +65,7 @@ def textured(value: float) -> Measured:
         maps[name][(2, 3, 0)[:maps[name].ndim]] = value
         return Texture(**maps)
     attempts: dict[str, Callable[[], object]] = {
-        name: lambda name=name: pack([Material(name="painted", base_color=(1, 1, 1), texture=texture(name))])
+        name: partial(pack, [Material(name="painted", base_color=(1, 1, 1), texture=texture(name))])
         for name in ("base_color", "roughness", "metallic", "normal")}
     return taken(attempts, says="painted")
 
@@ -111,7 +112,7 @@ def material(size: Size) -> Measured:
         "albedo of NaN": {"base_color": (np.nan, 0, 0)}, "albedo of 2": {"base_color": (0, 2, 0)},
         "roughness of -1": {"roughness": -1.0}, "metallic of Inf": {"metallic": np.inf}, "index of 0.5": {"ior": 0.5},
         "transmission of 2": {"transmission": 2.0}, "sheen of -1": {"sheen": (0, 0, -1)}}
-    return taken({name: lambda change=change: pack([replace(plain, **change)]) for name, change in changes.items()},
+    return taken({name: partial(pack, [replace(plain, **change)]) for name, change in changes.items()},
                  says="painted")
 
 
@@ -124,7 +125,7 @@ def beyond_half(size: Size) -> Measured:
     silent = []
     for value in (65520.0, 1e6):
         layer = np.full((2, 2, 3), value, np.float32)
-        attempts[f"{value:g}"] = lambda layer=layer: encode(layer, layer="i_t", key=KEY, dtype="float16")
+        attempts[f"{value:g}"] = partial(encode, layer, layer="i_t", key=KEY, dtype="float16")
         silent += [] if storable({"i_t": layer}, "float16") else [f"storable: expected to tell {value:g}"]
     found = taken(attempts, says="65504")
     return Measured(figure=found.figure + len(silent), wrong=(*found.wrong, *silent))
@@ -143,7 +144,7 @@ def layer_nan(size: Size) -> Measured:
         layer[1, 0, 2] = value
         silent += [] if check_layers({"s": layer}, {"s": "frame"}, tolerances) else [f"identities: told not {value:g}"]
         if not np.isfinite(value):
-            attempts[f"{value:g}"] = lambda layer=layer: encode(layer, layer="s", key=KEY, dtype="float32")
+            attempts[f"{value:g}"] = partial(encode, layer, layer="s", key=KEY, dtype="float32")
     found = taken(attempts)
     return Measured(figure=found.figure + len(silent), wrong=(*found.wrong, *silent))
 
