@@ -31,7 +31,8 @@ def path_render(plan: ExamplePlan) -> Callable[[object], np.ndarray]:
     from dataset_builder.rendering.scene import sensor_of
 
     sensor = sensor_of(plan.camera, SIZE, SIZE)
-    path = mi.load_dict({"type": "path", "max_depth": plan.effects.of("target").max_depth, "rr_depth": plan.render.rr_depth})
+    depth = plan.effects.of("target").max_depth
+    path = mi.load_dict({"type": "path", "max_depth": depth, "rr_depth": plan.render.rr_depth})
     return lambda stage: np.array(mi.render(stage.scene, integrator=path, sensor=sensor, spp=SPP, seed=1))
 
 
@@ -41,11 +42,13 @@ def one_pass(plan: ExamplePlan) -> tuple[float, float]:
     from dataset_builder.rendering.scene import body_of, staged
     from dataset_builder.rendering.soup import clean, merge, surroundings
 
-    body = body_of(merge([clean(plan.target, SPECS), surroundings(plan, SPECS)]))
+    body = body_of(merge([clean(plan.target, SPECS), surroundings(plan, SPECS)]),
+                   features=frozenset(plan.effects.features))
+    depth = plan.effects.of("target").max_depth
     view, pixels = passes.View(camera=plan.camera, render=plan.render), np.arange(SIZE * SIZE)
     render = path_render(plan)
     with staged(body, plan.target_light) as stage:
-        ours, theirs = common.best([lambda: passes.radiance(view, stage, pixels, spp=SPP, seed=1),
+        ours, theirs = common.best([lambda: passes.radiance(view, stage, pixels, max_depth=depth, spp=SPP, seed=1),
                                     lambda: render(stage)])
     return ours, theirs
 
@@ -61,7 +64,7 @@ def three_renders(plan: ExamplePlan, root: Path) -> None:
     rough = rough_twin(plan.target, plan.rough, root).soup
     for parts, light in (([target, opened], plan.source_light), ([target, room], plan.target_light),
                          ([rough, room], plan.target_light)):
-        with staged(body_of(merge(parts)), light) as stage:
+        with staged(body_of(merge(parts), features=frozenset(plan.effects.features)), light) as stage:
             render(stage)
         gc.collect()
 

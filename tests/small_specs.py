@@ -68,9 +68,9 @@ def outcomes_of(events: Sequence[Event]) -> dict[int, Outcome]:
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    """Every file of a dataset by relative name, but for the builder's own folder and the previews."""
+    """Every file of a dataset by relative name, but for the builder's own folder, previews and seconds."""
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in sorted(folder.rglob("*"))
-            if path.is_file() and not {".build", "previews"} & set(path.relative_to(folder).parts)}
+            if path.is_file() and not {".build", "previews", "seconds.csv"} & set(path.relative_to(folder).parts)}
 
 
 def records(folder: Path, manifest: Manifest | None = None) -> dict[str, ExampleRecord]:

@@ -121,7 +121,7 @@ def test_a_tighter_goal_takes_more_paths_for_less_error(rows: list[Row]) -> None
     for layer in ("i_t", "s_prime"):
         loose, tight = of(rows, "adaptive", layer)
         assert loose.value > tight.value and loose.paths < tight.paths <= 256 * 16 * 16
-        assert loose.reached > tight.reached > 0 and loose.relmse > tight.relmse
+        assert min(loose.reached, tight.reached) > 0 and loose.relmse > tight.relmse
 
 
 def test_longer_paths_miss_less(rows: list[Row]) -> None:
