@@ -57,7 +57,7 @@ def test_counts_start_at_one(refused: Run, arguments: tuple[str, ...]) -> None:
 @pytest.mark.parametrize(("changed", "message"), [
     ({"small.yaml": DATASET + "sigmaa: 1\n"}, "small.yaml:20: sigmaa: expected no such key, got 1"),
     ({"small.yaml": DATASET.replace("max_depth: 4", "max_depth: four")},
-     "small.yaml:8: render.max_depth: expected a whole number, got 'four'"),
+     "small.yaml:8: render.max_depth: expected a whole number or auto, got 'four'"),
     ({"small.yaml": DATASET.replace("seed: 1", "seed: 1\nseed: 2")}, "small.yaml:3: seed: expected each key once"),
     ({"small.yaml": DATASET.replace("0.0, 0.006", "-0.1")}, "small.yaml:9: rough.sigma[0]: expected >= 0, got -0.1"),
     ({"small.yaml": DATASET + "target: {lights: 0}\n"}, "small.yaml:20: target.lights: expected in [1, 1024], got 0"),

@@ -71,7 +71,7 @@ def test_sigma_in_yaml(small_dataset: Path, tmp_path: Path) -> None:
     # Light on the object is traced where the light-free passes found it
     ("render.spp.first_hit=32", (LIGHT_FREE | OF_THE_ROUGH_MESH) - {"instance"}, {"s", "spec", "s_prime"},
      {"render.spp_first_hit"}),
-    ("render.max_depth=2", LIT, set(), {"render.max_depth"}),
+    ("render.max_depth=2", LIT, set(), {"effects.decisions", "effects.passes"}),
     # Target lights are as strong as the source says
     ("source.dome=2", {"i_s"}, {"i_t", "s", "spec", "s_prime"}, {"source_light.lights", "target_light.lights"}),
     ("gates.coverage=[0.02, 0.9]", set(), set(), set()),
@@ -127,11 +127,11 @@ def test_passes_are_not_repeated(small_spec: Path, tmp_path: Path, monkeypatch: 
     from dataset_builder.rendering import passes
 
     calls = Counter[str]()
-    for name in ("first_hit", "radiance", "instances"):
+    for name in ("first_hit", "radiance_sampler", "instances"):
         monkeypatch.setattr(passes, name, counted(name, getattr(passes, name), calls))
     outcomes = outcomes_of(run_build(small_spec, tmp_path, only=VIEW))
     # The clean mesh, and both rough ones under both lights; source, two targets, and both levels under both
-    assert calls == {"first_hit": 1 + 2 * 2, "instances": 1, "radiance": 1 + 2 + 2 * 2}
+    assert calls == {"first_hit": 1 + 2 * 2, "instances": 1, "radiance_sampler": 1 + 2 + 2 * 2}
     needed = [set(outcomes[index].seconds) - {"plan", "encode"} for index in VIEW]
     assert needed == [{"source", "target", "first_hit", "first_hit_rough", "rough", "instance"},
                       {"first_hit_rough", "rough"}, {"first_hit_rough", "target", "rough"},
