@@ -14,6 +14,9 @@ from dataset_builder.errors import OutputError
 
 Unit = TypeVar("Unit")
 Result = TypeVar("Result")
+PATIENCE = 5.0
+"""Seconds that a process has to end when it is told to."""
+
 AHEAD = 2
 """Units handed out per process before results come back."""
 
@@ -62,8 +65,13 @@ def _end_children() -> None:
 
     What they wrote is whole: examples are staged by a rename.
     """
-    for child in multiprocessing.active_children():
+    children = multiprocessing.active_children()
+    for child in children:
         child.terminate()
+    for child in children:
+        child.join(PATIENCE)
+        if child.is_alive():
+            child.kill()
 
 
 def _follow_the_parent() -> None:
