@@ -102,6 +102,9 @@ def measure(job: Job, ref: ExampleRef) -> tuple[int, dict[str, Figures], tuple[P
         if isinstance(error, OutputError):
             raise
         return ref.index, {}, error.problems
+    if not _found_by_all(asked, reference).any():
+        rule = "expected pixels that the object covers in every render, got none"
+        return ref.index, {}, (Problem(where=f"example {ref.index}", path="image", rule=rule),)
     return ref.index, {name: compare(name, asked, reference) for name in plan.render.denoise}, ()
 
 
@@ -145,7 +148,7 @@ def compare(name: str, asked: Sequence[Images], reference: Images) -> Figures:
     With a and b two such renders and r the reference, E[(a - r)(b - r)] is bias^2 plus the reference's variance: the
     noise of a and b is independent and falls out.
     """
-    inside = np.all([images["mask"][..., 0] > 0 for images in (*asked, reference)], axis=0)
+    inside = _found_by_all(asked, reference)
     expected, noise = (reference[key][inside].astype(np.float64) for key in (name, f"{name}_se"))
     off = [images[name][inside] - expected for images in asked]
     raw = [images[f"{name}_raw"][inside] - expected for images in asked]
@@ -157,6 +160,10 @@ def compare(name: str, asked: Sequence[Images], reference: Images) -> Figures:
         bias=float(np.mean(off)) / mean, bias_error=variance / mean**2, relmse_reference=own,
         pixel_bias=float((product * weight).mean()) - own, relmse_raw=float(np.mean([x**2 * weight for x in raw])),
         relmse_denoised=float(np.mean([x**2 * weight for x in off])))
+
+
+def _found_by_all(asked: Sequence[Images], reference: Images) -> np.ndarray:
+    return np.all([images["mask"][..., 0] > 0 for images in (*asked, reference)], axis=0)
 
 
 def _of_mean(error: np.ndarray) -> float:

@@ -129,7 +129,7 @@ def _within(goal: Goal, found: Estimate, extra: np.ndarray, spent: float) -> np.
     """(P,) as many of the samples lacking as the goal's time may still allow, at the rate so far."""
     if not goal.seconds or not extra.any():
         return extra
-    left = (goal.seconds - spent) / max(spent, 1e-3)
+    left = max(goal.seconds - spent, 0) / max(spent, 1e-3)
     return extra * min(1.0, left * float(found.spp.sum()) / float(extra.sum()))
 
 

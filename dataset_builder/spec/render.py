@@ -51,7 +51,8 @@ class GoalSpec(Model):
     seconds: Annotated[float, Field(gt=0)] | None = None
     """Time after which no further round begins; what comes out then depends on the machine."""
     cap: PositiveInt = 4096
-    """Most samples of any pixel, at least the spp of the layer's pass."""
+    """Most samples of any pixel, at least the spp of the layer's pass. Rounds take four samples per batch at least, so
+    that fewer than that may be left of it."""
 
     @model_validator(mode="after")
     def _asks_for_something(self) -> "GoalSpec":
@@ -85,7 +86,7 @@ def _depth(value: Any) -> str | None:
 
 
 Depth = Annotated[
-    Annotated[PositiveInt, Tag("|depth")] | Annotated[Literal["auto"], Tag("|auto")],
+    Annotated[int, Field(ge=2), Tag("|depth")] | Annotated[Literal["auto"], Tag("|auto")],
     branches(_depth, "expected a whole number or auto"),
 ]
 

@@ -105,6 +105,12 @@ def test_time_ends_it_and_is_said():
     assert done.stopped == {"i_t": "time"} and done.rounds <= 4
 
 
+def test_time_that_runs_out_within_a_round_ends_it():
+    ticks = iter(range(0, 1000, 2))
+    done = run(goal(1e-6, seconds=3.0), clock=lambda: float(next(ticks)))
+    assert done.stopped == {"i_t": "time"} and (done.found.spp == FIRST).all()
+
+
 def test_a_time_budget_alone_is_spent():
     ticks = iter(range(1000))
     done = run(goal(0.0, seconds=3.0), clock=lambda: float(next(ticks)))
