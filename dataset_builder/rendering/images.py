@@ -10,6 +10,7 @@ from dataset_builder.assets.texture_maps import resized
 from dataset_builder.digest import sha256_file
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.planning.blackbody import LUMINANCE
+from dataset_builder.rendering.exr_image import read_exr
 
 KEPT = 4
 """Images kept in memory: those of the lights of one view."""
@@ -48,6 +49,8 @@ def read_image(path: Path, sha256: str, suffixes: tuple[str, ...]) -> np.ndarray
 
 def _decoded(path: Path) -> np.ndarray:
     try:
+        if path.suffix.lower() == ".exr":
+            return read_exr(path)
         bitmap = mi.Bitmap(str(path)).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, srgb_gamma=False)
     except (RuntimeError, ValueError) as error:
         reason = str(error).strip().splitlines()[-1]

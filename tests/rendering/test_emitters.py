@@ -4,6 +4,7 @@ import gc
 from pathlib import Path
 
 import numpy as np
+import OpenEXR
 import pytest
 
 from dataset_builder.digest import sha256_file
@@ -18,9 +19,14 @@ WIDTH, HEIGHT = 64, 32
 
 def written(folder: Path, pixels: np.ndarray, name: str = "image.exr") -> dict[str, str]:
     """Fields of a light that shows `pixels`, saved as a file."""
-    import mitsuba as mi
+    pixels = np.ascontiguousarray(pixels, dtype=np.float32)
+    if name.endswith(".exr"):
+        header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+        OpenEXR.File(header, {"RGB": pixels}).write(str(folder / name))
+    else:
+        import mitsuba as mi
 
-    mi.Bitmap(pixels.astype(np.float32)).write(str(folder / name))
+        mi.Bitmap(pixels).write(str(folder / name))
     return {"image": name, "image_sha256": sha256_file(folder / name)}
 
 
