@@ -133,8 +133,10 @@ def test_a_spec_that_changes_under_a_build_is_refused(tmp_path: Path) -> None:
 
 
 def test_ctrl_c_ends_a_build_at_once_whatever_its_processes_do(tmp_path: Path) -> None:
-    script = ("import time\nfrom dataset_builder.engine.local import run\n"
+    # What runs in the background of a shell ignores Ctrl-C, and so do its children
+    script = ("import signal\nimport time\nfrom dataset_builder.engine.local import run\n"
               "if __name__ == '__main__':\n"
+              "    signal.signal(signal.SIGINT, signal.default_int_handler)\n"
               "    for _ in run(time.sleep, [0, 0, 600, 600, 600, 600], workers=2):\n"
               "        print('ready', flush=True)\n")
     (tmp_path / "pool.py").write_text(script)
