@@ -16,7 +16,8 @@ PRIOR = 12.0
 
 
 def around(values: np.ndarray, pixels: np.ndarray, width: int) -> np.ndarray:
-    """(P, C) means over the up to eight neighbours of each pixel that are listed, over all where there are none."""
+    """(P, C) means of values >= 0 over the up to eight neighbours of each pixel that are listed, over all pixels where
+    there are none."""
     row, column = np.divmod(pixels, width)
     row, column = row - row.min() + 1, column - column.min() + 1
     image = np.zeros((row.max() + 2, column.max() + 2, values.shape[1] + 1))
