@@ -20,7 +20,7 @@ ORDER = (
 HOMES = {
     "mitsuba": "rendering", "drjit": "rendering", "ruamel": "spec.load", "open3d": "geometry",
     "OpenEXR": ("shards.exr", "rendering.exr_image"),
-    "matplotlib": "report", "pyvista": "report", "trimesh": "assets.mesh_file", "torch": "lightnet", "ray": "engine",
+    "matplotlib": "report", "pyvista": "report", "trimesh": "assets.mesh_file", "torch": "lightnet", "tensorboard": "lightnet", "skimage": "lightnet", "ray": "engine",
     "flip_evaluator": "studies.errors", "pyoidn": "rendering.oidn",
 }
 """The only folder or module that may import a library."""

@@ -1,0 +1,1 @@
+"""LighTNet and its rivals: reads finished shards, trains, evaluates, composes. The only folder that imports PyTorch."""

@@ -1,0 +1,69 @@
+"""What flows through the trainer: inputs, truth and predictions, as tensors in exposed linear light.
+
+Exposed means: `i_s` is multiplied by the dataset-wide source exposure, `s_prime` and `i_t` by the example's own target
+exposure (`lightnet.ranges`), so that I_t = D S + spec still holds. Nothing is tone-mapped; whoever needs display
+values maps them. Everything is 0 where the object is not (`inside` is 0). H and W are whatever the crop is.
+"""
+
+from dataclasses import dataclass, fields, replace
+from typing import TypeVar
+
+import torch
+
+Tensors = TypeVar("Tensors", "Inputs", "Truth")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Inputs:
+    """What a method may see. i_s, s_prime: (B, 3, H, W), linear, >= 0. inside: (B, 1, H, W), 0 or 1.
+
+    sh: (B, 3, 9) spherical harmonics of the radiance that arrives at the object's centre under the target light,
+    exposed as `s_prime`, in the camera's frame (x right, y up, z to the viewer); order of `geometry.harmonics`.
+    """
+
+    i_s: torch.Tensor
+    s_prime: torch.Tensor
+    inside: torch.Tensor
+    sh: torch.Tensor
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Truth:
+    """What a method is to find. i_t: (B, 3, H, W), linear, >= 0; d, r: (B, 3, H, W), reflectances in [0, 1]."""
+
+    i_t: torch.Tensor
+    d: torch.Tensor
+    r: torch.Tensor
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Batch:
+    """Some examples. exposure: (B,) factor that `s_prime`, `i_t` and `sh` were multiplied by."""
+
+    keys: tuple[str, ...]
+    exposure: torch.Tensor
+    inputs: Inputs
+    truth: Truth
+
+    def to(self, device: torch.device) -> "Batch":
+        """The same on a device."""
+        return replace(self, exposure=self.exposure.to(device), inputs=_moved(self.inputs, device),
+                       truth=_moved(self.truth, device))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Prediction:
+    """What a method found. i_t: (B, 3, H, W), exposed linear light, unbounded, 0 outside the object.
+
+    d, r, shading, alpha: (B, 3, H, W) parts that the method has; None for those that it has not.
+    """
+
+    i_t: torch.Tensor
+    d: torch.Tensor | None = None
+    r: torch.Tensor | None = None
+    shading: torch.Tensor | None = None
+    alpha: torch.Tensor | None = None
+
+
+def _moved(tensors: Tensors, device: torch.device) -> Tensors:
+    return replace(tensors, **{field.name: getattr(tensors, field.name).to(device) for field in fields(tensors)})

@@ -1,0 +1,131 @@
+"""How a method is trained, as written: one YAML file, given to `dataset-builder train --config`."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from dataset_builder.spec.model import Model, broken
+from dataset_builder.spec.numbers import PositiveInt
+
+Method = Literal["lightnet", "pix2pix", "dpr", "ssvbrdf"]
+Formulation = Literal["d_s", "dr_s", "dr_s_plus_alpha", "dr_alpha_s"]
+"""D S, (D + R) S, (D + R) S + alpha, (D + R + alpha) S: the paper's table 3, top."""
+Shading = Literal["residual", "raw", "direct"]
+"""S = S' + S'_r, S = S', S = S* predicted as it is: the paper's table 3, bottom."""
+VggLayer = Literal["relu3_1", "relu3_4", "pool3"]
+NotNegative = Annotated[float, Field(ge=0)]
+Fraction = Annotated[float, Field(ge=0, lt=1)]
+
+
+class ModelSpec(Model):
+    """Size and form of the network."""
+
+    width: PositiveInt = 16
+    """Channels at full resolution; deeper levels have 2, 4 and 8 times as many. 64 is the full size."""
+    downs: Annotated[int, Field(ge=1, le=8)] = 4
+    """Times that the resolution is halved."""
+    formulation: Formulation = "dr_alpha_s"
+    """LighTNet only. How I_t is composed: d_s, dr_s, dr_s_plus_alpha or dr_alpha_s."""
+    shading: Shading = "residual"
+    """LighTNet only. residual: S = S' + S'_r; raw: S = S'; direct: S is predicted as it is."""
+
+
+class ObjectiveSpec(Model):
+    """LighTNet's losses; each weight multiplies its term, 0 leaves it out."""
+
+    dr: NotNegative = 1.0
+    """|D - D_gt| + |R - R_gt|."""
+    fr: NotNegative = 0.05
+    """VGG-19 feature reconstruction; needs `--vgg-weights`, and is off and said to be off without."""
+    dssim: NotNegative = 0.5
+    """(1 - SSIM) / 2."""
+    lab: NotNegative = 0.5
+    """Angle between Lab vectors, in radians."""
+    l1: NotNegative = 0.0
+    """|I_t - I_t_gt|, tone-mapped."""
+    vgg_layer: VggLayer = "relu3_4"
+    """Activations of the third block that features are compared at; the paper does not say which."""
+
+
+class DataSpec(Model):
+    """What is read, and how it is varied."""
+
+    train: str = "train"
+    """Split to train on."""
+    held_out: str = "evaluation"
+    """Split to check on; never trained on."""
+    crop: Annotated[int, Field(ge=16)] = 128
+    """Side of the square about the object that is trained on, in pixels; cut to a multiple that the method needs."""
+    batch: PositiveInt = 8
+    """Examples per step."""
+    workers: Annotated[int, Field(ge=0)] = 1
+    """Processes that read ahead; 0 reads in the training process. Has no effect on what is read."""
+    verify: Literal["off", "size", "shard", "member"] = "size"
+    """What is checked while reading, see `docs/reading.md`."""
+    flips: bool = True
+    """Mirror left and right, one time in two."""
+    exposure: NotNegative = 0.5
+    """Stops that the target light is made stronger or weaker by at most, on both sides of the transfer."""
+    colour: Fraction = 0.1
+    """Share that each channel of the target light is changed by at most, on both sides of the transfer."""
+    source_exposure: Annotated[float, Field(gt=0)] = 1.0
+    """Factor of `i_s`: a source dome of radiance 1 needs none."""
+    inside: Annotated[float, Field(gt=0, le=1)] = 0.5
+    """Least mask of a pixel that counts as the object's."""
+
+
+class OptimiserSpec(Model):
+    """Adam, and how its rate goes."""
+
+    rate: Annotated[float, Field(gt=0)] = 1e-3
+    """Learning rate, at its highest."""
+    betas: tuple[Fraction, Fraction] = (0.9, 0.999)
+    """Decay of the moments."""
+    schedule: Literal["constant", "cosine"] = "cosine"
+    """cosine: from `rate` to a hundredth of it at the last step."""
+    warm_up: Annotated[int, Field(ge=0)] = 20
+    """Steps over which the rate rises from 0."""
+    clip: NotNegative = 1.0
+    """Largest norm of the gradient; 0 does not clip."""
+
+
+class CheckSpec(Model):
+    """How training is watched."""
+
+    every: PositiveInt = 100
+    """Steps between checks on the held-out split, with a checkpoint each."""
+    examples: Annotated[int, Field(ge=0)] = 32
+    """Held-out examples per check, spread evenly; 0 is all."""
+    patience: Annotated[int, Field(ge=0)] = 0
+    """Checks without a better PSNR after which training stops; 0 goes on to the last step."""
+
+
+class TrainingSpec(Model):
+    """How one method is trained."""
+
+    method: Method = "lightnet"
+    """lightnet, or a baseline reformulated as in the paper: pix2pix, dpr, ssvbrdf."""
+    seed: Annotated[int, Field(ge=0, lt=2**64)] = 0
+    """Of the weights, the order of examples, their variation and dropout."""
+    steps: PositiveInt = 1000
+    """Batches to train on."""
+    model: ModelSpec = ModelSpec()
+    """Network."""
+    objective: ObjectiveSpec = ObjectiveSpec()
+    """Losses of LighTNet; baselines have those of their papers."""
+    data: DataSpec = DataSpec()
+    """Examples."""
+    optimiser: OptimiserSpec = OptimiserSpec()
+    """Optimiser."""
+    check: CheckSpec = CheckSpec()
+    """Watching."""
+    precision: Literal["auto", "float32", "bfloat16"] = "auto"
+    """Of the network; losses are float32 always. auto: bfloat16 on CUDA, float32 on the CPU."""
+    most_bad_steps: Annotated[int, Field(ge=0)] = 10
+    """Steps with a loss or gradient that is not finite that are skipped before training gives up."""
+
+    @model_validator(mode="after")
+    def _splits_differ(self) -> "TrainingSpec":
+        if self.data.train == self.data.held_out:
+            raise broken(f"expected another split than train's, got {self.data.held_out}", path=("data", "held_out"))
+        return self
