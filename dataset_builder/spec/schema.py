@@ -7,8 +7,10 @@ from typing import Any
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.model import Model
 from dataset_builder.spec.scene import ObjectSpec, RoomSpec, SceneSpec
+from dataset_builder.spec.training import TrainingSpec
 
-KINDS: dict[str, type[Model]] = {"dataset": DatasetSpec, "object": ObjectSpec, "room": RoomSpec, "scene": SceneSpec}
+KINDS: dict[str, type[Model]] = {"dataset": DatasetSpec, "object": ObjectSpec, "room": RoomSpec, "scene": SceneSpec,
+                                 "training": TrainingSpec}
 """The kinds of file under `scene_specs/`, by the name of their schema."""
 
 DRAFT = "https://json-schema.org/draft/2020-12/schema"

@@ -11,10 +11,12 @@ from dataset_builder.spec.problems import dotted
 from dataset_builder.spec.schema import export_schema, schema_files
 
 FOLDER = Path(__file__).parents[2] / "scene_specs"
-KINDS = {"rooms": "room", "objects": "object", "scenes": "scene", "scene_specs": "dataset"}
+KINDS = {"rooms": "room", "objects": "object", "scenes": "scene", "scene_specs": "dataset",
+         "training": "training"}
 DATASETS = sorted(FOLDER.glob("*.yaml"))
+TRAININGS = sorted((FOLDER / "training").glob("*.yaml"))
 PARTS = sorted(file for name in ("rooms", "objects", "scenes") for file in (FOLDER / name).glob("*.yaml"))
-FILES = [*DATASETS, *PARTS]
+FILES = [*DATASETS, *PARTS, *TRAININGS]
 SCHEMAS = export_schema()
 
 

@@ -1,0 +1,96 @@
+"""Checkpoints: everything that a training needs to go on as if it had never stopped, in one file, whole or not at all.
+
+A file holds plain data and tensors only and is read with `weights_only`, so that a checkpoint from elsewhere can be
+wrong but cannot run code.
+"""
+
+import json
+import pickle
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from dataset_builder.errors import Problem, UserError
+from dataset_builder.lightnet.device import choose
+from dataset_builder.lightnet.method import Method
+from dataset_builder.lightnet.methods import build_method
+from dataset_builder.shards.atomic import write_atomic
+from dataset_builder.spec.training import TrainingSpec
+
+FORMAT = "3df-lighting-training"
+VERSION = 1
+KEYS = {"format", "version", "spec", "identity", "dataset", "step", "method", "optimisers", "history", "best",
+        "bad_steps", "stale", "off"}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trained:
+    """A method ready for use, in evaluation mode on `device`. step: batches it was trained on; psnr: of its last check
+    on held-out examples, in dB; dataset: name of what it was trained on; off: losses that were off, and why."""
+
+    method: Method
+    spec: TrainingSpec
+    step: int
+    psnr: float
+    dataset: str
+    off: tuple[str, ...]
+    device: torch.device
+
+    @property
+    def name(self) -> str:
+        """What tables call it."""
+        return self.spec.method
+
+
+def save_state(path: Path, state: dict[str, Any]) -> None:
+    """Write a training's state. Raises OutputError where the disk refuses; the file before it stays then."""
+    stream = BytesIO()
+    torch.save({"format": FORMAT, "version": VERSION, **state}, stream)
+    write_atomic(path, stream.getvalue())
+
+
+def load_state(path: Path) -> dict[str, Any]:
+    """A training's state, its tensors on the CPU. Raises UserError where the file is none of ours or damaged."""
+    try:
+        state = torch.load(path, map_location="cpu", weights_only=True)
+    except FileNotFoundError as error:
+        raise _wrong(path, "expected a checkpoint, found no file") from error
+    except OSError as error:
+        raise _wrong(path, f"expected a readable file, got: {error.strerror or error}") from error
+    except (RuntimeError, pickle.UnpicklingError, EOFError, ValueError, KeyError, TypeError) as error:
+        raise _wrong(path, "expected a checkpoint, got a file that does not read as one: cut short, or another kind") \
+            from error
+    if not isinstance(state, dict) or state.get("format") != FORMAT:
+        raise _wrong(path, "expected a checkpoint of `dataset-builder train`, got another kind of file")
+    if state.get("version") != VERSION or set(state) != KEYS:
+        raise _wrong(path, f"expected a checkpoint of version {VERSION}, got one of version {state.get('version')}",
+                     "train again with this version")
+    return state
+
+
+def load_trained(path: Path, device: str = "auto") -> Trained:
+    """The method of a checkpoint. Raises UserError as `load_state` does, or where its weights fit no such method."""
+    state, where = load_state(path), choose(device)
+    spec = TrainingSpec.model_validate(json.loads(state["spec"]))
+    # Losses are not needed any more, and neither are the weights of VGG
+    method = build_method(spec.model_copy(update={"objective": spec.objective.model_copy(update={"fr": 0.0})}))
+    load_weights(method, state["method"], path)
+    last = state["history"][-1] if state["history"] else {}
+    return Trained(method=method.to(where).eval(), spec=spec, step=state["step"], psnr=last.get("psnr", float("nan")),
+                   dataset=state["dataset"], off=tuple(state["off"]), device=where)
+
+
+def load_weights(method: Method, weights: dict[str, torch.Tensor], path: Path) -> None:
+    """Give a method its trained weights. Raises UserError where they are of another shape or name."""
+    try:
+        method.load_state_dict(weights)
+    except RuntimeError as error:
+        raise _wrong(path, "expected weights that fit the method of its spec, got others",
+                     "it was written by another version of this package: train again") from error
+
+
+def _wrong(path: Path, rule: str, hint: str = "") -> UserError:
+    return UserError([Problem(where=str(path), path="", rule=rule, hint=hint)])

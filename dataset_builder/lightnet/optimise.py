@@ -1,0 +1,85 @@
+"""One optimisation step: losses by phase, their gradients, and what is done where they are not finite."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+
+from dataset_builder.lightnet.batch import Batch, Prediction
+from dataset_builder.lightnet.method import Loss, Method
+from dataset_builder.lightnet.schedule import rate_at
+from dataset_builder.spec.training import TrainingSpec
+
+UNCLIPPED = float("inf")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Taken:
+    """What a step came to; fields as in `events.Stepped`."""
+
+    loss: dict[str, float]
+    terms: dict[str, float]
+    norm: float
+    rate: float
+    skipped: str
+
+
+class Optimisers:
+    """Adam for each phase of a method."""
+
+    def __init__(self, method: Method, spec: TrainingSpec):
+        self._spec = spec
+        self._parameters = {phase: [one for one in method.parameters_of(phase) if one.requires_grad]
+                            for phase in method.phases}
+        self._adams = {phase: torch.optim.Adam(parameters, lr=spec.optimiser.rate, betas=spec.optimiser.betas)
+                       for phase, parameters in self._parameters.items()}
+
+    def counts(self) -> dict[str, int]:
+        """Trainable numbers by phase."""
+        return {phase: sum(one.numel() for one in found) for phase, found in self._parameters.items()}
+
+    def state(self) -> dict[str, Any]:
+        """What `load` takes."""
+        return {phase: adam.state_dict() for phase, adam in self._adams.items()}
+
+    def load(self, state: dict[str, Any]) -> None:
+        """Go on where `state` was taken."""
+        for phase, adam in self._adams.items():
+            adam.load_state_dict(state[phase])
+
+    def step(self, method: Method, batch: Batch, prediction: Prediction, step: int) -> Taken:
+        """Move the parameters of every phase in turn; from the first phase on that is not finite, none."""
+        rate, norm = rate_at(step, self._spec.steps, self._spec.optimiser), 0.0
+        losses: dict[str, float] = {}
+        terms: dict[str, float] = {}
+        for phase in method.phases:
+            loss = method.loss(phase, batch, prediction)
+            losses[phase] = float(loss.total.detach())
+            terms |= {name: float(value) for name, value in loss.terms.items()}
+            if wrong := _not_finite(phase, loss):
+                return Taken(loss=losses, terms=terms, norm=norm, rate=rate, skipped=wrong)
+            here = self._gradients(phase, loss)
+            norm = max(norm, here)
+            if not here < UNCLIPPED:
+                return Taken(loss=losses, terms=terms, norm=here, rate=rate,
+                             skipped=f"{phase}: the gradient is not finite, at a loss of {losses[phase]:.4g}")
+            for group in self._adams[phase].param_groups:
+                group["lr"] = rate
+            self._adams[phase].step()
+        return Taken(loss=losses, terms=terms, norm=norm, rate=rate, skipped="")
+
+    def _gradients(self, phase: str, loss: Loss) -> float:
+        """Gradients of a phase, clipped; their norm before."""
+        parameters = self._parameters[phase]
+        for parameter in parameters:
+            parameter.grad = None
+        torch.autograd.backward(loss.total, inputs=parameters)
+        clip = self._spec.optimiser.clip or UNCLIPPED
+        return float(torch.nn.utils.clip_grad_norm_(parameters, clip))
+
+
+def _not_finite(phase: str, loss: Loss) -> str:
+    if bool(torch.isfinite(loss.total)):
+        return ""
+    found = ", ".join(f"{name} {float(value):.4g}" for name, value in loss.terms.items())
+    return f"{phase}: the loss is not finite ({found})"

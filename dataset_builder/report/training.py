@@ -1,0 +1,60 @@
+"""What the terminal shows of a training: its size, a bar with losses and rate, a line for each check."""
+
+from collections.abc import Iterable, Iterator
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from dataset_builder.lightnet.events import Checked, Event, Finished, Started, Stepped
+
+REASONS = {"steps": "all steps done", "patience": "no better check for long enough", "already": "was finished before"}
+
+
+def follow(events: Iterable[Event], console: Console) -> Iterator[Event]:
+    """Pass events on while a progress bar shows them."""
+    columns = (TextColumn("steps"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[text]}"),
+               TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn())
+    with Progress(*columns, console=console) as progress:
+        bar = progress.add_task("", total=None, text="")
+        for event in events:
+            if isinstance(event, Started):
+                progress.update(bar, total=event.steps, completed=event.first)
+            if isinstance(event, Stepped):
+                progress.update(bar, completed=event.step, text=step_text(event))
+            for line in lines_of(event):
+                progress.console.print(line, highlight=False, markup=False, soft_wrap=True)
+            yield event
+
+
+def lines_of(event: Event) -> list[str]:
+    """Lines that stay: of the start, of steps that were skipped, of checks and of the end."""
+    if isinstance(event, Started):
+        return started_lines(event)
+    if isinstance(event, Stepped):
+        return [f"step {event.step} skipped: {event.skipped}"] if event.skipped else []
+    if isinstance(event, Checked):
+        found = ", ".join(f"{name} {value:.4f}" for name, value in event.metrics.items())
+        return [f"step {event.step}, {event.examples} held-out examples: {found}" + (" (best)" if event.best else "")]
+    return finished_lines(event)
+
+
+def started_lines(event: Started) -> list[str]:
+    """Sizes, device, and what is off."""
+    sizes = ", ".join(f"{name} {count:,}" for name, count in event.parameters.items())
+    lines = [f"parameters: {sizes}; {event.train} examples to train on, {event.held_out} held out; "
+             f"{event.device}, {event.precision}"]
+    lines += [f"off: {reason}" for reason in event.off]
+    return [*lines, f"going on after step {event.first}"] if event.first else lines
+
+
+def finished_lines(event: Finished) -> list[str]:
+    """Why it ended, the best check, and where the weights are."""
+    bad = f", {event.bad_steps} steps skipped" if event.bad_steps else ""
+    return [f"{REASONS[event.reason]} at step {event.step}{bad}; best on held-out examples: {event.best[1]:.2f} dB at "
+            f"step {event.best[0]}", f"last: {event.last_file}", f"best: {event.best_file}"]
+
+
+def step_text(event: Stepped) -> str:
+    """Losses, images per second and the share of time spent waiting for data."""
+    losses = " ".join(f"{name} {value:.4f}" for name, value in (event.terms or event.loss).items())
+    return f"{losses}  {event.images / event.seconds:.1f} images/s  {event.waited / event.seconds:.0%} waiting"
