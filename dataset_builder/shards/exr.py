@@ -31,6 +31,7 @@ NAMESPACE = "3df-lighting"
 HALF_MAX = 65504.0
 LARGEST_SIDE = 16384
 CHANNELS = {1: ("Y",), 3: ("R", "G", "B")}
+SCENE = "lin_rec709_scene"
 REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 
 
@@ -46,7 +47,7 @@ class ExrImage:
 
 def colour_space(layer: str) -> str:
     """`lin_rec709_scene` for colours, `data` for everything else: identifiers of the Color Interop Forum."""
-    return "lin_rec709_scene" if LAYERS[layer].channels == 3 and not layer.startswith("normal") else "data"
+    return SCENE if LAYERS[layer].channels == 3 and not layer.startswith("normal") else "data"
 
 
 def stored(array: np.ndarray, *, layer: str, key: str, dtype: DType) -> np.ndarray:
@@ -55,7 +56,10 @@ def stored(array: np.ndarray, *, layer: str, key: str, dtype: DType) -> np.ndarr
     Raises ShardError where the array is not (H, W, C) float32 with the layer's channels, is empty, holds NaN or Inf, or
     (float16) a value beyond +-65504. Nothing is ever clipped.
     """
-    where, channels = f"example {key}, layer {layer}", LAYERS[layer].channels
+    return _checked(array, where=f"example {key}, layer {layer}", channels=LAYERS[layer].channels, dtype=dtype)
+
+
+def _checked(array: np.ndarray, *, where: str, channels: int, dtype: DType) -> np.ndarray:
     if array.dtype != np.float32:
         raise _wrong(where, f"expected float32 pixels, got {array.dtype}")
     if array.ndim != 3 or array.shape[2] != channels or not all(0 < side <= LARGEST_SIDE for side in array.shape[:2]):
@@ -79,12 +83,29 @@ def encode(array: np.ndarray, *, layer: str, key: str, dtype: DType) -> bytes:
     return data
 
 
+def encode_picture(array: np.ndarray, *, name: str) -> bytes:
+    """The file of a picture that is no layer of an example: (H, W, 3) float32 linear light in, bytes out.
+
+    Its header calls it `name`. Raises ShardError as `encode` does.
+    """
+    where = f"picture {name}"
+    pixels = _checked(array, where=where, channels=3, dtype="float32")
+    data = _written(pixels, _header(name, "", "zip", SCENE), "float32")
+    if decode(data, where=where).tobytes() != pixels.tobytes():
+        raise _wrong(where, "expected the encoded file to decode to the same pixels")
+    return data
+
+
 def compress(pixels: np.ndarray, *, layer: str, key: str, dtype: DType, codec: str = "zip") -> bytes:
     """The file of what `stored` gave, by one of `CODECS`; not read back, as `encode` does."""
+    return _written(pixels, _header(layer, key, codec, colour_space(layer)), dtype)
+
+
+def _written(pixels: np.ndarray, header: dict[str, Any], dtype: DType) -> bytes:
     planes = {name: np.ascontiguousarray(pixels[:, :, i].astype(dtype))
               for i, name in enumerate(CHANNELS[pixels.shape[2]])}
     stream = BytesIO()
-    OpenEXR.File(_header(layer, key, codec), planes).write(stream)
+    OpenEXR.File(header, planes).write(stream)
     return stream.getvalue()
 
 
@@ -117,9 +138,9 @@ def read(data: bytes, *, where: str = "EXR") -> ExrImage:
     )
 
 
-def _header(layer: str, key: str, codec: str) -> dict[str, Any]:
+def _header(layer: str, key: str, codec: str, space: str) -> dict[str, Any]:
     header: dict[str, Any] = {
-        "compression": CODECS[codec], "type": OpenEXR.scanlineimage, "colorInteropID": colour_space(layer),
+        "compression": CODECS[codec], "type": OpenEXR.scanlineimage, "colorInteropID": space,
         f"{NAMESPACE}:schema": SCHEMA, f"{NAMESPACE}:layer": layer, f"{NAMESPACE}:key": key,
     }
     return header if header["colorInteropID"] == "data" else {**header, "chromaticities": REC709}

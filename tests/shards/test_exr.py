@@ -106,3 +106,21 @@ def test_nothing_in_a_file_tells_when_or_where_it_was_made() -> None:
         assert name not in header
     assert b"lin_rec709_scene" in header and b"chromaticities" in header
     assert b"chromaticities" not in encode(picture(), "normal") and b"data" in encode(picture(), "normal")
+
+
+def test_pictures_that_are_no_layers_come_back_and_say_what_they_are() -> None:
+    array = picture()
+    array[0, 0] = -1.0
+    data = exr.encode_picture(array, name="composite")
+    image = exr.read(data)
+    assert image.pixels.tobytes() == array.tobytes()
+    assert (image.layer, image.key, image.dtype) == ("composite", "", "float32")
+    assert b"lin_rec709_scene" in data and data == exr.encode_picture(array.copy(), name="composite")
+
+
+@pytest.mark.parametrize(("array", "rule"), [
+    (picture(1), r"got \(6, 8, 1\)"), (np.full((6, 8, 3), np.nan, np.float32), "NaN or Inf"),
+], ids=["scalar", "nan"])
+def test_pictures_that_cannot_be_stored_are_refused_by_name(array: np.ndarray, rule: str) -> None:
+    with pytest.raises(ShardError, match=f"picture composite: .*{rule}"):
+        exr.encode_picture(array, name="composite")
