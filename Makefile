@@ -2,11 +2,12 @@
 SHELL := /bin/sh
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help system install dataset test check schema bench clean
+.PHONY: help system install trainer dataset test check schema bench clean
 
 VENV := .venv
 PY := $(VENV)/bin/python
 STAMP := $(VENV)/installed.stamp
+WHOLE := $(VENV)/installed-whole.stamp
 SPEC ?= scene_specs/3df-lighting-mini.yaml
 OUT ?= datasets/$(basename $(notdir $(SPEC)))
 ARGS ?=
@@ -22,24 +23,30 @@ install: $(STAMP)  ## the virtual environment in .venv, with locked packages
 
 # The stamp comes last, so that an interrupted installation is taken up again.
 $(STAMP): pyproject.toml constraints.txt tools/make_venv.sh dataset_builder/__init__.py | system
-	@sh tools/make_venv.sh $(VENV)
+	@sh tools/make_venv.sh $(VENV) denoise,study
+	@touch $@
+
+trainer: $(WHOLE)  ## what training, tests and checks need besides, PyTorch above all
+
+$(WHOLE): $(STAMP)
+	@sh tools/make_venv.sh $(VENV) test
 	@touch $@
 
 dataset: $(STAMP)  ## build SPEC (the mini dataset) into OUT
 	@$(VENV)/bin/dataset-builder build $(SPEC) --out $(OUT) $(ARGS)
 
-test: $(STAMP)  ## all tests
+test: $(WHOLE)  ## all tests
 	@$(PY) -m pytest $(ARGS)
 
-check: $(STAMP)  ## lint and types
+check: $(WHOLE)  ## lint and types
 	@$(PY) -m ruff check .
 	@$(PY) -m mypy
 
-schema: $(STAMP)  ## write the JSON Schemas that editors read and the tables of docs/specs.md, after a change of the models
+schema: $(WHOLE)  ## write the JSON Schemas that editors read and the tables of docs/specs.md, after a change of the models
 	@$(PY) tools/export_schema.py
 	@$(PY) tools/spec_tables.py
 
-bench: $(STAMP)  ## the claims of the README, as ratios from one run each
+bench: $(WHOLE)  ## the claims of the README, as ratios from one run each
 	@set -e; for file in benchmarks/[a-z]*.py; do echo "== $$file"; $(PY) "$$file" $(ARGS); done
 
 clean:  ## remove the virtual environment and caches; datasets stay

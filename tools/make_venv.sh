@@ -1,7 +1,7 @@
 #!/bin/sh
-# Make the virtual environment named by $1 and install this project with locked packages into it.
+# Make the virtual environment named by $1 and install this project with locked packages and the extras $2 into it.
 set -eu
-venv=$1
+venv=$1 extras=$2
 cd "$(dirname "$0")/.."
 
 new_enough() {
@@ -33,4 +33,4 @@ then
     "$python" -m venv --clear "$venv"
 fi
 echo "install: packages into $venv (the first time takes a minute or two)"
-"$venv/bin/python" -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable ".[test]"
+"$venv/bin/python" -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable ".[$extras]"

@@ -5,7 +5,7 @@ its last checkpoint to the same weights, bit by bit on one CPU with the same num
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from time import perf_counter
 
@@ -22,7 +22,7 @@ from dataset_builder.lightnet.device import Precision, autocast, choose, precisi
 from dataset_builder.lightnet.events import Checked, Event, Finished, Started, Stepped
 from dataset_builder.lightnet.method import Method
 from dataset_builder.lightnet.methods import build_method
-from dataset_builder.lightnet.metrics import Metrics, measure
+from dataset_builder.lightnet.metrics import mean_metrics, measure
 from dataset_builder.lightnet.optimise import Optimisers
 from dataset_builder.lightnet.predict import predict
 from dataset_builder.seeding import derive_seed
@@ -167,7 +167,7 @@ class _Training:
         indices = loader.spread_indices(len(self.held_out), self.spec.check.examples)
         found = [measure(predict(self.method, batch.inputs, self.precision).i_t, batch.truth.i_t, batch.inputs.inside)
                  for batch in (whole.to(self.device) for whole in loader.whole_images(self.held_out, indices))]
-        metrics = _means([one for several in found for one in several])
+        metrics = asdict(mean_metrics([one for several in found for one in several]))
         progress, psnr = self.progress, metrics["psnr"]
         better = psnr > progress.best[1]
         progress.stale = 0 if better else progress.stale + 1
@@ -202,10 +202,6 @@ class _Training:
         return Finished(step=self.progress.step, reason=reason, best=self.progress.best,
                         bad_steps=self.progress.bad_steps, last_file=self.job.out / LAST,
                         best_file=self.job.out / BEST)
-
-
-def _means(found: list[Metrics]) -> dict[str, float]:
-    return {one.name: sum(getattr(metrics, one.name) for metrics in found) / len(found) for one in fields(Metrics)}
 
 
 def _log(history: list[dict[str, float]]) -> str:
