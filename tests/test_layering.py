@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from dataset_builder.engine.unit import ABOVE
+
 ROOT = Path(__file__).parent.parent
 PACKAGE = "dataset_builder"
 
@@ -131,6 +133,14 @@ def test_the_checker_allows() -> None:
                "spec.model": "from ..errors import UserError", "errors": "", "": "",
                "rendering.a": "import drjit as dr"}
     assert broken_rules(modules) == []
+
+
+def test_examples_are_known_by_the_code_that_makes_them() -> None:
+    """What stands above the build, and nothing else, may change without an example becoming another one."""
+    build = rank("build")
+    assert build is not None
+    above = {name for name in read_sources() if name and (line := rank(name)) is not None and line < build}
+    assert {name for name in read_sources() if name and name.startswith(ABOVE)} == above
 
 
 def test_files_stay_short() -> None:

@@ -36,6 +36,9 @@ if TYPE_CHECKING:
 PLANNING = "planning"
 """Gate that an example fails which cannot be planned."""
 
+ABOVE = ("cli", "report", "studies", "lightnet")
+"""Beginnings of what stands above a build in this package and has no say in what it makes."""
+
 RENDERING = "rendering"
 """Gate that an example fails whose plan asks for what cannot be made, such as a mesh beyond all bounds."""
 
@@ -84,9 +87,11 @@ def versions(backend: str, denoise: bool = False) -> dict[str, str]:
 
 @cache
 def _source_digest() -> str:
-    """Digest of this package's own code: a version number alone would take examples of older code for current."""
+    """Digest of this package's own code from the build down: a version number alone would take examples of older code
+    for current."""
     package = Path(dataset_builder.__file__).parent
-    return digest({path.relative_to(package).as_posix(): sha256_file(path) for path in package.rglob("*.py")})
+    files = {path.relative_to(package).as_posix(): path for path in package.rglob("*.py")}
+    return digest({name: sha256_file(path) for name, path in files.items() if not name.startswith(ABOVE)})
 
 
 def plan_digest(plan: ExamplePlan, spec: DatasetSpec, made_by: dict[str, str],
