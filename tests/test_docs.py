@@ -30,6 +30,8 @@ CHEAP = ("--set", "image={width: 24, height: 24}", "--set", "render.spp=4", "--s
          "--set", "splits.train.views=1", "--workers", "1", "--backend", "llvm")
 CHEAP_MINI = (*CHEAP, "--set", "splits.evaluation.pairs=1", "--set", "splits.evaluation.views=1")
 """Added to every build that a page shows, so that it takes seconds; later values win."""
+TINY_TRAINING = ("--set", "steps=2", "--set", "model={width: 4, downs: 2}", "--set",
+                 "data={crop: 16, batch: 1, workers: 0}", "--device", "cpu")
 PLAIN_TOOLS = ("cp", "diff")
 FEW_BYTES = 1_500_000
 
@@ -68,6 +70,8 @@ def cheap(arguments: list[str]) -> list[str]:
     if arguments[0] == "study":
         return [*arguments, "--set", "image={width: 24, height: 24}", "--set", "rough.edge_length=0.2", "--backend",
                 "llvm"]
+    if arguments[0] == "train":
+        return [*arguments, *TINY_TRAINING]
     if arguments[0] == "build":
         return [*arguments, *(CHEAP if "teapots" in arguments[1] else CHEAP_MINI)]
     return arguments

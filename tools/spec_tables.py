@@ -16,11 +16,13 @@ from dataset_builder.spec.model import Model
 from dataset_builder.spec.numbers import TAG
 from dataset_builder.spec.rough import RoughSpec
 from dataset_builder.spec.scene import ObjectSpec, RoomSpec, SceneSpec
+from dataset_builder.spec.training import TrainingSpec
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "specs.md"
 START, END = "<!-- tables: made by tools/spec_tables.py -->", "<!-- end of tables -->"
 KINDS: dict[str, type[Model]] = {
-    "Dataset files": DatasetSpec, "Scene files": SceneSpec, "Room files": RoomSpec, "Object files": ObjectSpec}
+    "Dataset files": DatasetSpec, "Scene files": SceneSpec, "Room files": RoomSpec, "Object files": ObjectSpec,
+    "Training files": TrainingSpec}
 HEAD = "| key | value | default | meaning |\n| --- | --- | --- | --- |\n"
 PLAIN = {int: "whole number", float: "number", str: "text", bool: "true or false"}
 BY_HAND = {
