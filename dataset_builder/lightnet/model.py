@@ -42,7 +42,7 @@ class LighTNet(Method):
 
     def __init__(self, spec: ModelSpec, objective: LightObjective):
         super().__init__()
-        self.spec, self.objective = spec, objective
+        self.spec, self.objective, self.off = spec, objective, objective.off
         self.multiple = 2**spec.downs
         has_r, has_alpha, has_shading = spec.formulation != "d_s", "alpha" in spec.formulation, spec.shading != "raw"
         self.encoder, self.decoder = Encoder(4, spec.width, spec.downs), Decoder(spec.width, spec.downs)

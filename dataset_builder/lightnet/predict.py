@@ -1,16 +1,13 @@
 """Using a method: any size of picture, no gradients, at the precision asked for."""
 
 from dataclasses import fields, replace
-from typing import Literal
 
 import torch
 from torch.nn import functional
 
 from dataset_builder.lightnet.batch import Inputs, Prediction
+from dataset_builder.lightnet.device import Precision, autocast
 from dataset_builder.lightnet.method import Method
-
-Precision = Literal["float32", "bfloat16"]
-"""Of convolutions and products; what comes out is float32."""
 
 IMAGES = ("i_s", "s_prime", "inside")
 """Inputs that have a height and a width."""
@@ -31,11 +28,6 @@ def predict(method: Method, inputs: Inputs, precision: Precision = "float32") ->
     finally:
         method.train(was_training)
     return cropped(prediction, height, width)
-
-
-def autocast(device: torch.device, precision: Precision) -> torch.autocast:
-    """The context in which a method runs at a precision."""
-    return torch.autocast(device.type, dtype=torch.bfloat16, enabled=precision == "bfloat16")
 
 
 def padded(inputs: Inputs, multiple: int) -> Inputs:
