@@ -2,25 +2,39 @@
 
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
 
 from dataset_builder.digest import sha256_bytes, sha256_file
 from dataset_builder.errors import Problem, ShardError
 from dataset_builder.shards import exr
+from dataset_builder.shards.example import LABEL
 from dataset_builder.shards.folder import MANIFEST
-from dataset_builder.shards.manifest import ExampleRecord, Manifest, ShardIndex, ShardRecord, from_json
-from dataset_builder.shards.structure import read_member
+from dataset_builder.shards.manifest import ExampleRecord, Manifest, MemberRecord, ShardIndex, ShardRecord, from_json
+from dataset_builder.shards.structure import read_members
 from dataset_builder.shards.writer import index_path, shard_path
 
 Verify = Literal["off", "size", "shard", "member"]
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Place:
-    shard: ShardRecord
-    example: ExampleRecord
+class _Place(NamedTuple):
+    """Where an example lies. shard: position in the manifest; layers: spans of the chosen ones, in their order.
+
+    Spans are plain tuples, so that a dataset of many examples is soon handed to another process.
+    """
+
+    shard: int
+    layers: tuple["_Span", ...]
+    label: "_Span"
+
+
+class _Span(NamedTuple):
+    name: str
+    offset: int
+    size: int
+    sha256: str
 
 
 class Dataset:
@@ -30,11 +44,13 @@ class Dataset:
         self.folder, self.manifest, self.layers = folder, manifest, tuple(layers)
         self._verify = verify
         self._checked: set[str] = set()
-        self._places = {example.key: _Place(shard=shard, example=example)
-                        for shard in manifest.shards for example in self._index(shard).examples}
-        if len(self._places) != manifest.totals.examples:
-            raise _wrong(folder, f"expected {manifest.totals.examples} examples, the indexes hold {len(self._places)}")
-        self.splits = {split.name: tuple(key for key, place in self._places.items() if place.shard.split == split.name)
+        found = {example.key: (number, example) for number, shard in enumerate(manifest.shards)
+                 for example in self._index(shard).examples}
+        if len(found) != manifest.totals.examples:
+            raise _wrong(folder, f"expected {manifest.totals.examples} examples, the indexes hold {len(found)}")
+        self._places = {key: self._place(number, example) for key, (number, example) in found.items()}
+        names = [shard.split for shard in manifest.shards]
+        self.splits = {split.name: tuple(key for key, place in self._places.items() if names[place.shard] == split.name)
                        for split in manifest.splits}
         """Keys of every split, in order."""
 
@@ -47,25 +63,47 @@ class Dataset:
     def __getitem__(self, which: str | tuple[str, int]) -> dict[str, Any]:
         """Chosen layers by name, (H, W, C) float32 each, and the label under `meta`.
 
-        Raises KeyError or IndexError where there is no such example, ShardError where its bytes are not what they were.
+        Raises KeyError or IndexError where there is no such example, ShardError where its bytes are not what they were
+        or a pixel is NaN or Inf.
         """
-        place = self._places[which if isinstance(which, str) else self.splits[which[0]][which[1]]]
-        if self._verify == "shard":
-            self._check_shard(place.shard)
-        example: dict[str, Any] = {}
-        for name in self.layers:
-            example[name] = exr.decode(self._bytes(place, f"{name}.exr"), where=f"{place.example.key}.{name}.exr")
-        return {**example, "meta": json.loads(self._bytes(place, "json"))}
+        key = which if isinstance(which, str) else self.splits[which[0]][which[1]]
+        return {**self.pixels(key), "meta": self.label(key)}
 
-    def _bytes(self, place: _Place, suffix: str) -> bytes:
-        name = f"{place.example.key}.{suffix}"
-        member = next((member for member in place.example.members if member.name == name), None)
-        if member is None:
-            raise _wrong(place.shard.name, f"expected a member {name}")
-        data = read_member(shard_path(self.folder, place.shard.stem), member)
-        if self._verify == "member" and sha256_bytes(data) != member.sha256:
-            raise _wrong(place.shard.name, f"expected SHA-256 {member.sha256} of {name}, its bytes differ")
-        return data
+    def pixels(self, key: str) -> dict[str, np.ndarray]:
+        """Chosen layers alone, as `dataset[key]` gives them; the label is not read."""
+        place = self._places[key]
+        return {name: _finite(exr.decode(data, where=span.name), self._shard(place), span.name)
+                for name, span, data in zip(self.layers, place.layers, self._read(place, place.layers), strict=True)}
+
+    def label(self, key: str) -> dict[str, Any]:
+        """The label alone. Raises KeyError and ShardError as `dataset[key]` does."""
+        place = self._places[key]
+        try:
+            return json.loads(self._read(place, [place.label])[0])
+        except ValueError as error:
+            raise _wrong(self._shard(place).name, f"expected JSON in {place.label.name} ({error})") from error
+
+    def _shard(self, place: _Place) -> ShardRecord:
+        return self.manifest.shards[place.shard]
+
+    def _read(self, place: _Place, spans: Sequence[_Span]) -> list[bytes]:
+        shard = self._shard(place)
+        if self._verify == "shard":
+            self._check_shard(shard)
+        payloads = read_members(shard_path(self.folder, shard.stem), spans)
+        if self._verify == "member":
+            for span, data in zip(spans, payloads, strict=True):
+                if sha256_bytes(data) != span.sha256:
+                    raise _wrong(shard.name, f"expected SHA-256 {span.sha256} of {span.name}, its bytes differ")
+        return payloads
+
+    def _place(self, number: int, example: ExampleRecord) -> _Place:
+        members = {member.name: member for member in example.members}
+        names = [f"{example.key}.{suffix}" for suffix in (*(f"{name}.exr" for name in self.layers), LABEL)]
+        if missing := [name for name in names if name not in members]:
+            raise _wrong(self.manifest.shards[number].name, f"expected a member {missing[0]}")
+        *layers, label = (_span(members[name]) for name in names)
+        return _Place(shard=number, layers=tuple(layers), label=label)
 
     def _index(self, shard: ShardRecord) -> ShardIndex:
         path, tar = index_path(self.folder, shard.stem), shard_path(self.folder, shard.stem)
@@ -108,6 +146,20 @@ def load_manifest(folder: Path) -> Manifest:
                           hint="a build writes it last: run it to its end")
         raise ShardError([problem])
     return from_json(Manifest, path.read_bytes(), where=str(path))
+
+
+def _span(member: MemberRecord) -> _Span:
+    return _Span(name=member.name, offset=member.offset, size=member.size, sha256=member.sha256)
+
+
+def _finite(pixels: np.ndarray, shard: ShardRecord, name: str) -> np.ndarray:
+    # A sum costs little, and is not finite where any value is not
+    with np.errstate(over="ignore", invalid="ignore"):
+        total = pixels.sum()
+    if not np.isfinite(total) and (bad := int(np.count_nonzero(~np.isfinite(pixels)))):
+        raise ShardError([Problem(where=shard.name, path=name, rule=f"expected finite values, got {bad} that are NaN "
+                                  "or Inf", hint="build or download the dataset again")])
+    return pixels
 
 
 def _wrong(where: Path | str, rule: str) -> ShardError:

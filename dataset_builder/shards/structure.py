@@ -5,9 +5,10 @@ error. So every header, every padding and the end blocks are compared with the b
 """
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from io import RawIOBase
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, Protocol
 
 from dataset_builder.errors import Problem, ShardError
 from dataset_builder.shards.manifest import MemberRecord, ShardIndex
@@ -28,11 +29,37 @@ def tar_problems(path: Path, index: ShardIndex) -> list[Problem]:
     return problems
 
 
-def read_member(path: Path, member: MemberRecord) -> bytes:
-    """The payload of one member, unchecked but for its length. Raises ShardError where the file ends before it."""
-    with path.open("rb") as stream:
-        stream.seek(member.offset)
-        data = stream.read(member.size)
+class Span(Protocol):
+    """Where one member's payload lies in its shard; `MemberRecord` is one."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def offset(self) -> int: ...
+    @property
+    def size(self) -> int: ...
+
+
+def read_member(path: Path, member: Span) -> bytes:
+    """The payload of one member; see `read_members`."""
+    return read_members(path, [member])[0]
+
+
+def read_members(path: Path, members: Iterable[Span]) -> list[bytes]:
+    """The payloads of some members, unchecked but for their lengths; the file is opened once.
+
+    Raises ShardError where it cannot be read, or ends before one of them.
+    """
+    try:
+        with path.open("rb", buffering=0) as stream:
+            return [_payload(stream, path, member) for member in members]
+    except OSError as error:
+        raise ShardError([_problem(path, "", f"cannot be read ({error.strerror or error})")]) from error
+
+
+def _payload(stream: RawIOBase, path: Path, member: Span) -> bytes:
+    stream.seek(member.offset)
+    data = stream.read(member.size) or b""
     if len(data) != member.size:
         rule = f"expected {member.size} bytes, the file ends after {len(data)}"
         raise ShardError([_problem(path, member.name, rule)])
