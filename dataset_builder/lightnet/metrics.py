@@ -10,7 +10,7 @@ from dataset_builder.errors import UserError
 from dataset_builder.lightnet.colour import lab, lab_angle
 from dataset_builder.lightnet.inside import inside_only, mean_inside
 from dataset_builder.lightnet.ranges import tone_map
-from dataset_builder.lightnet.ssim import ssim_map
+from dataset_builder.lightnet.ssim import RADIUS, ssim_map
 
 BEST_PSNR = 100.0
 """Decibels that PSNR ends at; identical pictures would have infinitely many, and no mean could hold them."""
@@ -66,7 +66,9 @@ def measure(predicted_i_t: torch.Tensor, truth_i_t: torch.Tensor, inside: torch.
 def _measure_one(predicted: torch.Tensor, truth: torch.Tensor, inside: torch.Tensor, index: int) -> Metrics:
     if not bool((inside > 0).any()):
         raise UserError(f"expected an object to measure on, got no pixel inside in example {index} of the batch")
-    found, wanted = (tone_map(inside_only(image, inside)).clamp(0, 1) for image in (predicted, truth))
+    box = _box(inside)
+    inside = inside[box]
+    found, wanted = (tone_map(inside_only(image[box], inside)).clamp(0, 1) for image in (predicted, truth))
     difference = found - wanted
     squared = mean_inside(difference.square(), inside)
     return Metrics(
@@ -74,6 +76,13 @@ def _measure_one(predicted: torch.Tensor, truth: torch.Tensor, inside: torch.Ten
         psnr=float(-10 * squared.clamp_min(10 ** (-BEST_PSNR / 10)).log10()),
         ssim=float(mean_inside(ssim_map(found, wanted), inside)),
         lab=float(mean_inside(lab_angle(lab(found), lab(wanted), inside), inside)))
+
+
+def _box(inside: torch.Tensor) -> tuple[slice, slice, slice]:
+    """The part of a picture that figures depend on: the object, and as much around it as a window of SSIM reaches."""
+    rows, columns = ((inside > 0).any(dim=0).any(dim=dim).nonzero() for dim in (1, 0))
+    high, wide = (slice(max(int(found[0]) - RADIUS, 0), int(found[-1]) + RADIUS + 1) for found in (rows, columns))
+    return slice(None), high, wide
 
 
 def mean_metrics(measured: Sequence[Metrics]) -> Metrics:

@@ -97,7 +97,8 @@ def _read(path: Path) -> dict[str, torch.Tensor]:
         weights = torch.load(path, map_location="cpu", weights_only=True)
     except (pickle.UnpicklingError, RuntimeError, EOFError, OSError, ValueError, KeyError, TypeError,
             AttributeError) as error:
-        raise _wrong(path, f"expected weights that PyTorch can load, got: {str(error).splitlines()[0]}") from error
+        said = (str(error).splitlines() or [type(error).__name__])[0]
+        raise _wrong(path, f"expected weights that PyTorch can load, got: {said}") from error
     if not isinstance(weights, dict):
         raise _wrong(path, f"expected a dictionary of weights by name, got {type(weights).__name__}")
     return weights
