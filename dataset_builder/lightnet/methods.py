@@ -5,6 +5,9 @@ from pathlib import Path
 
 import torch
 
+from dataset_builder.lightnet.baselines.dpr import Dpr
+from dataset_builder.lightnet.baselines.pix2pix import Pix2Pix
+from dataset_builder.lightnet.baselines.ssvbrdf import Ssvbrdf
 from dataset_builder.lightnet.losses import LightObjective
 from dataset_builder.lightnet.method import Method
 from dataset_builder.lightnet.model import LighTNet
@@ -28,4 +31,9 @@ def _lightnet(spec: TrainingSpec, vgg_weights: Path | None) -> Method:
     return LighTNet(spec.model, LightObjective(spec.objective, vgg_weights))
 
 
-_BUILDERS: dict[str, Callable[[TrainingSpec, Path | None], Method]] = {"lightnet": _lightnet}
+_BUILDERS: dict[str, Callable[[TrainingSpec, Path | None], Method]] = {
+    "lightnet": _lightnet,
+    "pix2pix": lambda spec, _: Pix2Pix(spec.model),
+    "dpr": lambda spec, _: Dpr(spec.model),
+    "ssvbrdf": lambda spec, _: Ssvbrdf(spec.model),
+}

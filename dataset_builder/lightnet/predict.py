@@ -41,6 +41,6 @@ def padded(inputs: Inputs, multiple: int) -> Inputs:
 
 def cropped(prediction: Prediction, height: int, width: int) -> Prediction:
     """The upper left part of every image of a prediction."""
-    found = {field.name: getattr(prediction, field.name) for field in fields(prediction)}
+    found = {field.name: getattr(prediction, field.name) for field in fields(Prediction)}
     return replace(prediction, **{name: image[..., :height, :width] for name, image in found.items()
                                   if image is not None})
