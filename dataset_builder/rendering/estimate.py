@@ -15,6 +15,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from dataset_builder.rendering.buffers import owned
 from dataset_builder.rendering.moments import Estimate, of_batches, pooled
 from dataset_builder.seeding import derive_seed
 
@@ -78,7 +79,7 @@ def _batch_means(integrand: Integrand, pixels: np.ndarray, width: int, height: i
     count = len(pixels) * batches * per_batch
     samplers = _samplers(per_batch, count, seed)
     slot = dr.arange(mi.UInt32, count) // dr.opaque(mi.UInt32, batches * per_batch)
-    pixel = dr.gather(mi.UInt32, mi.UInt32(pixels.astype(np.uint32)), slot)
+    pixel = dr.gather(mi.UInt32, owned(mi.UInt32, pixels.astype(np.uint32)), slot)
     size = dr.opaque(mi.Float, width), dr.opaque(mi.Float, height)
     row = pixel // dr.opaque(mi.UInt32, width)
     column = pixel - row * dr.opaque(mi.UInt32, width)

@@ -13,7 +13,8 @@ from dataset_builder.planning.example_plan import ExamplePlan
 from dataset_builder.planning.guides import guide_extents
 from dataset_builder.rendering import plugins
 from dataset_builder.rendering.denoise import denoised
-from dataset_builder.rendering.moments import quantile, relative, root_mean_square
+from dataset_builder.rendering.lighting import CHANNELS
+from dataset_builder.rendering.moments import Estimate, quantile, relative, root_mean_square
 from dataset_builder.rendering.passes import (
     FIRST_HIT_CHANNELS,
     RADIANCE_CHANNELS,
@@ -21,7 +22,7 @@ from dataset_builder.rendering.passes import (
     deviation,
     first_hit_layers,
 )
-from dataset_builder.rendering.view_passes import PassResult, ViewPasses, needed_passes
+from dataset_builder.rendering.view_passes import PassResult, ViewPasses, needed_passes, needs_lighting
 
 ERROR_SUFFIX, RAW_SUFFIX = "_se", "_raw"
 EVIDENCE = ("i_t", "s", "spec", "air")
@@ -140,7 +141,14 @@ def _record(shared: ViewPasses, plan: ExamplePlan) -> dict[str, Any]:
     record["roughness_rms"] = roughness.rms if roughness else 0.0
     record["roughness_max"] = roughness.maximum if roughness else 0.0
     record["bounding_radius"] = roughness.radius if roughness else 0.0
-    return record
+    return record | _lighting_record(shared, plan)
+
+
+def _lighting_record(shared: ViewPasses, plan: ExamplePlan) -> dict[str, list[list[float]]]:
+    """Coefficients of the light about the object, nine of three colours, and their standard errors."""
+    nothing = np.zeros((1, CHANNELS))
+    found = shared.lighting(plan).found if needs_lighting(plan) else Estimate.exact(nothing)
+    return {"lighting_sh": found.mean.reshape(-1, 3).tolist(), "lighting_sh_se": found.error.reshape(-1, 3).tolist()}
 
 
 def _no_pass(name: str) -> dict[str, Any]:

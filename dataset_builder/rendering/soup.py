@@ -38,7 +38,10 @@ class Soup:
 
     def without(self, parts: Sequence[str]) -> "Soup":
         """The triangles that belong to none of `parts`; materials stay as they are."""
-        keep = ~np.isin(self.part, [PARTS.index(name) for name in parts])
+        return self.only(~np.isin(self.part, [PARTS.index(name) for name in parts]))
+
+    def only(self, keep: np.ndarray) -> "Soup":
+        """The triangles for which (F,) `keep` is true; materials stay as they are."""
         return Soup(corners=self.corners[keep], normals=self.normals[keep], uvs=self.uvs[keep],
                     material=self.material[keep], instance=self.instance[keep], part=self.part[keep],
                     materials=self.materials)

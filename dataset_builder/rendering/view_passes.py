@@ -1,5 +1,5 @@
-"""The passes of one view, shared: light-free layers once, source light once, target light once per light, S' once per
-level.
+"""The passes of one view, shared: light-free layers once, source light once, target light and what arrives of it at the
+object once per light, S' once per level.
 
 A pass runs when it is first asked for, on the pixels that its layers are wanted on, and is kept for the other examples
 of the view.
@@ -16,6 +16,7 @@ import numpy as np
 from dataset_builder.layers import LAYERS, Pass
 from dataset_builder.planning.example_plan import ExamplePlan, GoalPlan, RenderPlan
 from dataset_builder.rendering import passes
+from dataset_builder.rendering.lighting import lighting
 from dataset_builder.rendering.moments import Estimate
 from dataset_builder.rendering.passes import FIRST_HIT_CHANNELS, RADIANCE_CHANNELS, RADIANCE_LAYERS, View
 from dataset_builder.rendering.rounds import Goal, Refined, Stop, refine
@@ -57,6 +58,8 @@ class ViewPasses:
                 self.instances()
             for render_pass in needed_passes(plan):
                 self.result(render_pass, plan)
+            if needs_lighting(plan):
+                self.lighting(plan)
         finally:
             self.scenes.close()
 
@@ -119,6 +122,15 @@ class ViewPasses:
         return self._lit(("rough", str(plan.light), plan.rough.model_dump_json()), plan, lambda: self._rough(plan),
                          lambda: self.covered_by_either(plan), self._render.spp_rough,
                          self._seed("rough", plan.light, plan.rough.level))
+
+    def lighting(self, plan: ExamplePlan) -> PassResult:
+        """Spherical harmonics of what arrives at the middle of the 3DM's box under one target illumination, with the
+        3DM hidden: one pixel, channels as `rendering.lighting` has them. The frame's origin is that middle, and its
+        axes are the world's."""
+        def make(_: np.ndarray) -> Estimate:
+            return lighting(self.scenes.surroundings(plan), max_depth=plan.effects.of("target").max_depth,
+                            rr_depth=self._render.rr_depth, seed=self._seed("lighting", plan.light))
+        return self._once(("lighting", str(plan.light)), lambda: np.zeros(1, dtype=np.int64), make)
 
     def _rough(self, plan: ExamplePlan) -> Stage:
         return self.scenes.rough(plan, lit=_asked(plan, "rough"))
@@ -188,6 +200,11 @@ def needed_passes(plan: ExamplePlan) -> tuple[Pass, ...]:
     """The passes that the layers of an example need, in order; the first always, for it finds the object's pixels."""
     return tuple(name for name in ORDER if name == "first_hit" or _asked(plan, name)
                  or (name == "first_hit_rough" and _asked(plan, "rough")))
+
+
+def needs_lighting(plan: ExamplePlan) -> bool:
+    """Whether an example has layers under its target illumination."""
+    return _asked(plan, "target") or _asked(plan, "rough")
 
 
 def _asked(plan: ExamplePlan, render_pass: Pass) -> bool:

@@ -78,6 +78,12 @@ class ViewScenes:
             return self._clean_body
         return self._body(self.clean_object, self._room.without(self.plan.source_light.open))
 
+    @cached_property
+    def _empty_body(self) -> Body:
+        """The clean scene without the target object, whose materials keep their places."""
+        hidden = self.clean_object.only(np.zeros(len(self.clean_object.corners), dtype=bool))
+        return self._body(hidden, self._room)
+
     def _rough_body(self, rough: RoughPlan) -> Body:
         if rough not in self._rough_bodies:
             self._rough_bodies = {rough: self._body(self.rough_object(rough), self._room)}
@@ -104,6 +110,10 @@ class ViewScenes:
     def target(self, plan: ExamplePlan) -> Stage:
         """The 3DM under the target illumination of a plan."""
         return self._stage(("target", plan.light), lambda: self._clean_body, self._light(plan, "target"))
+
+    def surroundings(self, plan: ExamplePlan) -> Stage:
+        """What is about the target object, which is hidden, under the target illumination of a plan."""
+        return self._stage(("surroundings", plan.light), lambda: self._empty_body, self._light(plan, "target"))
 
     def rough(self, plan: ExamplePlan, lit: bool = True) -> Stage:
         """The R3DM of a plan under its target illumination, or without light where nothing needs it."""

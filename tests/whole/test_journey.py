@@ -133,8 +133,8 @@ def test_passes_are_not_repeated(small_spec: Path, tmp_path: Path, monkeypatch: 
     # The clean mesh, and both rough ones under both lights; source, two targets, and both levels under both
     assert calls == {"first_hit": 1 + 2 * 2, "instances": 1, "radiance_sampler": 1 + 2 + 2 * 2}
     needed = [set(outcomes[index].seconds) - {"plan", "encode"} for index in VIEW]
-    assert needed == [{"source", "target", "first_hit", "first_hit_rough", "rough", "instance"},
-                      {"first_hit_rough", "rough"}, {"first_hit_rough", "target", "rough"},
+    assert needed == [{"source", "target", "first_hit", "first_hit_rough", "rough", "instance", "lighting"},
+                      {"first_hit_rough", "rough"}, {"first_hit_rough", "target", "rough", "lighting"},
                       {"first_hit_rough", "rough"}]
     assert ["plan" in outcomes[index].seconds for index in VIEW] == [True, False, False, False]
 
