@@ -16,6 +16,8 @@ that an untrained network says I_t = I_s S', roughly: under the even source ligh
 - alpha: whatever it is, of either sign.
 """
 
+import math
+
 import torch
 from torch import nn
 from torch.nn import functional
@@ -33,7 +35,7 @@ DIELECTRIC = 0.04
 """First guess of R: normal incidence at a refractive index of 1.5."""
 SHADOW = 0.25
 """Light that one unit of the residual's head adds in full shadow; the mean of S' is 1."""
-DIRECT_BIAS = 0.5413
+DIRECT_BIAS = math.log(math.e - 1)
 """softplus of it is 1."""
 
 
@@ -47,7 +49,7 @@ class LighTNet(Method):
         has_r, has_alpha, has_shading = spec.formulation != "d_s", "alpha" in spec.formulation, spec.shading != "raw"
         self.encoder, self.decoder = Encoder(4, spec.width, spec.downs), Decoder(spec.width, spec.downs)
         self.d_head = head(spec.width)
-        self.r_head = head(spec.width, bias=_logit(DIELECTRIC)) if has_r else None
+        self.r_head = head(spec.width, bias=math.log(DIELECTRIC / (1 - DIELECTRIC))) if has_r else None
         self.light_encoder = Encoder(10 if has_r else 7, spec.width, spec.downs) if has_alpha or has_shading else None
         self.shading = _Branch(spec, DIRECT_BIAS if spec.shading == "direct" else 0.0) if has_shading else None
         self.alpha = _Branch(spec) if has_alpha else None
@@ -115,7 +117,3 @@ def mended(s_prime: torch.Tensor, said: torch.Tensor) -> torch.Tensor:
 def _seen(inside: torch.Tensor, *images: torch.Tensor) -> torch.Tensor:
     """What a network sees of images that are 0 outside: display values about 0, and the mask."""
     return torch.cat([*((2 * tone_map(image) - 1) * inside for image in images), inside], dim=1)
-
-
-def _logit(share: float) -> float:
-    return float(torch.logit(torch.tensor(share, dtype=torch.float64)))

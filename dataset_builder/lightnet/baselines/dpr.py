@@ -21,7 +21,7 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-from dataset_builder.lightnet.baselines.layers import BatchNorm, instance_norm, light_of
+from dataset_builder.lightnet.baselines.layers import BatchNorm, InstanceNorm, light_of
 from dataset_builder.lightnet.batch import Batch, Inputs, Prediction
 from dataset_builder.lightnet.inside import inside_only, mean_inside
 from dataset_builder.lightnet.method import Loss, Method
@@ -93,9 +93,9 @@ class _Level(nn.Module):
 
     def __init__(self, width: int, below: int):
         super().__init__()
-        self.beside = _Block(width, width, instance_norm)
+        self.beside = _Block(width, width, InstanceNorm)
         self.lower = _Block(width, below, BatchNorm)
-        self.upper = _Block(below, width, instance_norm)
+        self.upper = _Block(below, width, InstanceNorm)
 
     def down(self, x: torch.Tensor) -> torch.Tensor:
         """(B, below, H / 2, W / 2) of (B, width, H, W)."""
