@@ -24,6 +24,7 @@ def ssim_map(x: torch.Tensor, y: torch.Tensor) -> torch.Tensor:
     (mean_x, off_x), (mean_y, off_y) = _centred(x), _centred(y)
     off = torch.stack([off_x, off_y, off_x * off_x + off_y * off_y, off_x * off_y])
     local_x, local_y, squares, product = _smooth(_smooth(off, dim=-2), dim=-1).unbind()
+    # Rounding must not make them negative: C2 alone keeps the division safe
     variances = (squares - (local_x * local_x + local_y * local_y)).clamp_min(0)
     covariance = product - local_x * local_y
     mu_x, mu_y = mean_x + local_x, mean_y + local_y

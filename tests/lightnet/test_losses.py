@@ -121,13 +121,14 @@ def test_values_by_hand(objective: Maker) -> None:
     """Display 0.5 against 0.6 on the whole frame; D is 0.1 off and R 0.2."""
     spec = ObjectiveSpec(dr=2.0, fr=0, dssim=3.0, lab=4.0, l1=5.0)
     batch = batch_of(linear_light(grey(0.6)), torch.ones(2, 1, SIZE, SIZE))
-    loss = objective(spec)(batch, Prediction(i_t=linear_light(grey(0.5)), d=noise(3) + 0.1, r=noise(4) - 0.2))
+    i_t = linear_light(grey(0.5)).requires_grad_()
+    loss = objective(spec)(batch, Prediction(i_t=i_t, d=noise(3) + 0.1, r=noise(4) - 0.2))
     dissimilar = (1 - (0.6 + 1e-4) / (0.61 + 1e-4)) / 2
     assert list(loss.terms) == ["dr", "dssim", "lab", "l1"]
     assert float(loss.terms["dr"]) == pytest.approx(0.3, abs=1e-6)
     assert float(loss.terms["dssim"]) == pytest.approx(dissimilar, rel=1e-4)
     assert float(loss.terms["lab"]) < 1e-4 and float(loss.terms["l1"]) == pytest.approx(0.1, abs=1e-6)
-    assert float(loss.total) == pytest.approx(0.6 + 3 * dissimilar + 0.5, abs=1e-3)
+    assert loss.total.item() == pytest.approx(0.6 + 3 * dissimilar + 0.5, abs=1e-3) and loss.total.requires_grad
     assert not any(value.requires_grad for value in loss.terms.values())
 
 
