@@ -9,7 +9,7 @@ from time import perf_counter
 
 from rich.console import Console
 
-from dataset_builder import __version__, cli_stress, cli_study, cli_train
+from dataset_builder import __version__, cli_evaluate, cli_stress, cli_study, cli_table, cli_train
 from dataset_builder.engine.local import cores
 from dataset_builder.errors import UserError
 
@@ -60,8 +60,10 @@ def parser() -> argparse.ArgumentParser:
             verb.add_argument("--sheet", type=Path, help="where to write the contact sheet (default: in the dataset)")
             verb.add_argument("--rows", type=_positive, default=12, help="examples on the contact sheet (default: 12)")
     cli_study.add(verbs)
+    cli_table.add(verbs)
     cli_stress.add(verbs)
     cli_train.add(verbs)
+    cli_evaluate.add(verbs)
     families = _verb(verbs, "families", _families, "embedded furniture and its parameters")
     families.add_argument("family", nargs="?")
     _verb(verbs, "schema", _schema, "write the JSON Schemas of specs").add_argument("folder", type=Path)

@@ -12,7 +12,7 @@ ROOT = Path(__file__).parent.parent
 PACKAGE = "dataset_builder"
 
 ORDER = (
-    ("cli", "__main__"), ("cli_stress", "cli_study", "cli_train"), ("doctor",), ("report",), ("studies",), ("lightnet",), ("build",),
+    ("cli", "__main__"), ("cli_evaluate", "cli_stress", "cli_study", "cli_table", "cli_train"), ("doctor",), ("report",), ("studies",), ("lightnet",), ("build",),
     ("engine",), ("shards",),
     ("rendering",), ("planning",), ("assets",), ("geometry",), ("spec",), ("layers",), ("seeding", "digest", "errors"),
     ("",),

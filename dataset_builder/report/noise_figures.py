@@ -1,0 +1,67 @@
+"""Figures of the study of noise: quality against measured roughness, and one case at every level in pictures."""
+
+from collections.abc import Sequence
+from math import isfinite
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from dataset_builder.lightnet.metrics import METRICS, Metric
+from dataset_builder.report.example_sheet import SheetRow, sheet
+from dataset_builder.report.study_figures import COLOURS, PALE, panels
+from dataset_builder.studies.noise.crops import Crop
+from dataset_builder.studies.noise.levels import OWN, Level
+from dataset_builder.studies.noise.run import MIXED
+
+LINES = {
+    MIXED: ("LighTNet, trained on all levels", COLOURS[0], "o", "-"),
+    OWN: ("LighTNet, trained on that level alone", COLOURS[1], "s", "-"),
+    "dr_s_prime": ("(D + R) S' with true D and R", COLOURS[2], "^", "--"),
+    "copy_i_s": ("I_s as it is", PALE, "v", ":"),
+}
+"""Methods that are shown: what they are called and how they are drawn."""
+PER_CENT = 100.0
+
+
+def quality_figure(levels: Sequence[Level], settings: str) -> Figure:
+    """A panel per metric: means at every level with standard errors, over measured roughness."""
+    figure, axes = panels(len(METRICS), f"Quality against the roughness of the mesh that S' is rendered on\n{settings}")
+    for metric, one in zip(METRICS, axes, strict=True):
+        for method in LINES:
+            _line(one, levels, method, metric)
+        unit = f", {metric.unit}" if metric.unit else ""
+        one.set(title=f"{metric.symbol}{unit} ({metric.better} is better)",
+                xlabel="measured roughness, rms, % of the bounding radius")
+        _sigmas(one, levels)
+    axes[0].legend(fontsize=8)
+    return figure
+
+
+def _line(axes: Axes, levels: Sequence[Level], method: str, metric: Metric) -> None:
+    label, colour, marker, style = LINES[method]
+    means = [level.mean(method, metric.name) for level in levels]
+    axes.errorbar([PER_CENT * level.roughness for level in levels], [found.mean for found in means],
+                  yerr=[found.error if isfinite(found.error) else 0.0 for found in means], color=colour, marker=marker,
+                  linestyle=style, markersize=5, linewidth=1.6, capsize=3, label=label)
+
+
+def _sigmas(axes: Axes, levels: Sequence[Level]) -> None:
+    """The sigma of every level along the top."""
+    top = axes.secondary_xaxis("top")
+    top.set_xticks([PER_CENT * level.roughness for level in levels], [f"{level.sigma:g}" for level in levels],
+                   fontsize=7, rotation=45)
+    top.set_xlabel("sigma asked for", fontsize=7)
+
+
+def crop_pictures(crops: Sequence[Crop]) -> dict[str, np.ndarray]:
+    """(H, W, 3) uint8 pictures by what they show: a row for each level, with the PSNR of each prediction."""
+    kinds = dict.fromkeys(crop.what for crop in crops)
+    return {what: np.asarray(sheet([_row(crop) for crop in crops if crop.what == what])) for what in kinds}
+
+
+def _row(crop: Crop) -> SheetRow:
+    figures = [f"{psnr:.2f} dB {heading}" for heading, psnr in crop.psnr.items()]
+    lines = [f"level {crop.level.number}: sigma {crop.level.sigma:g}",
+             f"roughness {PER_CENT * crop.level.roughness:.3g} %", f"example {crop.key}", *figures]
+    return SheetRow(lines=lines, panels=crop.panels)

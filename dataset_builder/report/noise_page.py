@@ -1,0 +1,134 @@
+"""The study of noise as one page: how quality falls with roughness, what training on every level brings, the passes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite
+
+from dataset_builder.lightnet.metrics import METRICS
+from dataset_builder.lightnet.summary import Estimate
+from dataset_builder.report.example_sheet import png_of
+from dataset_builder.report.noise_figures import LINES, crop_pictures, quality_figure
+from dataset_builder.report.study_figures import png
+from dataset_builder.report.study_page import Section, page
+from dataset_builder.shards.atomic import write_atomic
+from dataset_builder.studies.noise.crops import TRIVIAL, Crop
+from dataset_builder.studies.noise.levels import OWN, Level
+from dataset_builder.studies.noise.passes import PassCount, saving
+from dataset_builder.studies.noise.run import MIXED
+from dataset_builder.studies.noise.study import NoiseStudy, level_names
+
+PSNR = "psnr"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Found:
+    """Everything that the page shows. left_out: held-out cases that not every level kept; rejected: examples by level;
+    learnt: examples of each training."""
+
+    study: NoiseStudy
+    levels: Sequence[Level]
+    passes: Sequence[PassCount]
+    crops: Sequence[Crop]
+    left_out: int
+    rejected: Sequence[int]
+    learnt: dict[str, int]
+
+
+def write_page(found: Found) -> None:
+    """Write `report.html` and its figures. Raises OutputError."""
+    quality, pictures = png(quality_figure(found.levels, found.study.sentence)), crop_pictures(found.crops)
+    figures = {"quality": quality, **{f"crops-{what}": png_of(pixels) for what, pixels in pictures.items()}}
+    for name, data in figures.items():
+        write_atomic(found.study.out / "figures" / f"{name}.png", data)
+    sections = [_quality(found, quality), _mending(found),
+                *(_crops(what, figures[f"crops-{what}"]) for what in pictures), _cross(found), _passes(found)]
+    write_atomic(found.study.out / "report.html", page(
+        f"How smooth rough meshes must be: {found.study.loaded.dataset.name}", _lead(found), sections).encode())
+
+
+def sentences(levels: Sequence[Level]) -> list[str]:
+    """What the study says in words: the smoothest level against the roughest, and the trainings against each other."""
+    first, last = levels[0], levels[-1]
+    falls = {name: last.less(name, name, PSNR, at=first) for name in (TRIVIAL, MIXED, OWN)}
+    gain, best = last.less(MIXED, TRIVIAL, PSNR), last.less(OWN, MIXED, PSNR)
+    span = f"from sigma {first.sigma:g} to {last.sigma:g}"
+    return [
+        f"Noise alone: {span} PSNR of (D + R) S' with true D and R changes by {_signed(falls[TRIVIAL])} dB.",
+        f"LighTNet: over the same span it changes by {_signed(falls[MIXED])} dB where trained on all levels, and by "
+        f"{_signed(falls[OWN])} dB where each level has its own training.",
+        f"At sigma {last.sigma:g}, LighTNet trained on all levels has {_signed(gain)} dB against (D + R) S' "
+        f"({_told(gain)}), and the training on that level alone {_signed(best)} dB against the former ({_told(best)}).",
+    ]
+
+
+def _lead(found: Found) -> list[str]:
+    first = found.levels[0].mean(MIXED, PSNR)
+    learnt = ", ".join(f"{name} {count}" for name, count in found.learnt.items())
+    rejected = ", ".join(f"{level.sigma:g}: {count}" for level, count in zip(found.levels, found.rejected, strict=True))
+    study = found.study
+    return [
+        f"LighTNet: {study.sentence}. Small settings tell the sign of large effects; they do not tell what a full "
+        "training would reach.",
+        f"Measured on the {first.examples} held-out examples per level, of {first.objects} objects, whose view and "
+        f"light every level kept; {found.left_out} more were left out. Examples that a gate rejected, by "
+        f"sigma: {rejected}. Examples to learn from: {learnt}.",
+        "Roughness is measured: root mean square distance of the rough mesh's vertices from the clean mesh, over the "
+        "radius of its bounding sphere, mean over the held-out examples. It is above 0 at sigma 0 where subdivision "
+        "rounds the mesh.",
+        "Standard errors are clustered by object. All curves share their examples, so that differences along a curve "
+        "and between curves are known better than the bars suggest; the tables below have them.",
+    ]
+
+
+def _quality(found: Found, figure: bytes) -> Section:
+    rows = [[f"{level.sigma:g}", f"{level.roughness:.3%}", LINES[method][0],
+             *(_plus_minus(level.mean(method, metric.name), metric.name) for metric in METRICS)]
+            for level in found.levels for method in LINES]
+    return Section(question="How much does the roughness of the mesh cost?", answer=" ".join(sentences(found.levels)),
+                   figure=figure, head=("sigma", "roughness", "by", *(metric.symbol for metric in METRICS)), rows=rows)
+
+
+def _mending(found: Found) -> Section:
+    pairs = ((MIXED, TRIVIAL), (OWN, TRIVIAL), (OWN, MIXED))
+    rows = [[f"{level.sigma:g}", *(f"{_signed(less)}, {_told(less)}"
+                                   for less in (level.less(one, two, PSNR) for one, two in pairs))]
+            for level in found.levels]
+    return Section(question="What does LighTNet mend, and does it help to know the level?",
+                   answer="PSNR in dB, difference of the same examples with its standard error; told apart where the "
+                   "interval of 95% confidence does not hold 0. One training of each kind: how another seed would have "
+                   "come out is not in these errors.",
+                   rows=rows, head=("sigma", "all levels less (D + R) S'", "own level less (D + R) S'",
+                                    "own level less all levels"))
+
+
+def _crops(what: str, figure: bytes) -> Section:
+    return Section(question=f"What does the {what} case look like?", figure=figure,
+                   answer=f"The {what} case by PSNR of the training on all levels at the largest sigma; tone-mapped as "
+                   "networks and metrics see it.")
+
+
+def _cross(found: Found) -> Section:
+    names = (*level_names(found.study.levels), MIXED)
+    rows = [[f"trained on {name}", *(f"{level.mean(name, PSNR).mean:.2f}" for level in found.levels)] for name in names]
+    return Section(question="What does a training on one level do at another?", answer="PSNR in dB.", rows=rows,
+                   head=("", *(f"at sigma {level.sigma:g}" for level in found.levels)))
+
+
+def _passes(found: Found) -> Section:
+    rows = [[one.name, one.meaning, f"{one.ran}", f"{one.examples}", one.per, f"{one.seconds:.1f}"]
+            for one in found.passes]
+    return Section(question="What was rendered for it?", answer=f"Counted from the seconds of every example: "
+                   f"{saving(found.passes)}.", head=("pass", "makes", "ran", "for examples", "", "seconds"), rows=rows)
+
+
+def _told(found: Estimate) -> str:
+    return "told apart" if abs(found.mean) > found.half_width else "not told apart"
+
+
+def _signed(found: Estimate) -> str:
+    return f"{found.mean:+.2f}" + (f" ± {found.error:.2f}" if isfinite(found.error) else "")
+
+
+def _plus_minus(found: Estimate, metric: str) -> str:
+    digits = 2 if metric == PSNR else 4
+    return f"{found.mean:.{digits}f}" + (f" ± {found.error:.{digits}f}" if isfinite(found.error) else "")

@@ -1,0 +1,191 @@
+"""A table of the paper as a page: measured rows beside printed ones, the order, and the figure."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import isfinite
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from dataset_builder.lightnet.metrics import METRICS, Metric
+from dataset_builder.lightnet.summary import Estimate
+from dataset_builder.report.study_figures import COLOURS, panels, png
+from dataset_builder.shards.atomic import write_atomic
+from dataset_builder.studies.derived import differences
+from dataset_builder.studies.tables.order import Order, Pair, summary, verdict
+from dataset_builder.studies.tables.paper import SOURCE, Printed
+from dataset_builder.studies.tables.result import Result, orders
+from dataset_builder.studies.tables.row import Table
+from dataset_builder.studies.tables.run import TableStudy
+
+DIGITS = {"psnr": 2}
+"""After the point, four where not stated."""
+
+HOW_TO_READ = """A pair is told apart where the interval of its difference, of 95% confidence and clustered by object,
+does not hold 0; one pair in twenty that are equal passes for different all the same. With one seed per row, intervals
+cover other objects, and not how another training would have come out; with several they cover both."""
+
+
+def write_page(study: TableStudy, results: Sequence[Result]) -> None:
+    """Write `table.md` and `table.png` in the study's folder. Raises OutputError."""
+    write_atomic(study.out / "table.md", markdown(study.table, results, study.sentence).encode())
+    write_atomic(study.out / "table.png", png(table_figure(study.table, results, study.sentence)))
+
+
+def table_figure(table: Table, results: Sequence[Result], settings: str) -> Figure:
+    """A panel per metric: every row's mean with its standard error, and the printed number as a diamond."""
+    figure, axes = panels(len(METRICS), f"{table.number}: {table.question}\n{settings}")
+    figure.set_size_inches(figure.get_figwidth(), 1.9 + 0.34 * len(results))
+    for metric, one in zip(METRICS, axes, strict=True):
+        _means(one, results, metric)
+        unit = f", {metric.unit}" if metric.unit else ""
+        one.set(title=f"{metric.symbol}{unit} ({metric.better} is better)", yticks=range(len(results)), yticklabels=[])
+        one.invert_yaxis()
+    axes[0].set_yticklabels([result.row.title + (" ‡" if result.altered else "") for result in results])
+    axes[-1].legend(fontsize=8)
+    if any(result.altered for result in results):
+        axes[0].set_xlabel("‡ run with losses off, see the table", fontsize=8, loc="left")
+    return figure
+
+
+def _means(axes: Axes, results: Sequence[Result], metric: Metric) -> None:
+    means = [result.mean(metric.name) for result in results]
+    axes.errorbar([found.mean for found in means], range(len(results)), linestyle="none", marker="o", markersize=5,
+                  xerr=[found.error if isfinite(found.error) else 0.0 for found in means], capsize=3, color=COLOURS[0],
+                  label="here, standard error over objects")
+    if printed := {number: result.row.printed.of(metric.name) for number, result in enumerate(results)
+                   if result.row.printed}:
+        axes.plot(list(printed.values()), list(printed), linestyle="none", marker="D", markersize=6,
+                  markerfacecolor="none", color=COLOURS[1], label="paper: another dataset and run")
+
+
+def markdown(table: Table, results: Sequence[Result], settings: str) -> str:
+    """The measured rows beside the printed ones, what can be said of their order, and how to read it."""
+    found = orders(table, results)
+    first = results[0].mean("psnr")
+    parts = [f"# {table.number}: {table.question}", settings,
+             f"Means over {first.examples} held-out examples of {first.objects} objects, on tone-mapped values inside "
+             f"the mask; ± is the standard error, clustered by object. *Paper*: {SOURCE}, another dataset and other "
+             "settings: orders may be compared, values may not.", _rows_table(results)]
+    parts += [f"Not measured: {title} ({reason}). The paper prints {_printed_text(numbers)}."
+              for title, (numbers, reason) in table.absent.items()]
+    parts += [f"Left out: {text}." for text in table.left_out]
+    parts += ["## Against " + table.row(table.reference).title, _reference_table(table, results)]
+    if found:
+        parts += ["## The paper's order", verdict(found), HOW_TO_READ,
+                  "\n".join(f"- {line}" for line in order_lines(found)), _pairs_table(table, found)]
+    parts += ["## What the rows differ in", f"From {table.row(table.reference).title}; everything else is the same.",
+              _variants_table(table)]
+    return "\n\n".join(parts) + "\n"
+
+
+def order_lines(found: Sequence[Order]) -> list[str]:
+    """One sentence for each metric."""
+    symbols = {metric.name: metric.symbol for metric in METRICS}
+    return [summary(order, symbols[order.metric]) for order in found]
+
+
+def row_line(result: Result) -> str:
+    """A row for the terminal: measured figures, printed ones in brackets, and the note."""
+    texts = [f"{metric.symbol} {_plus_minus(result.mean(metric.name), metric.name)}"
+             + (f" (paper {_figure(result.row.printed.of(metric.name), metric.name)})" if result.row.printed else "")
+             for metric in METRICS]
+    return f"{result.row.title}: {', '.join(texts)}" + (f" [{result.note}]" if result.note else "")
+
+
+def _rows_table(results: Sequence[Result]) -> str:
+    head = ["row", *(name for metric in METRICS for name in (f"{metric.symbol} {_arrow(metric)}", "paper")),
+            "parameters", "s/step"]
+    lines = []
+    for result in results:
+        cells = [f"{result.row.title} ({result.note})" if result.note else result.row.title]
+        for metric in METRICS:
+            cells += [_measured_text(result, metric.name),
+                      _figure(result.row.printed.of(metric.name), metric.name) if result.row.printed else ""]
+        parameters, seconds = result.facts.get("parameters"), result.facts.get("seconds_per_step")
+        lines.append([*cells, f"{parameters:,}" if parameters else "", f"{seconds:.2f}" if seconds else ""])
+    return _markdown_table(head, lines)
+
+
+def _reference_table(table: Table, results: Sequence[Result]) -> str:
+    """Every row less the reference, example by example."""
+    reference = next(result for result in results if result.row.name == table.reference)
+    others = [result for result in results if result is not reference]
+    return _markdown_table(["row", *(f"{metric.symbol} {_arrow(metric)}" for metric in METRICS)], [
+        [result.row.title, *(_difference_text(result.less(reference, metric.name), metric) for metric in METRICS)]
+        for result in others])
+
+
+def _pairs_table(table: Table, found: Sequence[Order]) -> str:
+    """A line for every two rows that are compared, as PSNR is printed: how much better the first is, by metric."""
+    titles = {row.name: row.title for row in table.rows}
+    by_pair: dict[tuple[str, frozenset[str]], dict[str, Pair]] = {}
+    for order in found:
+        for pair in order.pairs:
+            by_pair.setdefault((pair.group, frozenset((pair.better, pair.worse))), {})[order.metric] = pair
+    rows = []
+    for (group, _), pairs in by_pair.items():
+        lead = pairs.get("psnr") or next(iter(pairs.values()))
+        rows.append([group, titles[lead.better], titles[lead.worse],
+                     *(_pair_text(pairs.get(metric.name), lead.better) for metric in METRICS)])
+    return _markdown_table(["compared", "row", "against", *(metric.symbol for metric in METRICS)], rows)
+
+
+def _pair_text(pair: Pair | None, first: str) -> str:
+    """Printed gain and measured gain of the row `first` over the other one of a pair."""
+    if pair is None:
+        return "printed as equal"
+    sign = 1 if pair.better == first else -1
+    here = replace(pair.gain, mean=sign * pair.gain.mean)
+    return f"paper {sign * pair.printed:+.3g}, here {_small(here)}: {pair.verdict}"
+
+
+def _variants_table(table: Table) -> str:
+    """In what the rows' configurations differ from that of the reference."""
+    reference = table.row(table.reference)
+    rows = []
+    for row in table.rows:
+        if row.spec and reference.spec and row is not reference:
+            changes = differences(reference.spec, row.spec).items()
+            rows.append([row.title, ", ".join(f"`{key}`: {there} instead of {here}" for key, (here, there) in changes)])
+    return _markdown_table(["row", "differs in"], rows)
+
+
+def _measured_text(result: Result, metric: str) -> str:
+    spread = result.spread(metric)
+    text = _plus_minus(result.mean(metric), metric)
+    return f"{text} (sd over seeds {_figure(spread, metric)})" if isfinite(spread) else text
+
+
+def _difference_text(difference: Estimate, metric: Metric) -> str:
+    text = _small(difference)
+    if not abs(difference.mean) > difference.half_width:
+        return f"{text}, open"
+    return f"{text}, {'better' if (difference.mean > 0) == (metric.better == 'high') else 'worse'}"
+
+
+def _plus_minus(found: Estimate, metric: str) -> str:
+    error = f" ± {_figure(found.error, metric)}" if isfinite(found.error) else ""
+    return f"{_figure(found.mean, metric)}{error}"
+
+
+def _small(difference: Estimate) -> str:
+    """A difference, which may be far smaller than the figures that it is of."""
+    error = f" ± {difference.error:.2g}" if isfinite(difference.error) else ""
+    return f"{difference.mean:+.3g}{error}"
+
+
+def _figure(value: float, metric: str) -> str:
+    return f"{value:.{DIGITS.get(metric, 4)}f}"
+
+
+def _printed_text(numbers: Printed) -> str:
+    return ", ".join(f"{metric.symbol} {_figure(numbers.of(metric.name), metric.name)}" for metric in METRICS)
+
+
+def _arrow(metric: Metric) -> str:
+    return "↓" if metric.better == "low" else "↑"
+
+
+def _markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in (head, ["---"] * len(head), *rows))

@@ -1,0 +1,63 @@
+"""Every number of tables 1, 2 and 3 of Cai et al., arXiv 2211.14823 v3, by the rows' names here.
+
+They are of another dataset, other sizes of networks and another length of training, and the paper says neither in which
+range nor over which pixels it measures: orders may be compared, values may not.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+SOURCE = "Cai et al., arXiv 2211.14823 v3"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Printed:
+    """One printed row: mean absolute difference, dB, structural similarity, radians."""
+
+    l1: float
+    psnr: float
+    ssim: float
+    lab: float
+
+    def of(self, metric: str) -> float:
+        """The number under one metric's name."""
+        return {"l1": self.l1, "psnr": self.psnr, "ssim": self.ssim, "lab": self.lab}[metric]
+
+
+FULL = Printed(l1=0.0219, psnr=30.17, ssim=0.9142, lab=0.3137)
+"""LighTNet as proposed: the same row stands in all three tables."""
+
+METHODS: Mapping[str, Printed] = {
+    "pix2pix": Printed(l1=0.0345, psnr=26.65, ssim=0.9042, lab=0.4314),
+    "dpr": Printed(l1=0.0399, psnr=25.39, ssim=0.8692, lab=0.4576),
+    "ssvbrdf": Printed(l1=0.0373, psnr=26.02, ssim=0.9040, lab=0.3796),
+    "lightnet": FULL,
+}
+"""Table 1."""
+
+LIGHTNET_ON_NERF = Printed(l1=0.0281, psnr=29.93, ssim=0.9203, lab=0.3173)
+"""Table 1's last row: trained on I_s from NeRFs, which a dataset of rendered I_s cannot repeat."""
+
+OBJECTIVES: Mapping[str, Printed] = {
+    "l1": Printed(l1=0.0277, psnr=28.37, ssim=0.8774, lab=0.3551),
+    "fr": Printed(l1=0.0254, psnr=29.06, ssim=0.9006, lab=0.3717),
+    "fr-dssim": Printed(l1=0.0229, psnr=29.83, ssim=0.9129, lab=0.3317),
+    "fr-dssim-lab": FULL,
+    "fr-dssim-lab-l1": Printed(l1=0.0240, psnr=29.37, ssim=0.9102, lab=0.3426),
+}
+"""Table 2; L_DR is part of every row."""
+
+FORMULATIONS: Mapping[str, Printed] = {
+    "d-s": Printed(l1=0.0283, psnr=28.46, ssim=0.9128, lab=0.3449),
+    "dr-s": Printed(l1=0.0262, psnr=28.83, ssim=0.9117, lab=0.3411),
+    "dr-s-plus-alpha": Printed(l1=0.0238, psnr=29.45, ssim=0.9040, lab=0.3458),
+    "full": FULL,
+}
+"""Table 3, top: how I_t is composed, with S = S' + S'_r."""
+
+SHADINGS: Mapping[str, Printed] = {
+    "raw": Printed(l1=0.0260, psnr=28.70, ssim=0.8935, lab=0.3574),
+    "direct": Printed(l1=0.0241, psnr=29.35, ssim=0.8996, lab=0.3473),
+    "full": FULL,
+}
+"""Table 3, bottom: S' as it is, S* predicted directly, and S' + S'_r."""

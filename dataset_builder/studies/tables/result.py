@@ -1,0 +1,99 @@
+"""What a row came to: means over examples and seeds, and what it has to do with the printed numbers."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import nan, sqrt
+from statistics import fmean, stdev
+from typing import Any
+
+from dataset_builder.lightnet.evaluate import Row
+from dataset_builder.lightnet.metrics import METRICS, Metric
+from dataset_builder.lightnet.summary import Estimate, estimate
+from dataset_builder.studies.tables.order import Order, Pair, printed_pairs
+from dataset_builder.studies.tables.row import Group, Table, TableRow
+from dataset_builder.studies.tables.variants import NO_WEIGHTS
+
+
+@dataclass(frozen=True, kw_only=True)
+class Result:
+    """One row measured. scores: rows of every seed, examples in the same order. facts: what its trainings said."""
+
+    row: TableRow
+    scores: tuple[tuple[Row, ...], ...]
+    facts: dict[str, Any]
+
+    @property
+    def altered(self) -> bool:
+        """Whether losses that it asks for were off."""
+        return bool(self.facts.get("off"))
+
+    @property
+    def note(self) -> str:
+        """What is to be known of it, such as that FR was off."""
+        off = [NO_WEIGHTS if text.startswith("fr ") else text for text in self.facts.get("off", [])]
+        return "; ".join([*([self.row.note] if self.row.note else []), *off])
+
+    def mean(self, metric: str) -> Estimate:
+        """Mean of a metric, with its error."""
+        return over_seeds([values(rows, metric) for rows in self.scores], objects(self.scores[0]))
+
+    def spread(self, metric: str) -> float:
+        """Standard deviation of the mean over seeds; NaN for one seed."""
+        means = [fmean(values(rows, metric)) for rows in self.scores]
+        return stdev(means) if len(means) > 1 else nan
+
+    def less(self, other: "Result", metric: str) -> Estimate:
+        """Mean of a metric less the other's, example by example and seed by seed."""
+        return over_seeds([[one - two for one, two in zip(values(mine, metric), values(theirs, metric), strict=True)]
+                           for mine, theirs in _beside(self.scores, other.scores)], objects(self.scores[0]))
+
+
+def values(rows: Sequence[Row], metric: str) -> list[float]:
+    """A metric of every row."""
+    return [getattr(row.metrics, metric) for row in rows]
+
+
+def objects(rows: Sequence[Row]) -> list[str]:
+    """The object of every row."""
+    return [row.object for row in rows]
+
+
+def over_seeds(by_seed: Sequence[Sequence[float]], clusters: Sequence[str]) -> Estimate:
+    """Mean over examples of values that were measured with each of K seeds.
+
+    The variance over objects, of each example's mean over seeds, and that of the mean over K seeds add up: neither
+    other objects nor other trainings would repeat the value. With one seed the latter is unknown and left out.
+    """
+    found = estimate([fmean(several) for several in zip(*by_seed, strict=True)], clusters)
+    if len(by_seed) < 2:
+        return found
+    between = stdev(fmean(of_one) for of_one in by_seed) ** 2 / len(by_seed)
+    return replace(found, error=sqrt(found.error**2 + between), naive=sqrt(found.naive**2 + between))
+
+
+def orders(table: Table, results: Sequence[Result]) -> list[Order]:
+    """For every metric the pairs of every group of rows that the paper compares; none where it prints no numbers."""
+    found = [Order(metric=metric.name, pairs=tuple(pair for group in table.groups
+                                                   for pair in _pairs(group, table, results, metric)))
+             for metric in METRICS]
+    return [order for order in found if order.pairs]
+
+
+def _pairs(group: Group, table: Table, results: Sequence[Result], metric: Metric) -> list[Pair]:
+    by_name = {result.row.name: result for result in results}
+    printed = {name: numbers for name in group.rows if name in by_name and (numbers := table.row(name).printed)}
+    pairs = []
+    for better, worse, gain in printed_pairs(printed, metric.name, metric.better):
+        first, second = by_name[better], by_name[worse]
+        here = first.less(second, metric.name) if metric.better == "high" else second.less(first, metric.name)
+        pairs.append(Pair(group=group.title, metric=metric.name, better=better, worse=worse, printed=gain, gain=here,
+                          altered=first.altered or second.altered))
+    return pairs
+
+
+def _beside(mine: Sequence[tuple[Row, ...]], theirs: Sequence[tuple[Row, ...]]) \
+        -> list[tuple[tuple[Row, ...], tuple[Row, ...]]]:
+    """Seeds of two rows beside each other; what learns nothing has one for all."""
+    count = max(len(mine), len(theirs))
+    first, second = ([*scores] if len(scores) == count else [*scores] * count for scores in (mine, theirs))
+    return list(zip(first, second, strict=True))

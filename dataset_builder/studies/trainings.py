@@ -1,0 +1,67 @@
+"""Trainings of a study: each in a folder of its own, gone on with or kept where it is about the same thing, begun anew
+where it is not."""
+
+import json
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from dataset_builder.digest import canonical_json
+from dataset_builder.lightnet.events import Event, Started, Stepped
+from dataset_builder.lightnet.fit import BEST, LAST, LOG, SPEC, Job, fit
+from dataset_builder.shards.atomic import output_errors, write_atomic
+
+ABOUT, SCORES, FACTS = "study.json", "scores.csv", "facts.json"
+BOARD = "tensorboard"
+
+
+def train(job: Job) -> Iterator[Event]:
+    """Train to the end, whatever the folder held before, and note what tables say about the training.
+
+    A folder of another spec, dataset or VGG weights is emptied of what trainings and studies leave there. Raises
+    UserError as `fit` does.
+    """
+    claim(job.out, job.identity())
+    # Of a training that was finished before, the seconds that it took then
+    facts, spent = read_facts(job.out), list[float]()
+    for event in fit(job):
+        if isinstance(event, Started):
+            facts |= {"parameters": sum(event.parameters.values()), "off": list(event.off), "examples": event.train}
+        if isinstance(event, Stepped):
+            spent.append(event.seconds)
+        yield event
+    if spent:
+        facts["seconds_per_step"] = sum(spent) / len(spent)
+    write_atomic(job.out / FACTS, canonical_json(facts) + b"\n")
+
+
+def claim(folder: Path, identity: str) -> None:
+    """State what `folder` is about; what is about anything else goes. Raises OutputError."""
+    path, content = folder / ABOUT, canonical_json({"identity": identity})
+    if path.is_file() and path.read_bytes() == content:
+        return
+    with output_errors(folder):
+        # The statement last: an interruption in between must leave nothing under a statement that is not its own
+        path.unlink(missing_ok=True)
+        for name in (SCORES, FACTS, LAST, BEST, LOG, SPEC):
+            (folder / name).unlink(missing_ok=True)
+        if (folder / BOARD).is_dir():
+            shutil.rmtree(folder / BOARD)
+    write_atomic(path, content)
+
+
+def about(folder: Path, identity: str) -> bool:
+    """Whether `folder` holds results of just that."""
+    path = folder / ABOUT
+    return path.is_file() and path.read_bytes() == canonical_json({"identity": identity})
+
+
+def read_facts(folder: Path) -> dict[str, Any]:
+    """What `train` noted: `parameters`, `off`, `examples` to learn from, `seconds_per_step`; empty where there is
+    nothing."""
+    try:
+        found = json.loads((folder / FACTS).read_bytes())
+    except (FileNotFoundError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
