@@ -1,0 +1,31 @@
+"""Best, median and worst examples of an evaluation, by the first method's PSNR, as every method has them."""
+
+from collections.abc import Sequence
+
+from dataset_builder.lightnet.dataset import LightingDataset
+from dataset_builder.lightnet.evaluate import Contender, Row
+from dataset_builder.lightnet.loader import whole_images
+from dataset_builder.lightnet.metrics import METRICS
+from dataset_builder.lightnet.pictures import cropped, found, given
+from dataset_builder.lightnet.summary import chosen
+from dataset_builder.report.example_sheet import SheetRow
+
+
+def example_rows(rows: Sequence[Row], contenders: Sequence[Contender], dataset: LightingDataset) -> list[SheetRow]:
+    """A row of pictures for each chosen example and contender; the predictions are made again."""
+    measured = {(row.method, row.key): row for row in rows}
+    sheet = []
+    for place, row in chosen(rows, contenders[0].name).items():
+        for batch in whole_images(dataset, [dataset.keys.index(row.key)]):
+            for one in contenders:
+                moved = batch.to(one.device)
+                shown = {**given(moved), **found(moved, one.find(moved))}
+                sheet.append(SheetRow(lines=_lines(place, measured[one.name, row.key]),
+                                      panels=cropped(shown, moved.inputs.inside[0])))
+    return sheet
+
+
+def _lines(place: str, row: Row) -> list[str]:
+    figures = [f"{metric.symbol} {getattr(row.metrics, metric.name):.{2 if metric.unit == 'dB' else 4}f} {metric.unit}"
+               for metric in METRICS]
+    return [f"{place}: {row.key}", row.method, row.object, row.room, *figures]

@@ -1,0 +1,174 @@
+"""An evaluation as files: a table by example (CSV), one by method (Markdown), a figure, and pictures of examples."""
+
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from io import StringIO
+from math import isfinite
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from rich.table import Table
+
+from dataset_builder.lightnet.evaluate import Row
+from dataset_builder.lightnet.metrics import METRICS, Metric
+from dataset_builder.lightnet.summary import LEVEL, Estimate, Paired, Summary, compare, summarise
+from dataset_builder.report.study_figures import COLOURS, PALE, panels, png
+from dataset_builder.shards.atomic import write_atomic
+
+TABLE, SUMMARY, FIGURE, EXAMPLES = "table.csv", "summary.md", "summary.png", "examples.png"
+DESCRIBED = ("method", "key", "view", "object", "room", "level", "sigma")
+COLUMNS = (*DESCRIBED, *(metric.name for metric in METRICS), "seconds")
+PAIR_COLUMNS = ("methods", "metric", "difference", "if independent", f"{LEVEL:.0%} interval", "better in", "verdict")
+ARROWS = {"low": "low is better", "high": "high is better"}
+VERDICTS = {"better": "better", "worse": "worse", "open": "not told apart"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evaluation:
+    """What was evaluated. notes: what each method is, by name; trained: those of checkpoints; seen: whether this is the
+    split that one of them was trained on."""
+
+    dataset: str
+    split: str
+    rows: Sequence[Row]
+    notes: Mapping[str, str]
+    trained: Sequence[str]
+    seen: bool = False
+
+    @property
+    def pairs(self) -> list[tuple[str, str]]:
+        """What is compared: each trained method with the trained ones after it and with all that learn nothing."""
+        rivals = [*self.trained, *(name for name in self.notes if name not in self.trained)]
+        return [(name, other) for number, name in enumerate(self.trained) for other in rivals[number + 1:]]
+
+    def compared(self) -> list[Paired]:
+        """All comparisons, in every metric."""
+        return [one for name, other in self.pairs for one in compare(self.rows, name, other)]
+
+    @property
+    def extent(self) -> str:
+        """How much was looked at."""
+        counts = [len({getattr(row, name) for row in self.rows}) for name in ("key", "view", "object", "room")]
+        kinds = zip(counts, ("example", "view", "object", "room"), strict=True)
+        return ", ".join(f"{count} {kind}{'s' if count != 1 else ''}" for count, kind in kinds)
+
+
+def write_page(evaluation: Evaluation, out: Path) -> None:
+    """Write the table, the summary and its figure into a folder. Raises OutputError."""
+    write_atomic(out / TABLE, csv_table(evaluation.rows))
+    write_atomic(out / FIGURE, png(summary_figure(evaluation)))
+    write_atomic(out / SUMMARY, markdown(evaluation).encode())
+
+
+def csv_table(rows: Sequence[Row]) -> bytes:
+    """One line per example and method."""
+    stream = StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for row in rows:
+        figures = [*(getattr(row.metrics, metric.name) for metric in METRICS), row.seconds]
+        writer.writerow([*(getattr(row, name) for name in DESCRIBED), *(f"{figure:.7g}" for figure in figures)])
+    return stream.getvalue().encode()
+
+
+def markdown(evaluation: Evaluation) -> str:
+    """The summary: methods as columns, comparisons as rows, and what the words mean."""
+    summaries = summarise(evaluation.rows)
+    parts = [f"# Evaluation on {evaluation.dataset}, split {evaluation.split}", f"{evaluation.extent}.",
+             *(["**A method was trained on this split.** Its figures say how well it remembers."] * evaluation.seen),
+             _table(("metric", *(one.method for one in summaries)), _mean_rows(summaries)), _meaning(),
+             "## Differences, example by example",
+             _table(PAIR_COLUMNS, [_pair_row(one) for one in evaluation.compared()]),
+             "## Methods", "\n".join(f"- {name}: {note}" for name, note in evaluation.notes.items()),
+             "## Metrics", "Over the object, on tone-mapped values: x / (1 + x) of exposed light, then the sRGB curve.",
+             "\n".join(f"- {metric.symbol}: {metric.definition}." for metric in METRICS)]
+    return "\n\n".join(parts) + "\n"
+
+
+def console_table(evaluation: Evaluation) -> Table:
+    """What the terminal shows: methods as rows."""
+    table = Table("method", *(f"{metric.symbol} ({ARROWS[metric.better]})" for metric in METRICS), "seconds",
+                  title=f"{evaluation.dataset}, split {evaluation.split}: {evaluation.extent}", title_justify="left")
+    for one in summarise(evaluation.rows):
+        figures = [plus_minus(one.metrics[metric.name], metric) for metric in METRICS]
+        table.add_row(one.method, *figures, f"{one.seconds:.3g}")
+    return table
+
+
+def verdict_lines(evaluation: Evaluation) -> list[str]:
+    """One sentence for each comparison, by PSNR."""
+    return [f"{one.method} against {one.other}: {_signed(one.difference, 'psnr')} dB, {VERDICTS[one.verdict]}; better "
+            f"in {one.ahead} of {one.difference.examples}" for one in evaluation.compared() if one.metric == "psnr"]
+
+
+def plus_minus(found: Estimate, metric: Metric, error: float | None = None) -> str:
+    """A mean and its standard error, with as many digits as the metric calls for."""
+    digits, error = _digits(metric.name), found.error if error is None else error
+    return f"{found.mean:.{digits}f}" + (f" ± {error:.{digits}f}" if isfinite(error) else "")
+
+
+def summary_figure(evaluation: Evaluation) -> Figure:
+    """A panel per metric: every example as a pale dot, means with their standard errors."""
+    figure, axes = panels(len(METRICS), f"{evaluation.dataset}, split {evaluation.split}: {evaluation.extent}")
+    summaries = summarise(evaluation.rows)
+    for metric, one in zip(METRICS, axes, strict=True):
+        for place, summary in enumerate(summaries):
+            _dots(one, evaluation.rows, summary, metric, place, COLOURS[0] if summary.method in evaluation.trained
+                  else COLOURS[1])
+        unit = f"{metric.symbol}, {metric.unit}" if metric.unit else metric.symbol
+        one.set(title=f"{metric.symbol}: {ARROWS[metric.better]}", xlabel=unit, yticks=range(len(summaries)))
+        one.set_yticklabels([summary.method for summary in summaries] if one is axes[0] else [])
+        one.set_ylim(len(summaries) - 0.4, -0.6)
+    figure.supxlabel("dots: examples; bars: one standard error of the mean, clustered by object", fontsize=9)
+    return figure
+
+
+def _dots(axes: Axes, rows: Sequence[Row], summary: Summary, metric: Metric, place: int, colour: str) -> None:
+    own = [getattr(row.metrics, metric.name) for row in rows if row.method == summary.method]
+    spread = 0.5 * (np.arange(len(own)) / max(len(own) - 1, 1) - 0.5)
+    axes.plot(own, place + spread, linestyle="none", marker=".", markersize=4, color=PALE, zorder=1)
+    found = summary.metrics[metric.name]
+    axes.errorbar([found.mean], [place], xerr=[found.error] if isfinite(found.error) else None, marker="o",
+                  markersize=6, color=colour, capsize=4, linewidth=1.8, zorder=3)
+    axes.annotate(plus_minus(found, metric), (found.mean, place), xytext=(0, 11), textcoords="offset points",
+                  ha="center", fontsize=8, color=colour, zorder=4)
+
+
+def _mean_rows(summaries: Sequence[Summary]) -> list[list[str]]:
+    rows = [[f"{metric.symbol}{f', {metric.unit}' if metric.unit else ''} ({ARROWS[metric.better]})",
+             *(plus_minus(one.metrics[metric.name], metric) for one in summaries)] for metric in METRICS]
+    return [*rows, ["seconds per image, median", *(f"{one.seconds:.3g}" for one in summaries)]]
+
+
+def _pair_row(one: Paired) -> list[str]:
+    metric = next(metric for metric in METRICS if metric.name == one.metric)
+    found, digits = one.difference, _digits(one.metric)
+    low, high = found.mean - found.half_width, found.mean + found.half_width
+    interval = f"{low:+.{digits}f} to {high:+.{digits}f}" if isfinite(found.half_width) else "one object: none"
+    naive = f"± {found.naive:.{digits}f}" if isfinite(found.naive) else ""
+    return [f"{one.method} - {one.other}", metric.symbol, _signed(found, one.metric), naive, interval,
+            f"{one.ahead} of {found.examples}", VERDICTS[one.verdict]]
+
+
+def _signed(found: Estimate, metric: str) -> str:
+    digits = _digits(metric)
+    return f"{found.mean:+.{digits}f}" + (f" ± {found.error:.{digits}f}" if isfinite(found.error) else "")
+
+
+def _digits(metric: str) -> int:
+    return 2 if metric == "psnr" else 4
+
+
+def _meaning() -> str:
+    return ("± is one standard error of the mean, clustered by object: examples of one object are not independent. "
+            f"Intervals cover the mean over all such objects in {LEVEL:.0%} of all cases (Student's t); a method is "
+            "told apart from another where the interval of their difference, taken on the same examples, does not hold "
+            "0. "
+            "`table.csv` has every example.")
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows))

@@ -1,0 +1,79 @@
+"""Pictures in rows under common headings, with a few lines of text before each row."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from dataset_builder.shards.atomic import write_atomic
+
+MARGIN, GAP, HEADER, LINE = 12, 4, 24, 17
+LABEL_WIDTH = 200
+INK, PALE, PAPER = (32, 32, 32), (110, 110, 110), (250, 250, 250)
+LONGEST = 30
+"""Characters of a line of text."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SheetRow:
+    """lines: text, the first in black; panels: (H, W, 3) uint8 pictures by heading; a heading may lack here."""
+
+    lines: Sequence[str]
+    panels: Mapping[str, np.ndarray]
+
+
+def sheet(rows: Sequence[SheetRow], cell: int = 160) -> Image.Image:
+    """The picture of all rows. cell: width of a panel in pixels; smaller pictures are shown with square pixels."""
+    headings = list(dict.fromkeys(heading for row in rows for heading in row.panels))
+    heights = [max(_height(row, cell), len(row.lines) * LINE) for row in rows]
+    width = _left(len(headings), cell) + MARGIN
+    page = Image.new("RGB", (width, 2 * MARGIN + HEADER + sum(heights) + GAP * len(rows)), PAPER)
+    draw = ImageDraw.Draw(page)
+    for column, heading in enumerate(headings):
+        draw.text((_left(column, cell), MARGIN), heading, fill=INK, font=_font(13))
+    top = MARGIN + HEADER
+    for row, height in zip(rows, heights, strict=True):
+        for number, line in enumerate(row.lines):
+            draw.text((MARGIN, top + LINE * number), line[:LONGEST], fill=PALE if number else INK, font=_font(12))
+        for heading, pixels in row.panels.items():
+            page.paste(_scaled(pixels, cell), (_left(headings.index(heading), cell), top))
+        top += height + GAP
+    return page
+
+
+def write_sheet(rows: Sequence[SheetRow], target: Path, cell: int = 160) -> None:
+    """Write the sheet as a PNG file, whole or not at all. Raises OutputError."""
+    write_atomic(target, png_of(np.asarray(sheet(rows, cell))))
+
+
+def png_of(pixels: np.ndarray) -> bytes:
+    """The PNG file of (H, W, 3) uint8 pixels."""
+    stream = BytesIO()
+    Image.fromarray(pixels).save(stream, "PNG")
+    return stream.getvalue()
+
+
+def _scaled(pixels: np.ndarray, width: int) -> Image.Image:
+    """The picture `width` pixels wide: averaged down, or its pixels made larger."""
+    picture = Image.fromarray(pixels)
+    method = Image.Resampling.BOX if picture.width > width else Image.Resampling.NEAREST
+    return picture.resize((width, _scaled_height(pixels, width)), method)
+
+
+def _scaled_height(pixels: np.ndarray, width: int) -> int:
+    return max(1, round(width * pixels.shape[0] / pixels.shape[1]))
+
+
+def _height(row: SheetRow, cell: int) -> int:
+    return max((_scaled_height(pixels, cell) for pixels in row.panels.values()), default=0)
+
+
+def _left(column: int, cell: int) -> int:
+    return MARGIN + LABEL_WIDTH + column * (cell + GAP)
+
+
+def _font(size: int) -> ImageFont.ImageFont | ImageFont.FreeTypeFont:
+    return ImageFont.load_default(size)
