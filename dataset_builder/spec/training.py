@@ -34,7 +34,7 @@ class ObjectiveSpec(Model):
     """LighTNet's losses; each weight multiplies its term, 0 leaves it out."""
 
     dr: NotNegative = 1.0
-    """|D - D_gt| + |R - R_gt|."""
+    """Mean absolute difference of D from the truth, plus that of R."""
     fr: NotNegative = 0.05
     """VGG-19 feature reconstruction; needs `--vgg-weights`, and is off and said to be off without."""
     dssim: NotNegative = 0.5
@@ -42,7 +42,7 @@ class ObjectiveSpec(Model):
     lab: NotNegative = 0.5
     """Angle between Lab vectors, in radians."""
     l1: NotNegative = 0.0
-    """|I_t - I_t_gt|, tone-mapped."""
+    """Mean absolute difference of I_t from the truth, tone-mapped."""
     vgg_layer: VggLayer = "relu3_4"
     """Activations of the third block that features are compared at; the paper does not say which."""
 
