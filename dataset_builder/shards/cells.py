@@ -11,7 +11,7 @@ import numpy as np
 
 WHOLE = 0.999
 """Least mask of a pixel that is covered wholly."""
-SMALLEST, LARGEST = 3, 16
+SMALLEST, LARGEST = 4, 16
 PER_SIDE = 16
 """Cells along the shorter side of the frame, within the bounds of pixels above."""
 FILLED = 0.5
@@ -51,11 +51,16 @@ class Cells:
         return np.divide(d, total, out=np.zeros_like(total), where=total > 0)
 
     @property
-    def diffuse(self) -> "Cells":
-        """The cells that reflect diffusely for the most part and have light."""
+    def is_diffuse(self) -> np.ndarray:
+        """(C,) truth: cells that reflect diffusely for the most part, and have light."""
         light = self.s_prime.sum(axis=1)
         lit = light > LEAST_LIGHT * (light.mean() if len(light) else 0.0)
-        return self.keep((self.diffuseness >= DIFFUSE) & lit & (self.i_t.sum(axis=1) > 0))
+        return (self.diffuseness >= DIFFUSE) & lit & (self.i_t.sum(axis=1) > 0)
+
+    @property
+    def diffuse(self) -> "Cells":
+        """Those cells alone."""
+        return self.keep(self.is_diffuse)
 
 
 def cells_of(key: str, layers: Mapping[str, np.ndarray], *, fog: bool) -> Cells:

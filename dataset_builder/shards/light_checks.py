@@ -21,7 +21,7 @@ ENOUGH = 8
 """Cells of an example that has a median or a correlation of its own."""
 VARIED = 0.2
 """Least deviation of a logarithm that a slope or a correlation is taken over."""
-ODD = (-0.5, 1.2)
+ODD = (-0.6, 1.6)
 """Bounds of an example's own median of log I_t - log(D S')."""
 MIXED = 0.3
 """Least D / (D + R) of cells that tell how R reflects the source light: below, mirrors and glass show what is there."""
@@ -29,17 +29,19 @@ TINY = 1e-9
 
 DIFFUSE_SHARE = Rule(name="diffuse_share", low=0.08, why="with less there is nothing to judge light by",
                      statement="share of the objects' cells with D / (D + R) >= 0.7")
-ENERGY = Rule(name="energy", low=-0.25, why="0 by D S <= I_t; rough facets and noise bring some below",
+ENERGY = Rule(name="energy", low=-0.5, why="0 by D S <= I_t; facets of S' that face a light better than the clean "
+              "mesh bring some below; a factor of pi is -1.14",
               statement="10% quantile of log I_t - log(D S') over diffuse cells")
-EXCESS = Rule(name="excess", high=0.4, why="log(1 / 0.7) = 0.36 where everything around sends the same light",
+EXCESS = Rule(name="excess", high=0.8, why="log(1 / 0.7) = 0.36 where all around sends the same light, 0.2 for what "
+              "very rough meshes keep from themselves; a factor of pi is 1.14",
               statement="median of log I_t - log(D S') over diffuse cells")
-SPREAD = Rule(name="spread", high=0.45, why="twice the spread of honest datasets",
+SPREAD = Rule(name="spread", high=0.75, why="0.2 for usual roughness, 0.5 for extreme one; 1.5 for S' of others",
               statement="interquartile range of log I_t - log(D S') over diffuse cells")
 ALBEDO_SLOPE = Rule(name="albedo_slope", low=0.65, high=1.35, why="1 by I_t = D S + spec; gamma gives 0.45 or 2.2",
                     statement="slope of log I_t on log D, with log S' held fixed")
 LIGHT_SLOPE = Rule(name="light_slope", low=0.65, high=1.35, why="1 by I_t = D S + spec; gamma gives 0.45 or 2.2",
                    statement="slope of log I_t on log S', with log D held fixed")
-SHADING = Rule(name="shading", low=0.5, why="S' shades as S does; that of another object is as good as unrelated",
+SHADING = Rule(name="shading", low=0.35, why="S' shades as S does; that of another object is as good as unrelated",
                statement="median over examples of the correlation of log I_t - log D with log S'")
 ODD_EXAMPLES = Rule(name="odd_examples", high=0.06, why="the bounds for one example are wide enough for honest ones",
                     statement=f"share of examples with a median of log I_t - log(D S') outside {ODD[0]} to {ODD[1]}")

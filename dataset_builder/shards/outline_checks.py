@@ -1,4 +1,4 @@
-"""Is the mask where the object is? Three looks: at the layers under it, at the rough mask, and at the picture's edges."""
+"""Is the mask where the object is? Looks at the layers under it, at the rough mask, and at the edges of the picture."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
