@@ -25,6 +25,8 @@ from dataset_builder.lightnet.predict import predict
 from dataset_builder.spec.training import DataSpec
 
 CPU = torch.device("cpu")
+FORMULAS = {"copy_i_s": "I_s as it is", "d_s_prime": "D S' with the true D",
+            "dr_s_prime": "(D + R) S' with the true D and R"}
 COMPARABLE = ("inside", "source_exposure")
 """Values of `data` that change what is measured; methods compared with each other share them."""
 
@@ -58,7 +60,7 @@ class Row:
 
 def trivial() -> list[Contender]:
     """The contenders that learn nothing; two of them are told the true D and R."""
-    return [Contender(name=name, find=partial(_by_formula, formula), note="learns nothing")
+    return [Contender(name=name, find=partial(_by_formula, formula), note=f"{FORMULAS[name]}; learns nothing")
             for name, formula in TRIVIAL.items()]
 
 

@@ -122,6 +122,7 @@ def summary_figure(evaluation: Evaluation) -> Figure:
         one.set(title=f"{metric.symbol}: {ARROWS[metric.better]}", xlabel=unit, yticks=range(len(summaries)))
         one.set_yticklabels([summary.method for summary in summaries] if one is axes[0] else [])
         one.set_ylim(len(summaries) - 0.4, -0.6)
+        one.margins(x=0.12)
     figure.supxlabel("dots: examples; bars: one standard error of the mean, clustered by object", fontsize=9)
     return figure
 
@@ -134,7 +135,8 @@ def _dots(axes: Axes, rows: Sequence[Row], summary: Summary, metric: Metric, pla
     axes.errorbar([found.mean], [place], xerr=[found.error] if isfinite(found.error) else None, marker="o",
                   markersize=6, color=colour, capsize=4, linewidth=1.8, zorder=3)
     axes.annotate(plus_minus(found, metric), (found.mean, place), xytext=(0, 11), textcoords="offset points",
-                  ha="center", fontsize=8, color=colour, zorder=4)
+                  ha="center", fontsize=8, color=colour, zorder=4,
+                  bbox={"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.85})
 
 
 def _mean_rows(summaries: Sequence[Summary]) -> list[list[str]]:

@@ -13,8 +13,6 @@ from dataset_builder.shards.atomic import write_atomic
 MARGIN, GAP, HEADER, LINE = 12, 4, 24, 17
 LABEL_WIDTH = 200
 INK, PALE, PAPER = (32, 32, 32), (110, 110, 110), (250, 250, 250)
-LONGEST = 30
-"""Characters of a line of text."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -36,8 +34,7 @@ def sheet(rows: Sequence[SheetRow], cell: int = 160) -> Image.Image:
         draw.text((_left(column, cell), MARGIN), heading, fill=INK, font=_font(13))
     top = MARGIN + HEADER
     for row, height in zip(rows, heights, strict=True):
-        for number, line in enumerate(row.lines):
-            draw.text((MARGIN, top + LINE * number), line[:LONGEST], fill=PALE if number else INK, font=_font(12))
+        page.paste(_label(row.lines, height), (MARGIN, top))
         for heading, pixels in row.panels.items():
             page.paste(_scaled(pixels, cell), (_left(headings.index(heading), cell), top))
         top += height + GAP
@@ -54,6 +51,15 @@ def png_of(pixels: np.ndarray) -> bytes:
     stream = BytesIO()
     Image.fromarray(pixels).save(stream, "PNG")
     return stream.getvalue()
+
+
+def _label(lines: Sequence[str], height: int) -> Image.Image:
+    """Lines of text, cut where they are too long."""
+    label = Image.new("RGB", (LABEL_WIDTH - GAP, height), PAPER)
+    draw = ImageDraw.Draw(label)
+    for number, line in enumerate(lines):
+        draw.text((0, LINE * number), line, fill=PALE if number else INK, font=_font(12))
+    return label
 
 
 def _scaled(pixels: np.ndarray, width: int) -> Image.Image:

@@ -10,7 +10,7 @@ import torch
 
 from dataset_builder.errors import UserError
 from dataset_builder.lightnet.batch import Inputs
-from dataset_builder.lightnet.compose import Composite, blend, compose, panels, seen
+from dataset_builder.lightnet.compose import Composite, blend, compose, panels, seen, with_rim
 from dataset_builder.lightnet.dataset import LightingDataset
 from dataset_builder.lightnet.frame import PARTS, Frame, frame_from_dataset, frame_from_files
 from dataset_builder.seeding import rng
@@ -100,6 +100,13 @@ def test_highlights_beside_the_rim_do_not_leave_the_range(frame: Frame) -> None:
     found = compose(trained(), replace(frame, s_prime=hot))
     assert np.isfinite(found.picture).all() and found.i_t.min() >= 0
     assert found.i_t[found.filled].max() <= found.i_t[found.predicted].max() * 1.001
+
+
+def test_predicted_light_is_not_cut_at_what_display_values_hold() -> None:
+    exposed = np.where(DISTANCE[..., None] < 5, np.float32(1e6), light(0))
+    known, asked = DISTANCE < 8, (DISTANCE >= 8) & (DISTANCE < 9)
+    whole = with_rim(exposed, known, asked)
+    assert np.array_equal(whole[~asked], exposed[~asked]) and not np.array_equal(whole[asked], exposed[asked])
 
 
 def test_light_below_nothing_is_nothing(frame: Frame) -> None:

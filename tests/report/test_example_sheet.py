@@ -52,9 +52,9 @@ def test_each_row_has_its_text() -> None:
 
 
 def test_long_lines_do_not_reach_the_pictures() -> None:
-    long = SheetRow(lines=["W" * 200], panels={"a": np.full((16, 16, 3), PAPER, np.uint8)})
-    page = np.asarray(sheet([long], CELL))
-    assert (cell(page, 0, MARGIN + HEADER) == PAPER).all()
+    long = SheetRow(lines=["m" * 200, "evaluation-dining-table-with-a-name-of-sixty-characters"], panels={})
+    page = np.asarray(sheet([rows()[0], long], CELL))
+    assert (cell(page, 0, MARGIN + HEADER + CELL + GAP, 2 * LINE) == PAPER).all()
 
 
 def test_it_is_written_whole(tmp_path: Path) -> None:
