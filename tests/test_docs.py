@@ -67,11 +67,16 @@ def cheap(arguments: list[str]) -> list[str]:
     """A command as the pages show it, made to take seconds."""
     if arguments[0] == "plan":
         return [*arguments, "--views", "2"]
+    if arguments[:2] == ["study", "noise"]:
+        tiny = [text if text != "--set" else "--train-set" for text in TINY_TRAINING]
+        return [*arguments, *CHEAP_MINI, "--levels", "0,0.01", *tiny, "--steps", "2", "--per-level-steps", "1"]
     if arguments[0] == "study":
         return [*arguments, "--set", "image={width: 24, height: 24}", "--set", "rough.edge_length=0.2", "--backend",
                 "llvm"]
     if arguments[0] == "train":
         return [*arguments, *TINY_TRAINING]
+    if arguments[0] == "table":
+        return [*arguments, *TINY_TRAINING, "--steps", "2"]
     if arguments[0] == "build":
         return [*arguments, *(CHEAP if "teapots" in arguments[1] else CHEAP_MINI)]
     return arguments

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from dataset_builder.lightnet.baselines.trivial import TRIVIAL
 from dataset_builder.lightnet.evaluate import Row
@@ -86,6 +87,9 @@ def _cloud(axes: Axes, x: np.ndarray, y: np.ndarray, diffuse: np.ndarray) -> Non
     for where, colour, label in ((~diffuse, PALE, "specular for the most part"), (diffuse, COLOURS[0], "diffuse")):
         axes.scatter(x[where], y[where], s=4, color=colour, label=label, linewidths=0)
     axes.set(xscale="log", yscale="log")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_minor_formatter(NullFormatter())
     _diagonal(axes, float(min(x.min(), y.min())), float(max(x.max(), y.max())))
 
 

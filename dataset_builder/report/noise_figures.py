@@ -7,21 +7,22 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dataset_builder.lightnet.metrics import METRICS, Metric
+from dataset_builder.lightnet.metrics import METRICS
+from dataset_builder.lightnet.summary import Estimate
 from dataset_builder.report.example_sheet import SheetRow, sheet
 from dataset_builder.report.study_figures import COLOURS, PALE, panels
-from dataset_builder.studies.noise.crops import Crop
+from dataset_builder.studies.noise.crops import TRIVIAL, Crop
 from dataset_builder.studies.noise.levels import OWN, Level
 from dataset_builder.studies.noise.run import MIXED
 
 LINES = {
     MIXED: ("LighTNet, trained on all levels", COLOURS[0], "o", "-"),
     OWN: ("LighTNet, trained on that level alone", COLOURS[1], "s", "-"),
-    "dr_s_prime": ("(D + R) S' with true D and R", COLOURS[2], "^", "--"),
+    TRIVIAL: ("(D + R) S' with true D and R", COLOURS[2], "^", "--"),
     "copy_i_s": ("I_s as it is", PALE, "v", ":"),
 }
 """Methods that are shown: what they are called and how they are drawn."""
-PER_CENT = 100.0
+PER_CENT, PSNR = 100.0, "psnr"
 
 
 def quality_figure(levels: Sequence[Level], settings: str) -> Figure:
@@ -29,25 +30,40 @@ def quality_figure(levels: Sequence[Level], settings: str) -> Figure:
     figure, axes = panels(len(METRICS), f"Quality against the roughness of the mesh that S' is rendered on\n{settings}")
     for metric, one in zip(METRICS, axes, strict=True):
         for method in LINES:
-            _line(one, levels, method, metric)
+            _line(one, levels, method, [level.mean(method, metric.name) for level in levels])
         unit = f", {metric.unit}" if metric.unit else ""
-        one.set(title=f"{metric.symbol}{unit} ({metric.better} is better)",
-                xlabel="measured roughness, rms, % of the bounding radius")
-        _sigmas(one, levels)
-    axes[0].legend(fontsize=8)
+        one.set(title=f"{metric.symbol}{unit} ({metric.better} is better)")
+        _over_roughness(one, levels)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=len(LINES), fontsize=8)
     return figure
 
 
-def _line(axes: Axes, levels: Sequence[Level], method: str, metric: Metric) -> None:
+def changes_figure(levels: Sequence[Level], settings: str) -> Figure:
+    """What noise takes, and what LighTNet brings, in dB of the same cases, so that easy and hard ones cancel."""
+    figure, (falls, gains) = panels(2, f"PSNR in dB, differences of the same cases\n{settings}")
+    for method in LINES:
+        _line(falls, levels, method, [level.less(method, method, PSNR, at=levels[0]) for level in levels])
+        if method != TRIVIAL:
+            _line(gains, levels, method, [level.less(method, TRIVIAL, PSNR) for level in levels])
+    falls.set(title=f"less the same method's at sigma {levels[0].sigma:g}")
+    gains.set(title=f"less that of {LINES[TRIVIAL][0]}")
+    for one in (falls, gains):
+        one.axhline(0, color="black", linewidth=0.8)
+        _over_roughness(one, levels)
+    figure.legend(*falls.get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=8)
+    return figure
+
+
+def _line(axes: Axes, levels: Sequence[Level], method: str, means: Sequence[Estimate]) -> None:
     label, colour, marker, style = LINES[method]
-    means = [level.mean(method, metric.name) for level in levels]
     axes.errorbar([PER_CENT * level.roughness for level in levels], [found.mean for found in means],
                   yerr=[found.error if isfinite(found.error) else 0.0 for found in means], color=colour, marker=marker,
                   linestyle=style, markersize=5, linewidth=1.6, capsize=3, label=label)
 
 
-def _sigmas(axes: Axes, levels: Sequence[Level]) -> None:
-    """The sigma of every level along the top."""
+def _over_roughness(axes: Axes, levels: Sequence[Level]) -> None:
+    """Measured roughness along the bottom, the sigma of every level along the top."""
+    axes.set_xlabel("measured roughness, rms, % of the bounding radius")
     top = axes.secondary_xaxis("top")
     top.set_xticks([PER_CENT * level.roughness for level in levels], [f"{level.sigma:g}" for level in levels],
                    fontsize=7, rotation=45)

@@ -7,7 +7,7 @@ from math import isfinite
 from dataset_builder.lightnet.metrics import METRICS
 from dataset_builder.lightnet.summary import Estimate
 from dataset_builder.report.example_sheet import png_of
-from dataset_builder.report.noise_figures import LINES, crop_pictures, quality_figure
+from dataset_builder.report.noise_figures import LINES, PSNR, changes_figure, crop_pictures, quality_figure
 from dataset_builder.report.study_figures import png
 from dataset_builder.report.study_page import Section, page
 from dataset_builder.shards.atomic import write_atomic
@@ -16,8 +16,6 @@ from dataset_builder.studies.noise.levels import OWN, Level
 from dataset_builder.studies.noise.passes import PassCount, saving
 from dataset_builder.studies.noise.run import MIXED
 from dataset_builder.studies.noise.study import NoiseStudy, level_names
-
-PSNR = "psnr"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,11 +34,13 @@ class Found:
 
 def write_page(found: Found) -> None:
     """Write `report.html` and its figures. Raises OutputError."""
-    quality, pictures = png(quality_figure(found.levels, found.study.sentence)), crop_pictures(found.crops)
-    figures = {"quality": quality, **{f"crops-{what}": png_of(pixels) for what, pixels in pictures.items()}}
+    pictures, sentence = crop_pictures(found.crops), found.study.sentence
+    figures = {"quality": png(quality_figure(found.levels, sentence)),
+               "changes": png(changes_figure(found.levels, sentence)),
+               **{f"crops-{what}": png_of(pixels) for what, pixels in pictures.items()}}
     for name, data in figures.items():
         write_atomic(found.study.out / "figures" / f"{name}.png", data)
-    sections = [_quality(found, quality), _mending(found),
+    sections = [_quality(found, figures["quality"]), _mending(found, figures["changes"]),
                 *(_crops(what, figures[f"crops-{what}"]) for what in pictures), _cross(found), _passes(found)]
     write_atomic(found.study.out / "report.html", page(
         f"How smooth rough meshes must be: {found.study.loaded.dataset.name}", _lead(found), sections).encode())
@@ -75,6 +75,8 @@ def _lead(found: Found) -> list[str]:
         "Roughness is measured: root mean square distance of the rough mesh's vertices from the clean mesh, over the "
         "radius of its bounding sphere, mean over the held-out examples. It is above 0 at sigma 0 where subdivision "
         "rounds the mesh.",
+        "The exposure of an example follows the mean of its S', so that the truth is exposed a little differently at "
+        "each level; the curve of I_s, which no noise reaches, shows what that alone changes.",
         "Standard errors are clustered by object. All curves share their examples, so that differences along a curve "
         "and between curves are known better than the bars suggest; the tables below have them.",
     ]
@@ -88,12 +90,12 @@ def _quality(found: Found, figure: bytes) -> Section:
                    figure=figure, head=("sigma", "roughness", "by", *(metric.symbol for metric in METRICS)), rows=rows)
 
 
-def _mending(found: Found) -> Section:
+def _mending(found: Found, figure: bytes) -> Section:
     pairs = ((MIXED, TRIVIAL), (OWN, TRIVIAL), (OWN, MIXED))
     rows = [[f"{level.sigma:g}", *(f"{_signed(less)}, {_told(less)}"
                                    for less in (level.less(one, two, PSNR) for one, two in pairs))]
             for level in found.levels]
-    return Section(question="What does LighTNet mend, and does it help to know the level?",
+    return Section(question="What does LighTNet mend, and does it help to know the level?", figure=figure,
                    answer="PSNR in dB, difference of the same examples with its standard error; told apart where the "
                    "interval of 95% confidence does not hold 0. One training of each kind: how another seed would have "
                    "come out is not in these errors.",
