@@ -19,8 +19,8 @@ MANY_EXAMPLES = 24
 """The same for statistics that vary much from object to object."""
 ENOUGH = 8
 """Cells of an example that has a median or a correlation of its own."""
-VARIED = 0.2
-"""Least deviation of a logarithm that a slope or a correlation is taken over."""
+VARIED, SHADED = 0.1, 0.2
+"""Least deviation of a logarithm that a slope is taken over, and that of S' within an example for a correlation."""
 ODD = (-0.6, 1.6)
 """Bounds of an example's own median of log I_t - log(D S')."""
 MIXED = 0.3
@@ -41,7 +41,7 @@ ALBEDO_SLOPE = Rule(name="albedo_slope", low=0.65, high=1.35, why="1 by I_t = D 
                     statement="slope of log I_t on log D, with log S' held fixed")
 LIGHT_SLOPE = Rule(name="light_slope", low=0.65, high=1.35, why="1 by I_t = D S + spec; gamma gives 0.45 or 2.2",
                    statement="slope of log I_t on log S', with log D held fixed")
-SHADING = Rule(name="shading", low=0.35, why="S' shades as S does; that of another object is as good as unrelated",
+SHADING = Rule(name="shading", low=0.5, why="S' shades as S does; that of another object is as good as unrelated",
                statement="median over examples of the correlation of log I_t - log D with log S'")
 ODD_EXAMPLES = Rule(name="odd_examples", high=0.06, why="the bounds for one example are wide enough for honest ones",
                     statement=f"share of examples with a median of log I_t - log(D S') outside {ODD[0]} to {ODD[1]}")
@@ -93,7 +93,7 @@ def _shading(diffuse: Sequence[Cells]) -> Check:
     found = []
     for cells in diffuse:
         shade = _log(cells.s_prime.sum(axis=1))
-        if len(cells) >= ENOUGH and shade.std() >= VARIED:
+        if len(cells) >= ENOUGH and shade.std() >= SHADED:
             apparent = _log((cells.i_t / np.maximum(cells.d, TINY)).sum(axis=1))
             found.append(float(np.corrcoef(shade, apparent)[0, 1]) if apparent.std() else 0.0)
     return SHADING.judge(float(np.median(found))) if found else SHADING.pass_over("S' is even on every object")
@@ -130,7 +130,7 @@ def _specular(clear: Sequence[Cells]) -> Check:
     level = np.concatenate([cells.i_s.sum(axis=1) / np.maximum((cells.d + cells.r).sum(axis=1), TINY)
                             for cells in clear])
     kept = share >= MIXED
-    if kept.sum() < LEAST_CELLS or share[kept].std() < VARIED / 2:
+    if kept.sum() < LEAST_CELLS or share[kept].std() < VARIED:
         return SPECULAR_WEIGHT.pass_over("too few materials between diffuse and specular")
     by_d, by_r = _least_absolute(np.stack([share, 1 - share], axis=1)[kept], level[kept])
     return SPECULAR_WEIGHT.judge(by_r / by_d if by_d > 0 else float("inf"))
