@@ -125,9 +125,10 @@ def _noise(options: argparse.Namespace) -> int:
     from dataset_builder.studies.noise.levels import levels_of, write_table
     from dataset_builder.studies.noise.passes import count_passes, pass_lines
     from dataset_builder.studies.noise.run import held_out, measure, rejected_by_level, train_all, training_counts
-    from dataset_builder.studies.noise.study import make
+    from dataset_builder.studies.noise.study import make, require
 
     study = _noise_study(options)
+    require(study)
     print(study.sentence, flush=True)
     for built in follow(make(study), Console()):
         for line in rejected_lines(built.manifest.rejected if built.manifest else ()):

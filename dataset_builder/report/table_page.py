@@ -94,14 +94,16 @@ def row_line(result: Result) -> str:
 
 
 def _rows_table(results: Sequence[Result]) -> str:
-    head = ["row", *(name for metric in METRICS for name in (f"{metric.symbol} {_arrow(metric)}", "paper")),
+    printed = ("paper",) if any(result.row.printed for result in results) else ()
+    head = ["row", *(name for metric in METRICS for name in (f"{metric.symbol} {_arrow(metric)}", *printed)),
             "parameters", "s/step"]
     lines = []
     for result in results:
         cells = [f"{result.row.title} ({result.note})" if result.note else result.row.title]
         for metric in METRICS:
-            cells += [_measured_text(result, metric.name),
-                      _figure(result.row.printed.of(metric.name), metric.name) if result.row.printed else ""]
+            cells.append(_measured_text(result, metric.name))
+            if printed:
+                cells.append(_figure(result.row.printed.of(metric.name), metric.name) if result.row.printed else "")
         parameters, seconds = result.facts.get("parameters"), result.facts.get("seconds_per_step")
         lines.append([*cells, f"{parameters:,}" if parameters else "", f"{seconds:.2f}" if seconds else ""])
     return _markdown_table(head, lines)
