@@ -7,7 +7,7 @@ from pathlib import Path
 @dataclass(frozen=True, kw_only=True)
 class Started:
     """parameters: trainable numbers, by phase; first: the step that comes next, 0 unless a training goes on; off:
-    losses that are off, and why; precision: of the network."""
+    losses that are off, and why; notes: what to know about the examples; precision: of the network."""
 
     parameters: dict[str, int]
     first: int
@@ -17,6 +17,7 @@ class Started:
     device: str
     precision: str
     off: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -110,8 +110,8 @@ class _Training:
         state = load_state(path)
         if state["identity"] != self.identity:
             rule = "expected a new folder or an earlier run of this training, got a checkpoint of another one"
-            raise OutputError([Problem(where=str(path), path="", rule=rule, hint="dataset, configuration or VGG weights "
-                                       "differ: choose another --out, or remove it")])
+            hint = "dataset, configuration or VGG weights differ: choose another --out, or remove it"
+            raise OutputError([Problem(where=str(path), path="", rule=rule, hint=hint)])
         load_weights(self.method, state["method"], path)
         self.optimisers.load(state["optimisers"])
         self.progress = _Progress(step=state["step"], history=list(state["history"]), stale=state["stale"],
@@ -121,7 +121,8 @@ class _Training:
         """What is about to be trained."""
         return Started(parameters=self.optimisers.counts(), first=self.first, steps=self.spec.steps,
                        train=len(self.train), held_out=len(self.held_out), device=str(self.device),
-                       precision=self.precision, off=self.method.off)
+                       precision=self.precision, off=self.method.off,
+                       notes=(*self.train.notes, *self.held_out.notes))
 
     def run(self) -> Iterator[Event]:
         """All steps that are left, with their checks."""

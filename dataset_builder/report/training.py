@@ -43,7 +43,7 @@ def started_lines(event: Started) -> list[str]:
     sizes = ", ".join(f"{name} {count:,}" for name, count in event.parameters.items())
     lines = [f"parameters: {sizes}; {event.train} examples to train on, {event.held_out} held out; "
              f"{event.device}, {event.precision}"]
-    lines += [f"off: {reason}" for reason in event.off]
+    lines += [*event.notes, *(f"off: {reason}" for reason in event.off)]
     return [*lines, f"going on after step {event.first}"] if event.first else lines
 
 

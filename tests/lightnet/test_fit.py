@@ -1,4 +1,4 @@
-"""The training loop: exact resume, checks, early stop, steps that are not finite, and folders that hold something else."""
+"""The training loop: exact resume, checks, early stop, steps that are not finite, folders of something else."""
 
 from collections.abc import Iterator
 from dataclasses import replace
