@@ -72,10 +72,11 @@ def _evaluate(options: argparse.Namespace) -> int:
     trained = [contender(name, one) for name, one in loaded.items()]
     contenders = [*trained, *trivial()]
     rows = list(_shown(evaluate(contenders, dataset, indices), len(indices) * len(contenders), console))
+    here = (dataset.name, dataset.split)
     evaluation = Evaluation(
         dataset=dataset.name, split=dataset.split, rows=rows, notes={one.name: one.note for one in contenders},
-        trained=tuple(loaded), seen=any(one.dataset == dataset.name and one.spec.data.train == dataset.split
-                                        for one in loaded.values()))
+        trained=tuple(loaded), remarks=dataset.notes,
+        seen=any((one.dataset, one.spec.data.train) == here for one in loaded.values()))
     out = options.out or options.checkpoint[0].parent / "evaluation"
     write_page(evaluation, out)
     write_sheet(example_rows(rows, trained, dataset), out / EXAMPLES)

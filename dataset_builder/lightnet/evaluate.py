@@ -78,7 +78,8 @@ def load_all(checkpoints: Sequence[Path], device: str = "auto") -> dict[str, Tra
 
 def contender(name: str, trained: Trained) -> Contender:
     """A trained method as a contender."""
-    note = f"{count_parameters(trained.method):,} parameters, {trained.step} steps on {trained.dataset}"
+    note = "; ".join([f"{count_parameters(trained.method):,} parameters, {trained.step} steps on {trained.dataset}",
+                      *trained.off])
     return Contender(name=name, find=lambda batch: predict(trained.method, batch.inputs), device=trained.device,
                      trained=True, note=note)
 

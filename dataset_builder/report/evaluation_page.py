@@ -22,20 +22,22 @@ TABLE, SUMMARY, FIGURE, EXAMPLES = "table.csv", "summary.md", "summary.png", "ex
 DESCRIBED = ("method", "key", "view", "object", "room", "level", "sigma")
 COLUMNS = (*DESCRIBED, *(metric.name for metric in METRICS), "seconds")
 PAIR_COLUMNS = ("methods", "metric", "difference", "if independent", f"{LEVEL:.0%} interval", "better in", "verdict")
+SEEN = "**A method was trained on this split.** Its figures say how well it remembers."
 ARROWS = {"low": "low is better", "high": "high is better"}
 VERDICTS = {"better": "better", "worse": "worse", "open": "not told apart"}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Evaluation:
-    """What was evaluated. notes: what each method is, by name; trained: those of checkpoints; seen: whether this is the
-    split that one of them was trained on."""
+    """What was evaluated. notes: what each method is, by name; trained: those of checkpoints; remarks: what is to be
+    known of the examples; seen: whether this is the split that one of the methods was trained on."""
 
     dataset: str
     split: str
     rows: Sequence[Row]
     notes: Mapping[str, str]
     trained: Sequence[str]
+    remarks: Sequence[str] = ()
     seen: bool = False
 
     @property
@@ -78,7 +80,7 @@ def markdown(evaluation: Evaluation) -> str:
     """The summary: methods as columns, comparisons as rows, and what the words mean."""
     summaries = summarise(evaluation.rows)
     parts = [f"# Evaluation on {evaluation.dataset}, split {evaluation.split}", f"{evaluation.extent}.",
-             *(["**A method was trained on this split.** Its figures say how well it remembers."] * evaluation.seen),
+             *(f"{remark[:1].upper()}{remark[1:]}." for remark in evaluation.remarks), *([SEEN] * evaluation.seen),
              _table(("metric", *(one.method for one in summaries)), _mean_rows(summaries)), _meaning(),
              "## Differences, example by example",
              _table(PAIR_COLUMNS, [_pair_row(one) for one in evaluation.compared()]),
@@ -99,9 +101,12 @@ def console_table(evaluation: Evaluation) -> Table:
 
 
 def verdict_lines(evaluation: Evaluation) -> list[str]:
-    """One sentence for each comparison, by PSNR."""
-    return [f"{one.method} against {one.other}: {_signed(one.difference, 'psnr')} dB, {VERDICTS[one.verdict]}; better "
-            f"in {one.ahead} of {one.difference.examples}" for one in evaluation.compared() if one.metric == "psnr"]
+    """What is to be known of the examples, and one sentence for each comparison, by PSNR."""
+    remarks = [*evaluation.remarks, *([SEEN.replace("*", "")] * evaluation.seen)]
+    compared = [one for one in evaluation.compared() if one.metric == "psnr"]
+    return [*remarks, *(f"{one.method} against {one.other}: {_signed(one.difference, 'psnr')} dB, "
+                        f"{VERDICTS[one.verdict]}; better in {one.ahead} of {one.difference.examples}"
+                        for one in compared)]
 
 
 def plus_minus(found: Estimate, metric: Metric, error: float | None = None) -> str:

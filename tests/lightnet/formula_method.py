@@ -49,5 +49,5 @@ def write_checkpoint(path: Path, *, method: Literal["lightnet", "dpr"] = "lightn
     bare = build_method(spec.model_copy(update={"objective": spec.objective.model_copy(update={"fr": 0.0})}))
     save_state(path, {"spec": spec.model_dump_json(), "identity": "", "dataset": dataset, "step": 3,
                       "method": bare.state_dict(), "optimisers": {}, "history": [{"step": 3.0, "psnr": 12.5}],
-                      "best": [3, 12.5], "stale": 0, "bad_steps": 0, "off": []})
+                      "best": [3, 12.5], "stale": 0, "bad_steps": 0, "off": ["fr is off"]})
     return path

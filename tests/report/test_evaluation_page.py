@@ -108,6 +108,8 @@ def test_definitions_notes_and_warnings_are_there() -> None:
     text = markdown(evaluation())
     assert all(f"- {metric.symbol}: {metric.definition}." in text for metric in METRICS)
     assert all(f"- {name}: about {name}" in text for name in NAMES)
+    told = Evaluation(**{**vars(evaluation()), "remarks": ["split evaluation: 1 of 9 left out"]})
+    assert "Split evaluation: 1 of 9 left out." in markdown(told) and told.remarks[0] in verdict_lines(told)
     assert "trained on this split" not in text and "trained on this split" in markdown(evaluation(seen=True))
 
 
