@@ -10,8 +10,8 @@ network sees is tone-mapped, and the mask of the object goes with it. What the h
 that an untrained network says I_t = I_s S', roughly: under the even source light I_s is about D + R.
 
 - D: a sigmoid, about the value of I_s. R: a sigmoid, about the 4 % of common dielectrics.
-- S'_r >= -S', so that light is never negative: h stands for S' (e^h - 1) where h < 0 and (S' + 1/4) h elsewhere. So one
-  step of h changes light by a share of it, yet full shadow can be lit.
+- S'_r >= -S', so that light is never negative: h stands for S' (e^h - 1) where h < 0 and (S' + 1) h elsewhere, 1 being
+  the mean of all S'. So h dims by a share, yet lights full shadow and what the rough mesh does not cover.
 - S* (direct shading): a softplus, about 1, the mean of all S'.
 - alpha: whatever it is, of either sign.
 """
@@ -33,8 +33,8 @@ DARKEST, BRIGHTEST = 1e-3, 0.99
 """Range that I_s is cut to as the first guess of D."""
 DIELECTRIC = 0.04
 """First guess of R: normal incidence at a refractive index of 1.5."""
-SHADOW = 0.25
-"""Light that one unit of the residual's head adds in full shadow; the mean of S' is 1."""
+SHADOW = 1.0
+"""Light that one unit of the residual's head adds in full shadow: the mean of S'."""
 DIRECT_BIAS = math.log(math.e - 1)
 """softplus of it is 1."""
 
