@@ -1,8 +1,8 @@
 """What a prediction takes: seconds and memory of LighTNet at 800x800, at its small and its full width.
 
 Each width has a process of its own, whose largest resident size the system keeps. The input is made up, a disc that
-covers a third of the frame: nothing that a network does depends on what it sees. The paper takes about 4 s per image on
-one V100, but for rendering S' and I_s.
+covers a third of the frame: nothing that a network does depends on what it sees. The paper states about 4 s per
+rendered image on one V100.
 """
 
 import argparse
