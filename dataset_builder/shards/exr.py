@@ -37,12 +37,21 @@ REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 
 @dataclass(frozen=True, kw_only=True)
 class ExrImage:
-    """A decoded file. pixels: (H, W, C) float32; dtype: as stored; layer, key: what its header says it holds."""
+    """A decoded file. planes: (H, W) of R, G, B or of Y, as stored; dtype: theirs; layer, key: what its header says it
+    holds."""
 
-    pixels: np.ndarray
+    planes: tuple[np.ndarray, ...]
     dtype: DType
     layer: str
     key: str
+
+    @property
+    def pixels(self) -> np.ndarray:
+        """(H, W, C) float32, a copy."""
+        pixels = np.empty((*self.planes[0].shape, len(self.planes)), np.float32)
+        for channel, plane in enumerate(self.planes):
+            pixels[:, :, channel] = plane
+        return pixels
 
 
 def colour_space(layer: str) -> str:
@@ -132,10 +141,8 @@ def read(data: bytes, *, where: str = "EXR") -> ExrImage:
     dtype = next((dtype for dtype in DTYPES if types == {dtype}), None)
     if dtype is None:
         raise _wrong(where, f"expected float32 or float16 in every channel, got {', '.join(sorted(types))}")
-    return ExrImage(
-        pixels=np.stack([planes[name].astype(np.float32) for name in names], axis=-1), dtype=dtype,
-        layer=str(header.get(f"{NAMESPACE}:layer", "")), key=str(header.get(f"{NAMESPACE}:key", "")),
-    )
+    return ExrImage(planes=tuple(planes[name] for name in names), dtype=dtype,
+                    layer=str(header.get(f"{NAMESPACE}:layer", "")), key=str(header.get(f"{NAMESPACE}:key", "")))
 
 
 def _header(layer: str, key: str, codec: str, space: str) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from dataset_builder.digest import sha256_bytes, sha256_file
 from dataset_builder.errors import Problem, ShardError
+from dataset_builder.layers import LAYERS
 from dataset_builder.shards import exr
 from dataset_builder.shards.example import LABEL
 from dataset_builder.shards.folder import MANIFEST
@@ -17,6 +18,7 @@ from dataset_builder.shards.structure import read_members
 from dataset_builder.shards.writer import index_path, shard_path
 
 Verify = Literal["off", "size", "shard", "member"]
+AGAIN = "build or download the dataset again"
 
 
 class _Place(NamedTuple):
@@ -67,13 +69,18 @@ class Dataset:
         or a pixel is NaN or Inf.
         """
         key = which if isinstance(which, str) else self.splits[which[0]][which[1]]
-        return {**self.pixels(key), "meta": self.label(key)}
+        return {**{name: image.pixels for name, image in self.images(key)}, "meta": self.label(key)}
 
-    def pixels(self, key: str) -> dict[str, np.ndarray]:
-        """Chosen layers alone, as `dataset[key]` gives them; the label is not read."""
+    def images(self, key: str) -> Iterator[tuple[str, exr.ExrImage]]:
+        """Chosen layers alone, in their order, as they are stored; each is decoded when its turn comes.
+
+        Raises as `dataset[key]` does.
+        """
         place = self._places[key]
-        return {name: _finite(exr.decode(data, where=span.name), self._shard(place), span.name)
-                for name, span, data in zip(self.layers, place.layers, self._read(place, place.layers), strict=True)}
+        for name, span, data in zip(self.layers, place.layers, self._read(place, place.layers), strict=True):
+            image = exr.read(data, where=span.name)
+            self._require_sound(image, name, place, span)
+            yield name, image
 
     def label(self, key: str) -> dict[str, Any]:
         """The label alone. Raises KeyError and ShardError as `dataset[key]` does."""
@@ -96,6 +103,17 @@ class Dataset:
                 if sha256_bytes(data) != span.sha256:
                     raise _wrong(shard.name, f"expected SHA-256 {span.sha256} of {span.name}, its bytes differ")
         return payloads
+
+    def _require_sound(self, image: exr.ExrImage, layer: str, place: _Place, span: _Span) -> None:
+        shape = (LAYERS[layer].channels, self.manifest.height, self.manifest.width)
+        if (got := (len(image.planes), *image.planes[0].shape)) != shape:
+            raise self._spoilt(place, span, f"expected channels, rows, columns {shape}, got {got}")
+        if not all(np.isfinite(plane).all() for plane in image.planes):
+            bad = int(np.count_nonzero(~np.isfinite(image.planes)))
+            raise self._spoilt(place, span, f"expected finite values, got {bad} that are NaN or Inf")
+
+    def _spoilt(self, place: _Place, span: _Span, rule: str) -> ShardError:
+        return ShardError([Problem(where=self._shard(place).name, path=span.name, rule=rule, hint=AGAIN)])
 
     def _place(self, number: int, example: ExampleRecord) -> _Place:
         members = {member.name: member for member in example.members}
@@ -150,16 +168,6 @@ def load_manifest(folder: Path) -> Manifest:
 
 def _span(member: MemberRecord) -> _Span:
     return _Span(name=member.name, offset=member.offset, size=member.size, sha256=member.sha256)
-
-
-def _finite(pixels: np.ndarray, shard: ShardRecord, name: str) -> np.ndarray:
-    # A sum costs little, and is not finite where any value is not
-    with np.errstate(over="ignore", invalid="ignore"):
-        total = pixels.sum()
-    if not np.isfinite(total) and (bad := int(np.count_nonzero(~np.isfinite(pixels)))):
-        raise ShardError([Problem(where=shard.name, path=name, rule=f"expected finite values, got {bad} that are NaN "
-                                  "or Inf", hint="build or download the dataset again")])
-    return pixels
 
 
 def _wrong(where: Path | str, rule: str) -> ShardError:

@@ -5,8 +5,8 @@ error. So every header, every padding and the end blocks are compared with the b
 """
 
 import hashlib
+import os
 from collections.abc import Iterable, Iterator
-from io import RawIOBase
 from pathlib import Path
 from typing import BinaryIO, Protocol
 
@@ -51,15 +51,17 @@ def read_members(path: Path, members: Iterable[Span]) -> list[bytes]:
     Raises ShardError where it cannot be read, or ends before one of them.
     """
     try:
-        with path.open("rb", buffering=0) as stream:
-            return [_payload(stream, path, member) for member in members]
+        descriptor = os.open(path, os.O_RDONLY)
+        try:
+            return [_payload(descriptor, path, member) for member in members]
+        finally:
+            os.close(descriptor)
     except OSError as error:
         raise ShardError([_problem(path, "", f"cannot be read ({error.strerror or error})")]) from error
 
 
-def _payload(stream: RawIOBase, path: Path, member: Span) -> bytes:
-    stream.seek(member.offset)
-    data = stream.read(member.size) or b""
+def _payload(descriptor: int, path: Path, member: Span) -> bytes:
+    data = os.pread(descriptor, member.size, member.offset)
     if len(data) != member.size:
         rule = f"expected {member.size} bytes, the file ends after {len(data)}"
         raise ShardError([_problem(path, member.name, rule)])

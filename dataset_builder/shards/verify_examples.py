@@ -76,21 +76,21 @@ class ExampleChecks:
                     yield from _digest(tar, member, decode_png(data, where=member.name))
                 elif (layer := self._layers.get(suffix.removesuffix(".exr"))) is not None:
                     image = exr.read(data, where=member.name)
-                    yield from self._image(tar, member, image, layer, example.key)
-                    layers[layer.name] = image.pixels
+                    layers[layer.name] = pixels = image.pixels
+                    yield from self._image(tar, member, image, pixels, layer, example.key)
             except ShardError as error:
                 yield from error.problems
             except (json.JSONDecodeError, UnicodeDecodeError) as error:
                 yield Problem(where=tar.name, path=member.name, rule=f"expected JSON ({error})")
         yield from self._together(tar, example.key, layers, label)
 
-    def _image(self, tar: Path, member: MemberRecord, image: exr.ExrImage, layer: LayerRecord,
+    def _image(self, tar: Path, member: MemberRecord, image: exr.ExrImage, pixels: np.ndarray, layer: LayerRecord,
                key: str) -> Iterator[Problem]:
-        got = (image.layer, image.key, image.dtype, image.pixels.shape)
+        got = (image.layer, image.key, image.dtype, pixels.shape)
         want = (layer.name, key, layer.dtype, (self._manifest.height, self._manifest.width, layer.channels))
         if got != want:
             yield Problem(where=tar.name, path=member.name, rule=f"expected layer, key, type, shape {want}, got {got}")
-        yield from _digest(tar, member, image.pixels)
+        yield from _digest(tar, member, pixels)
 
     def _label(self, tar: Path, example: ExampleRecord, split: str, label: Any, data: bytes) -> Iterator[Problem]:
         name = f"{example.key}.{LABEL}"

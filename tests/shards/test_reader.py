@@ -44,13 +44,13 @@ def test_examples_are_found_by_split_and_position(dataset: Path) -> None:
 
 
 def test_layers_that_are_not_chosen_are_not_decoded(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    decoded, decode = [], exr.decode
+    decoded, read = [], exr.read
 
-    def count(data: bytes, *, where: str) -> np.ndarray:
+    def count(data: bytes, *, where: str) -> exr.ExrImage:
         decoded.append(where)
-        return decode(data, where=where)
+        return read(data, where=where)
 
-    monkeypatch.setattr(exr, "decode", count)
+    monkeypatch.setattr(exr, "read", count)
     item = open_dataset(dataset, layers=["i_s", "mask"])["00000002"]
     assert set(item) == {"i_s", "mask", "meta"} and decoded == ["00000002.i_s.exr", "00000002.mask.exr"]
     assert set(open_dataset(dataset, layers=[])["00000002"]) == {"meta"}
