@@ -22,7 +22,7 @@ LEAST = 1e-4
 
 def figures(done: Sequence[Done]) -> dict[str, bytes]:
     """PNG by name, of every part that has something to show."""
-    made = {}
+    made = dict[str, bytes]()
     for one in done:
         if facts := one.found.facts:
             made |= {"light": png(light_figure(facts)), "mask": png(mask_figure(facts))}

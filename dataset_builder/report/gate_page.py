@@ -15,7 +15,7 @@ from dataset_builder.shards.check import Check
 JSON, MARKDOWN, FIGURES = "report.json", "report.md", "figures"
 CAPTIONS = {
     "light": "Every point is a cell of an object. Left: light on it, D S', against what it sends, I_t. Right: D + R "
-             "against I_s. Honest points lie along the line; a gamma turns the cloud, another example's S' blows it up.",
+             "against I_s. Honest points lie along the line; a gamma turns the cloud, S' of others blows it up.",
     "mask": "Steepness of I_s under the mask's outline when the mask is shifted: brightest where most edges are. It "
             "belongs into the middle.",
     "training": "PSNR on the held-out split, example by example: LighTNet against each rival; above the line it is "

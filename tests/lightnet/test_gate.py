@@ -24,7 +24,8 @@ from dataset_builder.spec.training import DataSpec
 from tests.lightnet.synthetic import write_synthetic
 from tools.sabotage import sabotage
 
-TINY = ("steps=2", "model={width: 4, downs: 2}", "data={crop: 32, batch: 2, workers: 0}", "check={every: 9, examples: 1}")
+TINY = ("steps=2", "model={width: 4, downs: 2}", "data={crop: 32, batch: 2, workers: 0}",
+        "check={every: 9, examples: 1}")
 
 
 @pytest.fixture(scope="module")
@@ -155,8 +156,8 @@ def test_the_verb_writes_a_report_and_exits_by_it(dataset: Path, tmp_path: Path,
     report = json.loads((tmp_path / "bad" / "report.json").read_bytes())
     assert not report["holds"] and report["not_run"] == ["loader", "training"]
     page = (tmp_path / "bad" / "report.md").read_text()
-    for figure in ("light", "mask"):
-        assert f"figures/{figure}.png" in page and (tmp_path / "bad" / "figures" / f"{figure}.png").stat().st_size > 1000
+    for figure in ("figures/light.png", "figures/mask.png"):
+        assert figure in page and (tmp_path / "bad" / figure).stat().st_size > 1000
 
 
 def test_a_whole_run_with_a_training_has_its_figure(dataset: Path, tmp_path: Path,

@@ -162,6 +162,12 @@ def test_without_a_rough_mask_all_but_drift_is_judged(honest: dict[str, Example]
 def test_a_handful_of_examples_is_not_judged_by_its_light(honest: dict[str, Example]) -> None:
     found = checks([as_read(example) for example in list(honest.values())[:4]])
     assert not found["energy"].judged and "needs 100 in 6" in found["energy"].detail
+    assert not found["edges"].judged and found["support"].judged
+
+
+def test_tiny_pictures_are_looked_at_as_far_as_they_tell() -> None:
+    found = checks([as_read(synthetic_example(2 * index, size=20, levels=2)) for index in range(10)])
+    assert refused(found) == set() and not found["edges"].judged
 
 
 def test_nan_is_no_value_within_bounds() -> None:
