@@ -9,7 +9,8 @@ from time import perf_counter
 
 from rich.console import Console
 
-from dataset_builder import __version__, cli_evaluate, cli_stress, cli_study, cli_table, cli_train
+from dataset_builder import __version__, cli_evaluate, cli_stress, cli_study, cli_table, cli_train, cli_validate
+from dataset_builder.cli_options import positive
 from dataset_builder.engine.local import cores
 from dataset_builder.errors import UserError
 
@@ -44,11 +45,11 @@ def parser() -> argparse.ArgumentParser:
     _spec_options(plan)
     plan.add_argument("--example", type=int, action="append", default=[],
                       help="print the whole plan of example N as JSON")
-    plan.add_argument("--views", type=_positive, default=24, help="views to plan in full; the rest is extrapolated")
+    plan.add_argument("--views", type=positive, default=24, help="views to plan in full; the rest is extrapolated")
     build = _verb(verbs, "build", _build, "build a dataset, or go on with an interrupted build")
     _spec_options(build)
     build.add_argument("--out", type=Path, help=f"output folder (default: {OUTPUT}/NAME)")
-    build.add_argument("--workers", type=_positive, help="processes (default: one per core, one with a GPU)")
+    build.add_argument("--workers", type=positive, help="processes (default: one per core, one with a GPU)")
     build.add_argument("--backend", choices=("auto", "cuda", "llvm"), default="auto")
     build.add_argument("--example", type=int, action="append", default=[],
                        help="only stage example N; repeat for more")
@@ -58,11 +59,12 @@ def parser() -> argparse.ArgumentParser:
         verb.add_argument("folder", type=Path)
         if name == "inspect":
             verb.add_argument("--sheet", type=Path, help="where to write the contact sheet (default: in the dataset)")
-            verb.add_argument("--rows", type=_positive, default=12, help="examples on the contact sheet (default: 12)")
+            verb.add_argument("--rows", type=positive, default=12, help="examples on the contact sheet (default: 12)")
     cli_study.add(verbs)
     cli_table.add(verbs)
     cli_stress.add(verbs)
     cli_train.add(verbs)
+    cli_validate.add(verbs)
     cli_evaluate.add(verbs)
     families = _verb(verbs, "families", _families, "embedded furniture and its parameters")
     families.add_argument("family", nargs="?")
@@ -81,12 +83,6 @@ def _spec_options(verb: argparse.ArgumentParser) -> None:
     verb.add_argument("spec", type=Path, help="dataset spec, a YAML file")
     verb.add_argument("--set", action="append", default=[], metavar="A.B=C", dest="overrides",
                       help="override a value of the spec; repeat for more")
-
-
-def _positive(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"expected a whole number >= 1, got {text}")
-    return int(text)
 
 
 def _doctor(options: argparse.Namespace) -> int:

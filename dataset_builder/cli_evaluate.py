@@ -5,6 +5,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dataset_builder.cli_options import DEVICES, positive
 from dataset_builder.errors import UserError
 
 if TYPE_CHECKING:
@@ -13,7 +14,6 @@ if TYPE_CHECKING:
     from dataset_builder.lightnet.evaluate import Row
     from dataset_builder.lightnet.frame import Frame
 
-DEVICES = ("auto", "cpu", "cuda")
 FILES = {"i_s": "--i-s", "s_prime": "--s-prime", "mask": "--mask", "background": "--background"}
 OPTIONAL = {"mask_rough": "--mask-rough"}
 HELP = {"i_s": "the object under plain light, I_s", "s_prime": "raw lighting of its rough mesh in the scene, S'",
@@ -30,7 +30,7 @@ def add(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     verb.add_argument("folder", type=Path, help="finished dataset")
     verb.add_argument("--checkpoint", type=Path, action="append", required=True, help="repeat to compare several")
     verb.add_argument("--split", help="split to measure on (default: the one held out in training)")
-    verb.add_argument("--examples", type=_positive, help="spread evenly over the split (default: all)")
+    verb.add_argument("--examples", type=positive, help="spread evenly over the split (default: all)")
     verb.add_argument("--out", type=Path, help="folder for the results (default: evaluation, beside the checkpoint)")
     verb.add_argument("--device", choices=DEVICES, default="auto")
     verb.set_defaults(run=_evaluate)
@@ -46,12 +46,6 @@ def add(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     verb.add_argument("--out", type=Path, help="folder for the results (default: composite, beside the checkpoint)")
     verb.add_argument("--device", choices=DEVICES, default="auto")
     verb.set_defaults(run=_compose)
-
-
-def _positive(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"expected a whole number >= 1, got {text}")
-    return int(text)
 
 
 def _evaluate(options: argparse.Namespace) -> int:

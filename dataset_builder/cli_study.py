@@ -4,6 +4,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dataset_builder.cli_options import DEVICES, positive
+
 if TYPE_CHECKING:
     from dataset_builder.studies.noise.study import NoiseStudy
     from dataset_builder.studies.sampled import StudySpec
@@ -18,14 +20,14 @@ def add(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     text = "measure what settings cost and bring, on examples of a dataset"
     kinds = verbs.add_parser("study", help=text, description=text).add_subparsers(required=True, metavar="STUDY")
     accuracy = _study(kinds, "accuracy", "error against seconds for every setting, and recommended settings")
-    accuracy.add_argument("--examples", type=_positive, default=4, help="examples to measure on (default: 4)")
+    accuracy.add_argument("--examples", type=positive, default=4, help="examples to measure on (default: 4)")
     accuracy.add_argument("--budget", choices=("full", "small"), default="full",
                           help="small: coarse references and few settings, to see that it works")
     accuracy.add_argument("--layers", nargs="+", default=LAYERS, metavar="LAYER",
                           help=f"layers with light to measure (default: those of {' '.join(LAYERS)} that there are)")
     accuracy.set_defaults(run=_accuracy)
     effects = _study(kinds, "effects", "examples as planned against everything on; exit code 1 where they differ")
-    effects.add_argument("--examples", type=_positive, default=6, help="examples to measure on (default: 6)")
+    effects.add_argument("--examples", type=positive, default=6, help="examples to measure on (default: 6)")
     effects.set_defaults(run=_effects)
     noise = _study(kinds, "noise", "LighTNet at several noise levels of a dataset, trained on all of them and on each")
     _noise_options(noise)
@@ -49,19 +51,13 @@ def _noise_options(noise: argparse.ArgumentParser) -> None:
     noise.add_argument("--config", type=Path, help="how LighTNet is trained, a YAML file (default: its small size)")
     noise.add_argument("--train-set", action="append", default=[], metavar="A.B=C",
                        help="override a value of that configuration; repeat for more")
-    noise.add_argument("--steps", type=_positive, help="batches to train on; short for --train-set steps=N")
-    noise.add_argument("--per-level-steps", type=_positive, metavar="N",
+    noise.add_argument("--steps", type=positive, help="batches to train on; short for --train-set steps=N")
+    noise.add_argument("--per-level-steps", type=positive, metavar="N",
                        help="batches of each training on one level (default: as many as on all of them)")
     noise.add_argument("--vgg-weights", type=Path, metavar="FILE",
                        help="VGG-19 trained on ImageNet, for the feature reconstruction loss; off without it")
-    noise.add_argument("--workers", type=_positive, help="processes that render (default: one per core)")
-    noise.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto", help="where networks run")
-
-
-def _positive(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"expected a whole number >= 1, got {text}")
-    return int(text)
+    noise.add_argument("--workers", type=positive, help="processes that render (default: one per core)")
+    noise.add_argument("--device", choices=DEVICES, default="auto", help="where networks run")
 
 
 def _spec(options: argparse.Namespace) -> "StudySpec":

@@ -4,6 +4,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dataset_builder.cli_options import DEVICES, positive
+
 if TYPE_CHECKING:
     from dataset_builder.spec.training import TrainingSpec
     from dataset_builder.studies.tables.row import Table
@@ -35,18 +37,12 @@ def _options(table: argparse.ArgumentParser, name: str) -> None:
     table.add_argument("--config", type=Path, help="how LighTNet is trained, a YAML file; rows are derived from it")
     table.add_argument("--set", action="append", default=[], metavar="A.B=C", dest="overrides",
                        help="override a value of the configuration; repeat for more")
-    table.add_argument("--steps", type=_positive, help="batches to train every row on; short for --set steps=N")
-    table.add_argument("--seeds", type=_positive, default=1, help="trainings of every row (default: 1)")
+    table.add_argument("--steps", type=positive, help="batches to train every row on; short for --set steps=N")
+    table.add_argument("--seeds", type=positive, default=1, help="trainings of every row (default: 1)")
     table.add_argument("--vgg-weights", type=Path, metavar="FILE",
                        help="VGG-19 trained on ImageNet; without it rows are trained without FR and say so")
     table.add_argument("--out", type=Path, help=f"folder for the results (default: {STUDIES}/DATASET-table-{name})")
-    table.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto")
-
-
-def _positive(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"expected a whole number >= 1, got {text}")
-    return int(text)
+    table.add_argument("--device", choices=DEVICES, default="auto")
 
 
 def _table(options: argparse.Namespace) -> int:

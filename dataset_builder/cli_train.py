@@ -3,6 +3,8 @@
 import argparse
 from pathlib import Path
 
+from dataset_builder.cli_options import DEVICES
+
 TRAININGS = Path("trainings")
 
 
@@ -17,7 +19,7 @@ def add(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     train.add_argument("--out", type=Path, help=f"folder for checkpoints (default: {TRAININGS}/DATASET-METHOD)")
     train.add_argument("--vgg-weights", type=Path, metavar="FILE",
                        help="VGG-19 trained on ImageNet, for the feature reconstruction loss; off without it")
-    train.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto")
+    train.add_argument("--device", choices=DEVICES, default="auto")
     train.set_defaults(run=_train)
 
 

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dataset_builder.cli_options import DEVICES, positive
 from dataset_builder.errors import UserError
 
 if TYPE_CHECKING:
@@ -22,22 +23,16 @@ def add(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     verb.add_argument("folder", type=Path, help="finished dataset")
     verb.add_argument("--only", default=",".join(PARTS), metavar="A,B", help="parts to run (default: %(default)s)")
     verb.add_argument("--all", action="store_true", help="go on after a part that fails")
-    verb.add_argument("--examples", type=_positive, help="examples that consistency looks at (default: 512)")
-    verb.add_argument("--steps", type=_positive, help="batches to train on")
+    verb.add_argument("--examples", type=positive, help="examples that consistency looks at (default: 512)")
+    verb.add_argument("--steps", type=positive, help="batches to train on")
     verb.add_argument("--set", action="append", default=[], metavar="A.B=C", dest="overrides",
                       help="override a value of the training; repeat for more")
     verb.add_argument("--margin", type=float, help="dB that LighTNet must be ahead of each baseline (default: 0.5)")
     verb.add_argument("--copy-margin", type=float, help="dB that it must be ahead of the copy of I_s (default: 3)")
     verb.add_argument("--vgg-weights", type=Path, metavar="FILE", help="for the feature loss; off without it")
-    verb.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto")
+    verb.add_argument("--device", choices=DEVICES, default="auto")
     verb.add_argument("--out", type=Path, help=f"folder for the report (default: {STUDIES}/DATASET-validate)")
     verb.set_defaults(run=_validate)
-
-
-def _positive(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"expected a whole number >= 1, got {text}")
-    return int(text)
 
 
 def _validate(options: argparse.Namespace) -> int:

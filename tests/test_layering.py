@@ -12,7 +12,8 @@ ROOT = Path(__file__).parent.parent
 PACKAGE = "dataset_builder"
 
 ORDER = (
-    ("cli", "__main__"), ("cli_evaluate", "cli_stress", "cli_study", "cli_table", "cli_train"), ("doctor",), ("report",), ("studies",), ("lightnet",), ("build",),
+    ("cli", "__main__"), ("cli_evaluate", "cli_stress", "cli_study", "cli_table", "cli_train", "cli_validate"),
+    ("cli_options",), ("report",), ("studies",), ("lightnet",), ("build",),
     ("engine",), ("shards",),
     ("rendering",), ("planning",), ("assets",), ("geometry",), ("spec",), ("layers",), ("seeding", "digest", "errors"),
     ("",),
@@ -22,7 +23,8 @@ ORDER = (
 HOMES = {
     "mitsuba": "rendering", "drjit": "rendering", "ruamel": "spec.load", "open3d": "geometry",
     "OpenEXR": ("shards.exr", "rendering.exr_image"),
-    "matplotlib": "report", "pyvista": "report", "trimesh": "assets.mesh_file", "torch": "lightnet", "tensorboard": "lightnet", "skimage": "lightnet", "ray": "engine",
+    "matplotlib": "report", "pyvista": "report", "trimesh": "assets.mesh_file", "ray": "engine",
+    "torch": "lightnet", "tensorboard": "lightnet", "skimage": "lightnet",
     "flip_evaluator": "studies.errors", "pyoidn": "rendering.oidn",
 }
 """The only folder or module that may import a library."""
