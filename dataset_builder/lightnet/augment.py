@@ -69,6 +69,8 @@ def window_about(inside: np.ndarray, side: int, variation: Variation) -> Window:
 
     Along an axis that the object fits in it holds the whole object; along others it is put about one of its pixels.
     """
+    if side >= max(inside.shape):
+        return Window(top=0, left=0, height=side, width=side)
     spans = [np.flatnonzero(inside.any(axis=1 - axis)) for axis in (0, 1)]
     starts = [_start_with_all(int(span[0]), int(span[-1]) + 1, side, length, place)
               for span, length, place in zip(spans, inside.shape, variation.place, strict=True)]

@@ -1,3 +1,4 @@
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ from dataset_builder.shards import exr
 from dataset_builder.shards.reader import Verify, open_dataset
 from dataset_builder.shards.writer import index_path, shard_path
 from tests.plans import PAPER
+from tests.shards.replaced import exr_of, replace_members
 from tests.shards.tiny_dataset import default_examples
 
 STEM = "tiny-v1-train-000000"
@@ -105,3 +107,56 @@ def test_an_unfinished_dataset_is_not_opened(dataset: Path) -> None:
 
 def test_all_layers_are_read_by_default(dataset: Path) -> None:
     assert open_dataset(dataset).layers == tuple(name for name, _ in PAPER)
+
+
+@pytest.mark.parametrize("verify", ["off", "size", "shard", "member"])
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_pixels_that_are_not_finite_are_refused_though_every_hash_is_right(dataset: Path, verify: Verify,
+                                                                           value: float) -> None:
+    pixels = default_examples()[1].layers["d"].copy()
+    pixels[3, 4, 2] = value
+    replace_members(dataset, {"00000001.d.exr": exr_of(pixels, layer="d", key="00000001")})
+    data = open_dataset(dataset, verify=verify)
+    with pytest.raises(ShardError, match=rf"{STEM}\.tar: 00000001\.d\.exr: expected finite values, got 1 that are NaN"):
+        data["00000001"]
+    assert data["00000000"] and open_dataset(dataset, layers=["i_s", "r"], verify=verify)["00000001"]
+
+
+def test_large_values_are_finite(dataset: Path) -> None:
+    pixels = np.full((6, 8, 3), np.finfo(np.float32).max, np.float32)
+    replace_members(dataset, {"00000003.i_t.exr": exr_of(pixels, layer="i_t", key="00000003")})
+    assert np.array_equal(open_dataset(dataset)["00000003"]["i_t"], pixels)
+
+
+def test_pictures_of_another_size_are_refused(dataset: Path) -> None:
+    replace_members(dataset, {"00000002.r.exr": exr_of(np.zeros((6, 9, 3)), layer="r", key="00000002")})
+    with pytest.raises(ShardError, match=r"00000002\.r\.exr: expected .* columns \(3, 6, 8\), got \(3, 6, 9\)"):
+        open_dataset(dataset)["00000002"]
+
+
+def test_labels_alone_and_layers_alone(dataset: Path) -> None:
+    data = open_dataset(dataset, layers=["mask", "i_s"])
+    whole = data["00000002"]
+    assert data.label("00000002") == whole["meta"]
+    images = dict(data.images("00000002"))
+    assert list(images) == ["mask", "i_s"] and [len(image.planes) for image in images.values()] == [1, 3]
+    assert all(np.array_equal(image.pixels, whole[name]) for name, image in images.items())
+
+
+def test_a_label_that_is_no_json_is_told_apart(dataset: Path) -> None:
+    replace_members(dataset, {"00000000.json": b"{"})
+    with pytest.raises(ShardError, match=r"expected JSON in 00000000\.json"):
+        open_dataset(dataset)["00000000"]
+
+
+def test_a_shard_that_went_away_is_told(dataset: Path) -> None:
+    data = open_dataset(dataset)
+    shard_path(dataset, STEM).unlink()
+    with pytest.raises(ShardError, match=f"{STEM}.tar: cannot be read"):
+        data["00000000"]
+
+
+def test_a_process_is_handed_a_dataset(dataset: Path) -> None:
+    data = open_dataset(dataset, layers=["d"])
+    again = pickle.loads(pickle.dumps(data))
+    assert again.splits == data.splits and np.array_equal(again["00000003"]["d"], data["00000003"]["d"])
