@@ -38,7 +38,8 @@ class Truth:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Batch:
-    """Some examples. exposure: (B,) factor that `s_prime`, `i_t` and `sh` were multiplied by."""
+    """Some examples. exposure: (B,) factor that `s_prime`, `i_t` and `sh` were multiplied by; where an example is
+    varied, its gain comes on top."""
 
     keys: tuple[str, ...]
     exposure: torch.Tensor

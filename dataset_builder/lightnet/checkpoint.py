@@ -18,7 +18,7 @@ from dataset_builder.lightnet.device import choose
 from dataset_builder.lightnet.method import Method
 from dataset_builder.lightnet.methods import build_method
 from dataset_builder.shards.atomic import write_atomic
-from dataset_builder.spec.training import TrainingSpec
+from dataset_builder.spec.training import ObjectiveSpec, TrainingSpec
 
 FORMAT = "3df-lighting-training"
 VERSION = 1
@@ -76,7 +76,7 @@ def load_trained(path: Path, device: str = "auto") -> Trained:
     state, where = load_state(path), choose(device)
     spec = TrainingSpec.model_validate(json.loads(state["spec"]))
     # Losses are not needed any more, and neither are the weights of VGG
-    method = build_method(spec.model_copy(update={"objective": spec.objective.model_copy(update={"fr": 0.0})}))
+    method = build_method(spec.model_copy(update={"objective": ObjectiveSpec(fr=0)}))
     load_weights(method, state["method"], path)
     last = state["history"][-1] if state["history"] else {}
     return Trained(method=method.to(where).eval(), spec=spec, step=state["step"], psnr=last.get("psnr", float("nan")),

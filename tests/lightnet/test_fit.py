@@ -10,12 +10,13 @@ import torch
 
 from dataset_builder.errors import OutputError, UserError
 from dataset_builder.lightnet.batch import Batch, Prediction
-from dataset_builder.lightnet.checkpoint import load_state, load_trained
+from dataset_builder.lightnet.checkpoint import load_state, load_trained, save_state
 from dataset_builder.lightnet.events import Checked, Event, Finished, Started, Stepped
 from dataset_builder.lightnet.fit import Job, fit
 from dataset_builder.lightnet.method import Loss
 from dataset_builder.lightnet.model import LighTNet
 from dataset_builder.spec.load import load_training
+from tests.lightnet.formula_method import write_checkpoint
 from tests.lightnet.synthetic import write_synthetic
 
 TINY = ("steps=6", "model={width: 4, downs: 2}", "data={crop: 32, batch: 2, workers: 0}",
@@ -196,6 +197,14 @@ def test_code_in_a_checkpoint_does_not_run(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="expected a checkpoint"):
         load_trained(tmp_path / "bomb.pt", "cpu")
     assert not (tmp_path / "struck").exists()
+
+
+def test_a_checkpoint_is_used_without_the_losses_it_was_trained_on(tmp_path: Path) -> None:
+    """FR alone: where it is used, there are no weights of VGG, and so no loss at all."""
+    path = write_checkpoint(tmp_path / "last.pt")
+    spec = load_training(None, ["model={width: 4, downs: 2}", "objective={dr: 0, fr: 1, dssim: 0, lab: 0}"])
+    save_state(path, {**load_state(path), "spec": spec.model_dump_json()})
+    assert load_trained(path, "cpu").spec == spec
 
 
 @pytest.mark.parametrize(("override", "rule"), [

@@ -62,6 +62,14 @@ def test_light_by_channel_is_what_numpy_says_and_never_below_nothing() -> None:
     assert bool((found == 0).any()) and bool((found > 0).any())
 
 
+def test_light_is_float32_where_the_network_is_not() -> None:
+    torch.manual_seed(0)
+    sh, normal = torch.rand(1, 3, 9), functional.normalize(torch.randn(1, 3, 4, 4), dim=1)
+    with torch.autocast("cpu", dtype=torch.bfloat16):
+        found = lit(normal, sh)
+    assert found.dtype == torch.float32 and torch.equal(found, lit(normal, sh))
+
+
 def test_a_picture_is_albedo_times_shading() -> None:
     torch.manual_seed(0)
     found = Ssvbrdf(SMALL)(random_batch().inputs)

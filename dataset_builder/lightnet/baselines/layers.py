@@ -7,7 +7,7 @@ from torch.nn import functional
 from dataset_builder.lightnet.ranges import linear_light, tone_map
 
 BRIGHTEST = 0.999
-"""Display value that networks with a bounded output can reach; about 450 times the mean light."""
+"""Display value that networks with a bounded output can reach; about 440 times the mean light."""
 
 
 class BatchNorm(nn.BatchNorm2d):

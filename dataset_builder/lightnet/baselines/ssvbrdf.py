@@ -114,7 +114,9 @@ def lit(normal: torch.Tensor, sh: torch.Tensor) -> torch.Tensor:
     (B, 3, H, W) unit normals in its frame."""
     functions = torch.stack(basis(*normal.unbind(dim=1)), dim=1)
     damped = sh * sh.new_tensor(COSINE / COSINE[0])
-    return torch.einsum("bck,bkhw->bchw", damped, functions).clamp_min(0)
+    # A matrix product to PyTorch, which would round it to bfloat16 with the network's
+    with torch.autocast(normal.device.type, enabled=False):
+        return torch.einsum("bck,bkhw->bchw", damped, functions).clamp_min(0)
 
 
 def _conv_norm_relu(conv: nn.Module, channels: int) -> nn.Sequential:
