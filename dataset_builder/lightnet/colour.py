@@ -51,7 +51,8 @@ def lab_angle(x: torch.Tensor, y: torch.Tensor, inside: torch.Tensor | None = No
 
 def _unit(colour: torch.Tensor, kept: torch.Tensor) -> torch.Tensor:
     """Colours of norm 1; white's direction where they are not kept, on both sides, so that their angle is 0."""
-    safe = torch.where(kept, colour, colour.new_tensor([1, 0, 0])[:, None, None])
+    white = torch.eye(3, 1, dtype=colour.dtype, device=colour.device)[..., None]
+    safe = torch.where(kept, colour, white)
     return safe / torch.linalg.vector_norm(safe, dim=-3, keepdim=True)
 
 

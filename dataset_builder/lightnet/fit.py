@@ -20,7 +20,7 @@ from dataset_builder.lightnet.checkpoint import load_state, load_weights, save_s
 from dataset_builder.lightnet.dataset import LightingDataset
 from dataset_builder.lightnet.device import Precision, autocast, choose, precision_on
 from dataset_builder.lightnet.events import Checked, Event, Finished, Started, Stepped
-from dataset_builder.lightnet.method import Method
+from dataset_builder.lightnet.method import Method, running_statistics
 from dataset_builder.lightnet.methods import build_method
 from dataset_builder.lightnet.metrics import mean_metrics, measure
 from dataset_builder.lightnet.optimise import Optimisers
@@ -93,7 +93,7 @@ class _Training:
         self.train = LightingDataset(job.dataset, spec.data.train, spec.data, levels=job.levels)
         self.held_out = LightingDataset(job.dataset, spec.data.held_out, spec.data, levels=job.levels)
         self.method: Method = build_method(spec, job.vgg_weights).to(self.device)
-        self.optimisers = Optimisers(self.method, spec)
+        self.optimisers, self.running = Optimisers(self.method, spec), running_statistics(self.method)
         self.progress = _Progress()
         self._go_on()
         self.first = self.progress.step
@@ -146,11 +146,14 @@ class _Training:
         step = self.progress.step
         # Dropout and its like depend on the step alone, so that nothing of them needs to be kept
         torch.manual_seed(derive_seed(self.spec.seed, "step", step) >> (64 - SEED_BITS))
+        before = [statistic.clone() for statistic in self.running]
         with autocast(self.device, self.precision):
             prediction = self.method(batch.inputs)
         taken = self.optimisers.step(self.method, batch, prediction, step)
         self.progress.step = step + 1
         if taken.skipped:
+            for statistic, kept in zip(self.running, before, strict=True):
+                statistic.copy_(kept)
             self._count_bad(taken.skipped)
         return Stepped(step=step + 1, loss=taken.loss, terms=taken.terms, norm=taken.norm, rate=taken.rate,
                        skipped=taken.skipped, images=len(batch.keys), waited=waited, seconds=perf_counter() - start)

@@ -44,6 +44,12 @@ class Method(nn.Module, ABC):
         return self.parameters()
 
 
+def running_statistics(method: nn.Module) -> list[torch.Tensor]:
+    """What normalisation keeps of the batches it has seen: buffers that checkpoints hold, themselves, not copies."""
+    saved = method.state_dict()
+    return [buffer for name, buffer in method.named_buffers() if name in saved]
+
+
 def count_parameters(method: nn.Module) -> int:
     """Trainable numbers of a module."""
     return sum(parameter.numel() for parameter in method.parameters() if parameter.requires_grad)

@@ -1,6 +1,8 @@
 """One optimisation step: losses by phase, their gradients, and what is done where they are not finite."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from math import inf, isfinite
 from typing import Any
 
 import torch
@@ -9,8 +11,6 @@ from dataset_builder.lightnet.batch import Batch, Prediction
 from dataset_builder.lightnet.method import Loss, Method
 from dataset_builder.lightnet.schedule import rate_at
 from dataset_builder.spec.training import TrainingSpec
-
-UNCLIPPED = float("inf")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,37 +49,41 @@ class Optimisers:
 
     def step(self, method: Method, batch: Batch, prediction: Prediction, step: int) -> Taken:
         """Move the parameters of every phase in turn; from the first phase on that is not finite, none."""
-        rate, norm = rate_at(step, self._spec.steps, self._spec.optimiser), 0.0
+        rate, norm, wrong = rate_at(step, self._spec.steps, self._spec.optimiser), 0.0, ""
         losses: dict[str, float] = {}
         terms: dict[str, float] = {}
         for phase in method.phases:
             loss = method.loss(phase, batch, prediction)
-            losses[phase] = float(loss.total.detach())
-            terms |= {name: float(value) for name, value in loss.terms.items()}
-            if wrong := _not_finite(phase, loss):
-                return Taken(loss=losses, terms=terms, norm=norm, rate=rate, skipped=wrong)
-            here = self._gradients(phase, loss)
-            norm = max(norm, here)
-            if not here < UNCLIPPED:
-                return Taken(loss=losses, terms=terms, norm=here, rate=rate,
-                             skipped=f"{phase}: the gradient is not finite, at a loss of {losses[phase]:.4g}")
-            for group in self._adams[phase].param_groups:
-                group["lr"] = rate
-            self._adams[phase].step()
-        return Taken(loss=losses, terms=terms, norm=norm, rate=rate, skipped="")
+            numbers = [self._gradients(phase, loss), loss.total.detach(), *loss.terms.values()]
+            # All at once, for each that is asked for waits until a GPU is done with everything before it
+            here, losses[phase], *values = torch.stack(numbers).tolist()
+            own = dict(zip(loss.terms, values, strict=True))
+            terms |= own
+            norm = max(norm, here) if isfinite(here) else here
+            if wrong := _not_finite(phase, losses[phase], own, here):
+                break
+            self._move(phase, rate)
+        return Taken(loss=losses, terms=terms, norm=norm, rate=rate, skipped=wrong)
 
-    def _gradients(self, phase: str, loss: Loss) -> float:
-        """Gradients of a phase, clipped; their norm before."""
+    def _move(self, phase: str, rate: float) -> None:
+        for group in self._adams[phase].param_groups:
+            group["lr"] = rate
+        self._adams[phase].step()
+
+    def _gradients(self, phase: str, loss: Loss) -> torch.Tensor:
+        """Gradients of a phase, clipped; their norm before, a scalar."""
         parameters = self._parameters[phase]
         for parameter in parameters:
             parameter.grad = None
         torch.autograd.backward(loss.total, inputs=parameters)
-        clip = self._spec.optimiser.clip or UNCLIPPED
-        return float(torch.nn.utils.clip_grad_norm_(parameters, clip))
+        clip = self._spec.optimiser.clip or inf
+        return torch.nn.utils.clip_grad_norm_(parameters, clip)
 
 
-def _not_finite(phase: str, loss: Loss) -> str:
-    if bool(torch.isfinite(loss.total)):
-        return ""
-    found = ", ".join(f"{name} {float(value):.4g}" for name, value in loss.terms.items())
-    return f"{phase}: the loss is not finite ({found})"
+def _not_finite(phase: str, total: float, terms: Mapping[str, float], norm: float) -> str:
+    """What is wrong with a phase, if anything is."""
+    if not isfinite(total):
+        return f"{phase}: the loss is not finite ({', '.join(f'{name} {value:.4g}' for name, value in terms.items())})"
+    if not isfinite(norm):
+        return f"{phase}: the gradient is not finite, at a loss of {total:.4g}"
+    return ""

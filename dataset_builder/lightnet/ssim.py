@@ -45,7 +45,7 @@ def _smooth(values: torch.Tensor, *, dim: int) -> torch.Tensor:
     Written as sums, because CUDA's convolutions may round their inputs to ten bits (TF32) unless told otherwise.
     """
     size = values.shape[dim]
-    mirrored = values.index_select(dim, _mirror(size).to(values.device))
+    mirrored = values.index_select(dim, _mirror(size, values.device))
     shifted = [mirrored.narrow(dim, offset, size) for offset in range(2 * RADIUS + 1)]
     weights = [math.exp(-0.5 * (distance / SIGMA) ** 2) for distance in range(RADIUS + 1)]
     total = weights[0] + 2 * sum(weights[1:])
@@ -56,7 +56,7 @@ def _smooth(values: torch.Tensor, *, dim: int) -> torch.Tensor:
     return smooth
 
 
-def _mirror(size: int) -> torch.Tensor:
+def _mirror(size: int, device: torch.device) -> torch.Tensor:
     """Indices -RADIUS to size + RADIUS - 1 of a row that is mirrored at its ends: 1 0 | 0 1 2 | 2 1."""
-    index = torch.arange(-RADIUS, size + RADIUS) % (2 * size)
+    index = torch.arange(-RADIUS, size + RADIUS, device=device) % (2 * size)
     return torch.minimum(index, 2 * size - 1 - index)

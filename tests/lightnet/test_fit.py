@@ -9,11 +9,13 @@ import pytest
 import torch
 
 from dataset_builder.errors import OutputError, UserError
+from dataset_builder.lightnet.baselines.pix2pix import Pix2Pix
 from dataset_builder.lightnet.batch import Batch, Prediction
 from dataset_builder.lightnet.checkpoint import load_state, load_trained, save_state
 from dataset_builder.lightnet.events import Checked, Event, Finished, Started, Stepped
 from dataset_builder.lightnet.fit import Job, fit
 from dataset_builder.lightnet.method import Loss
+from dataset_builder.lightnet.methods import build_method
 from dataset_builder.lightnet.model import LighTNet
 from dataset_builder.spec.load import load_training
 from tests.lightnet.formula_method import write_checkpoint
@@ -159,6 +161,20 @@ def test_steps_that_are_not_finite_are_skipped(dataset: Path, tmp_path: Path, sp
     assert [event.step for event in events if isinstance(event, Stepped) and event.skipped] == [2, 3]
     assert one(events, Finished).bad_steps == 2
     assert all(bool(torch.isfinite(tensor).all()) for tensor in weights(made).values())
+
+
+def test_a_step_that_is_skipped_leaves_no_trace(dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Normalisation sees a batch before anybody knows that nothing is to be learnt from it."""
+    loss = Pix2Pix.loss
+
+    def spoilt(*arguments: object) -> Loss:
+        found = loss(*arguments)
+        return replace(found, total=found.total * float("nan"))
+
+    monkeypatch.setattr(Pix2Pix, "loss", spoilt)
+    made = job(dataset, tmp_path / "out", "method=pix2pix", "steps=1")
+    assert one(run(made), Finished).bad_steps == 1
+    assert same(weights(made), build_method(made.spec).state_dict())
 
 
 def test_too_many_of_them_end_it(dataset: Path, tmp_path: Path, spoiling: _Spoiling) -> None:

@@ -1,10 +1,11 @@
 from collections.abc import Callable
 from dataclasses import replace
-from typing import get_args
+from typing import Any, get_args
 
 import pytest
 import torch
 from torch import nn
+from torch.utils._python_dispatch import TorchDispatchMode
 
 from dataset_builder.lightnet.batch import Batch, Inputs
 from dataset_builder.lightnet.method import Method, count_parameters
@@ -138,6 +139,29 @@ def test_the_least_size_in_a_batch_of_one_can_be_trained_on(name: Name) -> None:
     prediction = method(batch.inputs)
     assert prediction.i_t.shape == (1, 3, method.multiple, method.multiple)
     assert all(bool(torch.isfinite(method.loss(phase, batch, prediction).total)) for phase in method.phases)
+
+
+class _Asked(TorchDispatchMode):
+    """Counts the numbers that Python asks for; each would wait for a GPU."""
+
+    count = 0
+
+    def __torch_dispatch__(self, function: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
+        self.count += function is torch.ops.aten._local_scalar_dense.default
+        return function(*args, **(kwargs or {}))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_step_asks_for_no_number_before_its_end(name: Name) -> None:
+    batch, method = random_batch(), small(name)
+    with _Asked() as asked:
+        prediction = method(batch.inputs)
+        for phase in method.phases:
+            gradients(method, phase, method.loss(phase, batch, prediction).total)
+    assert asked.count == 0
+    with asked:
+        float(prediction.i_t.detach().sum())
+    assert asked.count == 1
 
 
 @pytest.mark.parametrize("name", NAMES)
