@@ -28,7 +28,7 @@ from dataset_builder.lightnet.predict import predict
 from dataset_builder.seeding import derive_seed
 from dataset_builder.shards.atomic import output_errors, write_atomic
 from dataset_builder.shards.reader import load_manifest
-from dataset_builder.spec.training import TrainingSpec
+from dataset_builder.spec.training import DataSpec, TrainingSpec
 
 LAST, BEST, LOG, SPEC = "last.pt", "best.pt", "log.csv", "training.json"
 SEED_BITS = 63
@@ -47,10 +47,13 @@ class Job:
     levels: tuple[int, ...] = ()
 
     def identity(self) -> str:
-        """Digest of whatever decides the weights, but for the machine."""
+        """Digest of whatever decides the weights, but for the machine: not of who reads, how files are checked, and
+        when training gives up, which a user may have to change to go on."""
         vgg = sha256_file(self.vgg_weights) if self.vgg_weights and self.spec.objective.fr else ""
         shards = [shard.sha256 for shard in load_manifest(self.dataset).shards]
-        return digest({"spec": self.spec.model_dump(mode="json"), "shards": shards, "vgg": vgg,
+        data = self.spec.data.model_copy(update={"workers": 0, "verify": DataSpec().verify})
+        deciding = self.spec.model_copy(update={"data": data, "most_bad_steps": TrainingSpec().most_bad_steps})
+        return digest({"spec": deciding.model_dump(mode="json"), "shards": shards, "vgg": vgg,
                        "levels": list(self.levels)})
 
 
@@ -164,7 +167,7 @@ class _Training:
             raise UserError([Problem(where=str(self.job.out), path="most_bad_steps",
                                      rule=f"expected at most {self.spec.most_bad_steps} steps that are not finite, got "
                                      f"{self.progress.bad_steps}; the last: {reason}",
-                                     hint="lower optimiser.rate, or clip harder")])
+                                     hint="lower optimiser.rate or clip harder in a new folder, or allow more here")])
 
     def _check(self) -> Checked:
         """Measure on held-out examples and write the checkpoint."""

@@ -194,6 +194,15 @@ def test_another_training_is_left_alone(dataset: Path, tmp_path: Path) -> None:
     assert (made.out / "last.pt").read_bytes() == before
 
 
+def test_what_decides_no_weight_may_change(dataset: Path, tmp_path: Path) -> None:
+    """Who runs out of memory is told to take fewer readers, and who has too many bad steps may allow more."""
+    made = job(dataset, tmp_path / "out", "steps=2")
+    run(made)
+    for change in ("data.workers=3", "data.verify=off", "most_bad_steps=99"):
+        again = run(job(dataset, made.out, "steps=2", change))
+        assert one(again, Finished).reason == "already"
+
+
 @pytest.mark.parametrize("damage", [b"", b"no checkpoint", None])
 def test_a_damaged_checkpoint_is_told(dataset: Path, tmp_path: Path, damage: bytes | None) -> None:
     made = job(dataset, tmp_path / "out", "steps=2")
