@@ -30,20 +30,15 @@ Verdict = Literal["better", "worse", "open"]
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
     """A mean. error: its standard error, clustered by object; naive: as if examples were independent. NaN where there
-    is but one object, one example."""
+    is but one object, one example. half_width: of the interval that covers the mean over all objects with probability
+    `LEVEL`; infinite for one object."""
 
     mean: float
     error: float
     naive: float
     examples: int
     objects: int
-
-    @property
-    def half_width(self) -> float:
-        """Of the interval that covers the mean over all objects with probability `LEVEL`; infinite for one object."""
-        if self.objects < 2:
-            return inf
-        return float(t.ppf((1 + LEVEL) / 2, self.objects - 1)) * self.error
+    half_width: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,7 +88,13 @@ def estimate(values: Sequence[float], clusters: Sequence[str]) -> Estimate:
     sums = np.bincount([names.index(cluster) for cluster in clusters], weights=residuals)
     groups = len(names)
     error = sqrt(groups / (groups - 1) * float(np.sum(sums**2))) / count if groups > 1 else nan
-    return Estimate(mean=float(array.mean()), error=error, naive=naive, examples=count, objects=groups)
+    return Estimate(mean=float(array.mean()), error=error, naive=naive, examples=count, objects=groups,
+                    half_width=reach(groups - 1) * error if groups > 1 else inf)
+
+
+def reach(freedom: int) -> float:
+    """Standard errors that an interval of probability `LEVEL` reaches to either side, by degrees of freedom."""
+    return float(t.ppf((1 + LEVEL) / 2, freedom))
 
 
 def chosen(rows: Sequence[Row], method: str) -> dict[str, Row]:

@@ -2,13 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import nan, sqrt
+from math import hypot, nan, sqrt
 from statistics import fmean, stdev
 from typing import Any
 
 from dataset_builder.lightnet.evaluate import Row
 from dataset_builder.lightnet.metrics import METRICS, Metric
-from dataset_builder.lightnet.summary import Estimate, estimate
+from dataset_builder.lightnet.summary import Estimate, estimate, reach
 from dataset_builder.studies.tables.order import Order, Pair, printed_pairs
 from dataset_builder.studies.tables.row import Group, Table, TableRow
 from dataset_builder.studies.tables.variants import NO_WEIGHTS
@@ -62,13 +62,16 @@ def over_seeds(by_seed: Sequence[Sequence[float]], clusters: Sequence[str]) -> E
     """Mean over examples of values that were measured with each of K seeds.
 
     The variance over objects, of each example's mean over seeds, and that of the mean over K seeds add up: neither
-    other objects nor other trainings would repeat the value. With one seed the latter is unknown and left out.
+    other objects nor other trainings would repeat the value. Of a handful of seeds the latter is hardly known: the
+    interval is the root of the sum of both squared intervals, which covers with its probability at least (Banerjee
+    1960). With one seed it is not known at all, and left out.
     """
     found = estimate([fmean(several) for several in zip(*by_seed, strict=True)], clusters)
     if len(by_seed) < 2:
         return found
-    between = stdev(fmean(of_one) for of_one in by_seed) ** 2 / len(by_seed)
-    return replace(found, error=sqrt(found.error**2 + between), naive=sqrt(found.naive**2 + between))
+    between = stdev(fmean(of_one) for of_one in by_seed) / sqrt(len(by_seed))
+    return replace(found, error=hypot(found.error, between), naive=hypot(found.naive, between),
+                   half_width=hypot(found.half_width, reach(len(by_seed) - 1) * between))
 
 
 def orders(table: Table, results: Sequence[Result]) -> list[Order]:
