@@ -1,10 +1,14 @@
 """What is built once for all tests."""
 
+import os
 from pathlib import Path
 
 import pytest
 
 from tests.small_specs import run_build, write_spec
+
+# Networks of tests are so small that threads of PyTorch would spend their time waiting for each other
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 
 @pytest.fixture(scope="session")
