@@ -40,6 +40,11 @@ class Estimate:
     objects: int
     half_width: float
 
+    @property
+    def told_apart(self) -> bool:
+        """Whether it is told apart from 0: the interval does not hold it."""
+        return abs(self.mean) > self.half_width
+
 
 @dataclass(frozen=True, kw_only=True)
 class Summary:
@@ -125,6 +130,6 @@ def _paired(method: str, other: str, metric: str, low_is_better: bool, pairs: Se
 def _verdict(found: Estimate, low_is_better: bool) -> Verdict:
     """`open` where the interval holds 0."""
     gain = -found.mean if low_is_better else found.mean
-    if not abs(gain) > found.half_width:
+    if not found.told_apart:
         return "open"
     return "better" if gain > 0 else "worse"

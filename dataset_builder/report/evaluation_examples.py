@@ -8,6 +8,7 @@ from dataset_builder.lightnet.loader import whole_images
 from dataset_builder.lightnet.metrics import METRICS
 from dataset_builder.lightnet.pictures import cropped, found, given
 from dataset_builder.lightnet.summary import chosen
+from dataset_builder.report.estimates import rounded
 from dataset_builder.report.example_sheet import SheetRow
 
 
@@ -26,6 +27,6 @@ def example_rows(rows: Sequence[Row], contenders: Sequence[Contender], dataset: 
 
 
 def _lines(place: str, row: Row) -> list[str]:
-    figures = [f"{metric.symbol} {getattr(row.metrics, metric.name):.{2 if metric.unit == 'dB' else 4}f} {metric.unit}"
+    figures = [f"{metric.symbol} {rounded(getattr(row.metrics, metric.name), metric.name)} {metric.unit}"
                for metric in METRICS]
     return [f"{place}: {row.key}", row.method, row.object, row.room, *figures]

@@ -1,9 +1,7 @@
 """An evaluation as files: a table by example (CSV), one by method (Markdown), a figure, and pictures of examples."""
 
-import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from io import StringIO
 from math import isfinite
 from pathlib import Path
 
@@ -14,9 +12,11 @@ from rich.table import Table
 
 from dataset_builder.lightnet.evaluate import Row
 from dataset_builder.lightnet.metrics import METRICS, Metric
-from dataset_builder.lightnet.summary import LEVEL, Estimate, Paired, Summary, compare, summarise
+from dataset_builder.lightnet.summary import LEVEL, Paired, Summary, compare, summarise
+from dataset_builder.report.estimates import markdown_table, plus_minus, rounded
 from dataset_builder.report.study_figures import COLOURS, PALE, panels, png
 from dataset_builder.shards.atomic import write_atomic
+from dataset_builder.studies.comma_separated import comma_separated
 
 TABLE, SUMMARY, FIGURE, EXAMPLES = "table.csv", "summary.md", "summary.png", "examples.png"
 DESCRIBED = ("method", "key", "view", "object", "room", "level", "sigma")
@@ -67,13 +67,9 @@ def write_page(evaluation: Evaluation, out: Path) -> None:
 
 def csv_table(rows: Sequence[Row]) -> bytes:
     """One line per example and method."""
-    stream = StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    for row in rows:
-        figures = [*(getattr(row.metrics, metric.name) for metric in METRICS), row.seconds]
-        writer.writerow([*(getattr(row, name) for name in DESCRIBED), *(f"{figure:.7g}" for figure in figures)])
-    return stream.getvalue().encode()
+    return comma_separated(COLUMNS, ([*(getattr(row, name) for name in DESCRIBED),
+                                      *(getattr(row.metrics, metric.name) for metric in METRICS), row.seconds]
+                                     for row in rows), digits=7)
 
 
 def markdown(evaluation: Evaluation) -> str:
@@ -81,9 +77,9 @@ def markdown(evaluation: Evaluation) -> str:
     summaries = summarise(evaluation.rows)
     parts = [f"# Evaluation on {evaluation.dataset}, split {evaluation.split}", f"{evaluation.extent}.",
              *(f"{remark[:1].upper()}{remark[1:]}." for remark in evaluation.remarks), *([SEEN] * evaluation.seen),
-             _table(("metric", *(one.method for one in summaries)), _mean_rows(summaries)), _meaning(),
+             markdown_table(("metric", *(one.method for one in summaries)), _mean_rows(summaries)), _meaning(),
              "## Differences, example by example",
-             _table(PAIR_COLUMNS, [_pair_row(one) for one in evaluation.compared()]),
+             markdown_table(PAIR_COLUMNS, [_pair_row(one) for one in evaluation.compared()]),
              "## Methods", "\n".join(f"- {name}: {note}" for name, note in evaluation.notes.items()),
              "## Metrics", "Over the object, on tone-mapped values: x / (1 + x) of exposed light, then the sRGB curve.",
              "\n".join(f"- {metric.symbol}: {metric.definition}." for metric in METRICS)]
@@ -95,7 +91,7 @@ def console_table(evaluation: Evaluation) -> Table:
     table = Table("method", *(f"{metric.symbol} ({ARROWS[metric.better]})" for metric in METRICS), "seconds",
                   title=f"{evaluation.dataset}, split {evaluation.split}: {evaluation.extent}", title_justify="left")
     for one in summarise(evaluation.rows):
-        figures = [plus_minus(one.metrics[metric.name], metric) for metric in METRICS]
+        figures = [plus_minus(one.metrics[metric.name], metric.name) for metric in METRICS]
         table.add_row(one.method, *figures, f"{one.seconds:.3g}")
     return table
 
@@ -104,15 +100,9 @@ def verdict_lines(evaluation: Evaluation) -> list[str]:
     """What is to be known of the examples, and one sentence for each comparison, by PSNR."""
     remarks = [*evaluation.remarks, *([SEEN.replace("*", "")] * evaluation.seen)]
     compared = [one for one in evaluation.compared() if one.metric == "psnr"]
-    return [*remarks, *(f"{one.method} against {one.other}: {_signed(one.difference, 'psnr')} dB, "
+    return [*remarks, *(f"{one.method} against {one.other}: {plus_minus(one.difference, 'psnr', '+')} dB, "
                         f"{VERDICTS[one.verdict]}; better in {one.ahead} of {one.difference.examples}"
                         for one in compared)]
-
-
-def plus_minus(found: Estimate, metric: Metric, error: float | None = None) -> str:
-    """A mean and its standard error, with as many digits as the metric calls for."""
-    digits, error = _digits(metric.name), found.error if error is None else error
-    return f"{found.mean:.{digits}f}" + (f" ± {error:.{digits}f}" if isfinite(error) else "")
 
 
 def summary_figure(evaluation: Evaluation) -> Figure:
@@ -139,34 +129,25 @@ def _dots(axes: Axes, rows: Sequence[Row], summary: Summary, metric: Metric, pla
     found = summary.metrics[metric.name]
     axes.errorbar([found.mean], [place], xerr=[found.error] if isfinite(found.error) else None, marker="o",
                   markersize=6, color=colour, capsize=4, linewidth=1.8, zorder=3)
-    axes.annotate(plus_minus(found, metric), (found.mean, place), xytext=(0, 11), textcoords="offset points",
+    axes.annotate(plus_minus(found, metric.name), (found.mean, place), xytext=(0, 11), textcoords="offset points",
                   ha="center", fontsize=8, color=colour, zorder=4,
                   bbox={"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.85})
 
 
 def _mean_rows(summaries: Sequence[Summary]) -> list[list[str]]:
     rows = [[f"{metric.symbol}{f', {metric.unit}' if metric.unit else ''} ({ARROWS[metric.better]})",
-             *(plus_minus(one.metrics[metric.name], metric) for one in summaries)] for metric in METRICS]
+             *(plus_minus(one.metrics[metric.name], metric.name) for one in summaries)] for metric in METRICS]
     return [*rows, ["seconds per image, median", *(f"{one.seconds:.3g}" for one in summaries)]]
 
 
 def _pair_row(one: Paired) -> list[str]:
     metric = next(metric for metric in METRICS if metric.name == one.metric)
-    found, digits = one.difference, _digits(one.metric)
-    low, high = found.mean - found.half_width, found.mean + found.half_width
-    interval = f"{low:+.{digits}f} to {high:+.{digits}f}" if isfinite(found.half_width) else "one object: none"
-    naive = f"± {found.naive:.{digits}f}" if isfinite(found.naive) else ""
-    return [f"{one.method} - {one.other}", metric.symbol, _signed(found, one.metric), naive, interval,
+    found = one.difference
+    low, high = (rounded(found.mean + sign * found.half_width, one.metric, "+") for sign in (-1, 1))
+    interval = f"{low} to {high}" if isfinite(found.half_width) else "one object: none"
+    naive = f"± {rounded(found.naive, one.metric)}" if isfinite(found.naive) else ""
+    return [f"{one.method} - {one.other}", metric.symbol, plus_minus(found, one.metric, "+"), naive, interval,
             f"{one.ahead} of {found.examples}", VERDICTS[one.verdict]]
-
-
-def _signed(found: Estimate, metric: str) -> str:
-    digits = _digits(metric)
-    return f"{found.mean:+.{digits}f}" + (f" ± {found.error:.{digits}f}" if isfinite(found.error) else "")
-
-
-def _digits(metric: str) -> int:
-    return 2 if metric == "psnr" else 4
 
 
 def _meaning() -> str:
@@ -175,7 +156,3 @@ def _meaning() -> str:
             "told apart from another where the interval of their difference, taken on the same examples, does not hold "
             "0. "
             "`table.csv` has every example.")
-
-
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    return "\n".join(f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows))

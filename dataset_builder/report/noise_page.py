@@ -2,10 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isfinite
 
 from dataset_builder.lightnet.metrics import METRICS
 from dataset_builder.lightnet.summary import Estimate
+from dataset_builder.report.estimates import plus_minus
 from dataset_builder.report.example_sheet import png_of
 from dataset_builder.report.noise_figures import LINES, PSNR, changes_figure, crop_pictures, quality_figure
 from dataset_builder.report.study_figures import png
@@ -84,7 +84,7 @@ def _lead(found: Found) -> list[str]:
 
 def _quality(found: Found, figure: bytes) -> Section:
     rows = [[f"{level.sigma:g}", f"{level.roughness:.3%}", LINES[method][0],
-             *(_plus_minus(level.mean(method, metric.name), metric.name) for metric in METRICS)]
+             *(plus_minus(level.mean(method, metric.name), metric.name) for metric in METRICS)]
             for level in found.levels for method in LINES]
     return Section(question="How much does the roughness of the mesh cost?", answer=" ".join(sentences(found.levels)),
                    figure=figure, head=("sigma", "roughness", "by", *(metric.symbol for metric in METRICS)), rows=rows)
@@ -124,13 +124,8 @@ def _passes(found: Found) -> Section:
 
 
 def _told(found: Estimate) -> str:
-    return "told apart" if abs(found.mean) > found.half_width else "not told apart"
+    return "told apart" if found.told_apart else "not told apart"
 
 
 def _signed(found: Estimate) -> str:
-    return f"{found.mean:+.2f}" + (f" ± {found.error:.2f}" if isfinite(found.error) else "")
-
-
-def _plus_minus(found: Estimate, metric: str) -> str:
-    digits = 2 if metric == PSNR else 4
-    return f"{found.mean:.{digits}f}" + (f" ± {found.error:.{digits}f}" if isfinite(found.error) else "")
+    return plus_minus(found, PSNR, "+")

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from dataset_builder.lightnet.metrics import METRICS, Metric
 from dataset_builder.lightnet.summary import Estimate
+from dataset_builder.report.estimates import markdown_table, plus_minus, rounded
 from dataset_builder.report.study_figures import COLOURS, panels, png
 from dataset_builder.shards.atomic import write_atomic
 from dataset_builder.studies.derived import differences
@@ -17,9 +18,6 @@ from dataset_builder.studies.tables.paper import SOURCE, Printed
 from dataset_builder.studies.tables.result import Result, orders
 from dataset_builder.studies.tables.row import Table
 from dataset_builder.studies.tables.run import TableStudy
-
-DIGITS = {"psnr": 2}
-"""After the point, four where not stated."""
 
 HOW_TO_READ = """A pair is told apart where the interval of its difference, of 95% confidence and clustered by object,
 does not hold 0; one pair in twenty that are equal passes for different all the same. With one seed per row, intervals
@@ -87,8 +85,8 @@ def order_lines(found: Sequence[Order]) -> list[str]:
 
 def row_line(result: Result) -> str:
     """A row for the terminal: measured figures, printed ones in brackets, and the note."""
-    texts = [f"{metric.symbol} {_plus_minus(result.mean(metric.name), metric.name)}"
-             + (f" (paper {_figure(result.row.printed.of(metric.name), metric.name)})" if result.row.printed else "")
+    texts = [f"{metric.symbol} {plus_minus(result.mean(metric.name), metric.name)}"
+             + (f" (paper {rounded(result.row.printed.of(metric.name), metric.name)})" if result.row.printed else "")
              for metric in METRICS]
     return f"{result.row.title}: {', '.join(texts)}" + (f" [{result.note}]" if result.note else "")
 
@@ -103,17 +101,17 @@ def _rows_table(results: Sequence[Result]) -> str:
         for metric in METRICS:
             cells.append(_measured_text(result, metric.name))
             if printed:
-                cells.append(_figure(result.row.printed.of(metric.name), metric.name) if result.row.printed else "")
+                cells.append(rounded(result.row.printed.of(metric.name), metric.name) if result.row.printed else "")
         parameters, seconds = result.facts.get("parameters"), result.facts.get("seconds_per_step")
         lines.append([*cells, f"{parameters:,}" if parameters else "", f"{seconds:.2f}" if seconds else ""])
-    return _markdown_table(head, lines)
+    return markdown_table(head, lines)
 
 
 def _reference_table(table: Table, results: Sequence[Result]) -> str:
     """Every row less the reference, example by example."""
     reference = next(result for result in results if result.row.name == table.reference)
     others = [result for result in results if result is not reference]
-    return _markdown_table(["row", *(f"{metric.symbol} {_arrow(metric)}" for metric in METRICS)], [
+    return markdown_table(["row", *(f"{metric.symbol} {_arrow(metric)}" for metric in METRICS)], [
         [result.row.title, *(_difference_text(result.less(reference, metric.name), metric) for metric in METRICS)]
         for result in others])
 
@@ -130,7 +128,7 @@ def _pairs_table(table: Table, found: Sequence[Order]) -> str:
         lead = pairs.get("psnr") or next(iter(pairs.values()))
         rows.append([group, titles[lead.better], titles[lead.worse],
                      *(_pair_text(pairs.get(metric.name), lead.better) for metric in METRICS)])
-    return _markdown_table(["compared", "row", "against", *(metric.symbol for metric in METRICS)], rows)
+    return markdown_table(["compared", "row", "against", *(metric.symbol for metric in METRICS)], rows)
 
 
 def _pair_text(pair: Pair | None, first: str) -> str:
@@ -150,25 +148,20 @@ def _variants_table(table: Table) -> str:
         if row.spec and reference.spec and row is not reference:
             changes = differences(reference.spec, row.spec).items()
             rows.append([row.title, ", ".join(f"`{key}`: {there} instead of {here}" for key, (here, there) in changes)])
-    return _markdown_table(["row", "differs in"], rows)
+    return markdown_table(["row", "differs in"], rows)
 
 
 def _measured_text(result: Result, metric: str) -> str:
     spread = result.spread(metric)
-    text = _plus_minus(result.mean(metric), metric)
-    return f"{text} (sd over seeds {_figure(spread, metric)})" if isfinite(spread) else text
+    text = plus_minus(result.mean(metric), metric)
+    return f"{text} (sd over seeds {rounded(spread, metric)})" if isfinite(spread) else text
 
 
 def _difference_text(difference: Estimate, metric: Metric) -> str:
     text = _small(difference)
-    if not abs(difference.mean) > difference.half_width:
+    if not difference.told_apart:
         return f"{text}, open"
     return f"{text}, {'better' if (difference.mean > 0) == (metric.better == 'high') else 'worse'}"
-
-
-def _plus_minus(found: Estimate, metric: str) -> str:
-    error = f" ± {_figure(found.error, metric)}" if isfinite(found.error) else ""
-    return f"{_figure(found.mean, metric)}{error}"
 
 
 def _small(difference: Estimate) -> str:
@@ -177,17 +170,9 @@ def _small(difference: Estimate) -> str:
     return f"{difference.mean:+.3g}{error}"
 
 
-def _figure(value: float, metric: str) -> str:
-    return f"{value:.{DIGITS.get(metric, 4)}f}"
-
-
 def _printed_text(numbers: Printed) -> str:
-    return ", ".join(f"{metric.symbol} {_figure(numbers.of(metric.name), metric.name)}" for metric in METRICS)
+    return ", ".join(f"{metric.symbol} {rounded(numbers.of(metric.name), metric.name)}" for metric in METRICS)
 
 
 def _arrow(metric: Metric) -> str:
     return "↓" if metric.better == "low" else "↑"
-
-
-def _markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    return "\n".join("| " + " | ".join(cells) + " |" for cells in (head, ["---"] * len(head), *rows))

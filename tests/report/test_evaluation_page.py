@@ -97,7 +97,7 @@ def test_every_pair_is_compared_in_every_metric() -> None:
     assert (high - low) / 2 == pytest.approx(3.182 * error, abs=0.05)
 
 
-def test_one_object_is_no_sample() -> None:
+def test_one_object_says_nothing_of_others() -> None:
     text = markdown(evaluation(objects=1))
     assert "1 object," in text and "one object: none" in text
     assert "±" not in cells(text, "PSNR")[1] and cells(text, "net - copy_i_s | PSNR")[-1] == "not told apart"

@@ -39,7 +39,7 @@ class Pair:
     @property
     def verdict(self) -> Verdict:
         """What can be said of it."""
-        if not abs(self.gain.mean) > self.gain.half_width:
+        if not self.gain.told_apart:
             return "not told apart"
         return "as printed" if self.as_printed else "against"
 
