@@ -28,13 +28,12 @@ KEYS = {"format", "version", "spec", "identity", "dataset", "step", "method", "o
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trained:
-    """A method ready for use, in evaluation mode on `device`. step: batches it was trained on; psnr: of its last check
-    on held-out examples, in dB; dataset: name of what it was trained on; off: losses that were off, and why."""
+    """A method ready for use, in evaluation mode on `device`. step: batches it was trained on; dataset: name of what it
+    was trained on; off: losses that were off, and why."""
 
     method: Method
     spec: TrainingSpec
     step: int
-    psnr: float
     dataset: str
     off: tuple[str, ...]
     device: torch.device
@@ -78,9 +77,8 @@ def load_trained(path: Path, device: str = "auto") -> Trained:
     # Losses are not needed any more, and neither are the weights of VGG
     method = build_method(spec.model_copy(update={"objective": ObjectiveSpec(fr=0)}))
     load_weights(method, state["method"], path)
-    last = state["history"][-1] if state["history"] else {}
-    return Trained(method=method.to(where).eval(), spec=spec, step=state["step"], psnr=last.get("psnr", float("nan")),
-                   dataset=state["dataset"], off=tuple(state["off"]), device=where)
+    return Trained(method=method.to(where).eval(), spec=spec, step=state["step"], dataset=state["dataset"],
+                   off=tuple(state["off"]), device=where)
 
 
 def load_weights(method: Method, weights: dict[str, torch.Tensor], path: Path) -> None:

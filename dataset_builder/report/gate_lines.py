@@ -3,11 +3,10 @@
 from collections.abc import Iterable, Iterator
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from dataset_builder.lightnet.events import Started, Stepped
 from dataset_builder.lightnet.gate import Begun, Done, LeftOut, News
-from dataset_builder.report.training import lines_of, step_text
+from dataset_builder.report.training import bar_of_steps, lines_of, step_text
 from dataset_builder.shards.check import Check
 
 MARKS = {"yes": "yes", "no": "NO ", "not judged": " - "}
@@ -17,9 +16,7 @@ NAME = 20
 
 def follow(news: Iterable[News], console: Console) -> Iterator[News]:
     """Pass news on while the terminal shows them."""
-    columns = (TextColumn("steps"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[text]}"),
-               TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn())
-    with Progress(*columns, console=console) as progress:
+    with bar_of_steps(console) as progress:
         bar = progress.add_task("", total=None, text="", visible=False)
         for one in news:
             if isinstance(one, Started):

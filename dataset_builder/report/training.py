@@ -12,9 +12,7 @@ REASONS = {"steps": "all steps done", "patience": "no better check for long enou
 
 def follow(events: Iterable[Event], console: Console) -> Iterator[Event]:
     """Pass events on while a progress bar shows them."""
-    columns = (TextColumn("steps"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[text]}"),
-               TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn())
-    with Progress(*columns, console=console) as progress:
+    with bar_of_steps(console) as progress:
         bar = progress.add_task("", total=None, text="")
         for event in events:
             if isinstance(event, Started):
@@ -24,6 +22,12 @@ def follow(events: Iterable[Event], console: Console) -> Iterator[Event]:
             for line in lines_of(event):
                 progress.console.print(line, highlight=False, markup=False, soft_wrap=True)
             yield event
+
+
+def bar_of_steps(console: Console) -> Progress:
+    """A bar of steps with a text of its own, and the time that has gone and is left."""
+    return Progress(TextColumn("steps"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[text]}"),
+                    TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(), console=console)
 
 
 def lines_of(event: Event) -> list[str]:

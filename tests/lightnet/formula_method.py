@@ -38,8 +38,8 @@ def product(inputs: Inputs) -> torch.Tensor:
 
 def trained(formula: Formula = product, *, spec: TrainingSpec | None = None, dataset: str = "elsewhere") -> Trained:
     """The method as if read from a checkpoint."""
-    return Trained(method=FormulaMethod(formula).eval(), spec=spec or TrainingSpec(), step=5, psnr=20.0,
-                   dataset=dataset, off=(), device=torch.device("cpu"))
+    return Trained(method=FormulaMethod(formula).eval(), spec=spec or TrainingSpec(), step=5, dataset=dataset,
+                   off=(), device=torch.device("cpu"))
 
 
 def write_checkpoint(path: Path, *, method: Literal["lightnet", "dpr"] = "lightnet", dataset: str = "elsewhere",

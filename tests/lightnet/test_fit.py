@@ -111,7 +111,7 @@ def test_files_and_news(dataset: Path, tmp_path: Path) -> None:
     assert finished.best == (best.step, best.metrics["psnr"])
     assert load_trained(finished.best_file, "cpu").step == best.step
     trained = load_trained(finished.last_file, "cpu")
-    assert (trained.step, trained.psnr, trained.spec) == (6, checks[-1].metrics["psnr"], made.spec)
+    assert (trained.step, trained.spec) == (6, made.spec)
     assert not trained.method.training
     assert {path.name for path in made.out.iterdir()} == {"last.pt", "best.pt", "log.csv", "training.json",
                                                           "tensorboard"}
