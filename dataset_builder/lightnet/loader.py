@@ -7,7 +7,9 @@ fresh pages can cost as much as what is written to them.
 """
 
 import multiprocessing
+import os
 import signal
+import threading
 from collections import deque
 from collections.abc import Iterator, Sequence
 from multiprocessing.context import BaseContext
@@ -76,11 +78,11 @@ def _read_ahead(source: _Source, steps: range, workers: int) -> Iterator[Batch]:
     free = deque(range(len(ring)))
     loader = DataLoader(
         _Reader(source, ring), batch_sampler=_Orders(steps, free), num_workers=workers, prefetch_factor=AHEAD,
-        collate_fn=_as_it_is, multiprocessing_context=_context(), worker_init_fn=_leave_interrupts,
+        collate_fn=_as_it_is, multiprocessing_context=_context(), worker_init_fn=_follow_the_parent,
         # PyTorch draws a seed for its workers, which nobody uses: not from the generator that dropout draws from
         generator=torch.Generator(),
     )
-    orders = iter(loader)
+    orders: Any = iter(loader)
     try:
         for _ in steps:
             place, notes = _next(orders)
@@ -88,8 +90,8 @@ def _read_ahead(source: _Source, steps: range, workers: int) -> Iterator[Batch]:
             free.append(place)
             yield batch_of(memory, notes, source.shape)
     finally:
-        # The processes end when nobody refers to this any more
-        del orders
+        # Nothing public ends the processes while an exception that somebody keeps refers to their iterator
+        orders._shutdown_workers()
 
 
 class _Orders:
@@ -148,6 +150,14 @@ def _as_it_is(found: Any) -> Any:
     return found
 
 
-def _leave_interrupts(worker: int) -> None:
-    """Ctrl-C goes to every process of a terminal; the training process ends the others."""
+def _follow_the_parent(worker: int) -> None:
+    """Leave Ctrl-C to the training process, which ends its workers; end where it was killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_the_parent, daemon=True).start()
+
+
+def _end_with_the_parent() -> None:
+    """PyTorch's workers look for the process that forked them: the server, which lives as long as they do."""
+    if parent := multiprocessing.parent_process():
+        parent.join()
+        os._exit(1)
