@@ -37,7 +37,7 @@ def run(work: Callable[[Unit], Result], units: Iterable[Unit], *, workers: int) 
         return
     # A forked child would inherit the state of Dr.Jit and of thread pools
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=_follow_the_parent) as pool:
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=follow_the_parent) as pool:
         try:
             yield from _drain(pool, work, iter(units), workers * AHEAD)
         except BrokenProcessPool as error:
@@ -74,14 +74,16 @@ def _end_children() -> None:
             child.kill()
 
 
-def _follow_the_parent() -> None:
-    """Leave Ctrl-C to the parent, which ends its children; end where it was killed."""
+def follow_the_parent(number: int = 0) -> None:
+    """Leave Ctrl-C to the parent, which ends its children; end where it was killed. For the start of a process; number:
+    of the process, which whoever starts it may tell."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_the_parent, daemon=True).start()
 
 
 def _end_with_the_parent() -> None:
-    """A pool's processes hold both ends of their queue, so that none would notice that nobody feeds it any more."""
+    """A pool's processes hold both ends of their queue, so that none would notice that nobody feeds it any more; and
+    those that a server forks for others look for the server, which lives as long as they do."""
     if parent := multiprocessing.parent_process():
         parent.join()
         os._exit(1)

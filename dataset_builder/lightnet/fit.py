@@ -11,6 +11,7 @@ from time import perf_counter
 
 import torch
 
+from dataset_builder import __version__
 from dataset_builder.digest import digest, sha256_file
 from dataset_builder.errors import OutputError, Problem, UserError
 from dataset_builder.lightnet import loader
@@ -54,7 +55,7 @@ class Job:
         data = self.spec.data.model_copy(update={"workers": 0, "verify": DataSpec().verify})
         deciding = self.spec.model_copy(update={"data": data, "most_bad_steps": TrainingSpec().most_bad_steps})
         return digest({"spec": deciding.model_dump(mode="json"), "shards": shards, "vgg": vgg,
-                       "levels": list(self.levels)})
+                       "levels": list(self.levels), "package": __version__})
 
 
 @dataclass(kw_only=True)

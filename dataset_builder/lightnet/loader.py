@@ -7,9 +7,6 @@ fresh pages can cost as much as what is written to them.
 """
 
 import multiprocessing
-import os
-import signal
-import threading
 from collections import deque
 from collections.abc import Iterator, Sequence
 from multiprocessing.context import BaseContext
@@ -18,6 +15,7 @@ from typing import Any
 import torch
 from torch.utils.data import DataLoader, Dataset
 
+from dataset_builder.engine.local import follow_the_parent
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.lightnet.assemble import Chosen, Notes, Shape, assemble, batch_of, fill
 from dataset_builder.lightnet.augment import epoch_draws, variation_of, window_about, window_side
@@ -78,7 +76,7 @@ def _read_ahead(source: _Source, steps: range, workers: int) -> Iterator[Batch]:
     free = deque(range(len(ring)))
     loader = DataLoader(
         _Reader(source, ring), batch_sampler=_Orders(steps, free), num_workers=workers, prefetch_factor=AHEAD,
-        collate_fn=_as_it_is, multiprocessing_context=_context(), worker_init_fn=_follow_the_parent,
+        collate_fn=_as_it_is, multiprocessing_context=_context(), worker_init_fn=follow_the_parent,
         # PyTorch draws a seed for its workers, which nobody uses: not from the generator that dropout draws from
         generator=torch.Generator(),
     )
@@ -148,16 +146,3 @@ def _context() -> BaseContext:
 
 def _as_it_is(found: Any) -> Any:
     return found
-
-
-def _follow_the_parent(worker: int) -> None:
-    """Leave Ctrl-C to the training process, which ends its workers; end where it was killed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_the_parent, daemon=True).start()
-
-
-def _end_with_the_parent() -> None:
-    """PyTorch's workers look for the process that forked them: the server, which lives as long as they do."""
-    if parent := multiprocessing.parent_process():
-        parent.join()
-        os._exit(1)

@@ -137,10 +137,10 @@ def read(data: bytes, *, where: str = "EXR") -> ExrImage:
     shape = (bottom - top + 1, right - left + 1)
     if wrong := [name for name in names if planes[name].shape != shape]:
         raise _wrong(where, f"expected shape {shape}, got {planes[wrong[0]].shape} in channel {wrong[0]}")
-    types = {planes[name].dtype.name for name in names}
-    dtype = next((dtype for dtype in DTYPES if types == {dtype}), None)
+    types = {planes[name].dtype for name in names}
+    dtype = next((dtype for dtype in DTYPES if types == {np.dtype(dtype)}), None)
     if dtype is None:
-        raise _wrong(where, f"expected float32 or float16 in every channel, got {', '.join(sorted(types))}")
+        raise _wrong(where, f"expected float32 or float16 in every channel, got {', '.join(sorted(map(str, types)))}")
     return ExrImage(planes=tuple(planes[name] for name in names), dtype=dtype,
                     layer=str(header.get(f"{NAMESPACE}:layer", "")), key=str(header.get(f"{NAMESPACE}:key", "")))
 
