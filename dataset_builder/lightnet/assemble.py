@@ -3,7 +3,7 @@
 The pictures of a batch share one stretch of memory, which may be one that two processes share.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,18 +14,16 @@ from dataset_builder.lightnet.batch import Batch, Inputs, Truth
 from dataset_builder.lightnet.lighting import MIRROR
 
 CHANNELS = {"i_s": 3, "d": 3, "r": 3, "i_t": 3, "s_prime": 3, "inside": 1}
-Planes = tuple[np.ndarray, ...]
-"""(H, W) of R, G and B, as they are stored."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Part:
-    """One example. layers: all colours with their names, perhaps read as they are asked for, and once; inside: (H, W)
-    bool; exposure: of the target light; source_exposure: of the source light; lighting: (3, 9), not exposed, camera's
-    frame."""
+    """One example. layers: all colours, (3, H, W), with their names, perhaps read as they are asked for, and once;
+    inside: (H, W) bool; exposure: of the target light; source_exposure: of the source light; lighting: (3, 9), not
+    exposed, camera's frame."""
 
     key: str
-    layers: Iterable[tuple[str, Planes]]
+    layers: Iterable[tuple[str, np.ndarray]]
     inside: np.ndarray
     exposure: float
     source_exposure: float
@@ -87,15 +85,14 @@ def fill(memory: torch.Tensor, chosen: Iterable[Chosen], shape: Shape) -> Notes:
     pictures = {name: picture.numpy() for name, picture in shape.pictures(memory).items()}
     notes = []
     for number, (part, variation, window) in enumerate(chosen):
-        lit = [gain * part.exposure for gain in variation.gain]
-        covered = _cut(part.inside, window, variation.mirrored).astype(np.float32)
-        _write(pictures["inside"][number], [covered], [covered])
-        exposed = [covered * np.float32(factor) for factor in lit]
-        weights = {"i_s": [covered * np.float32(part.source_exposure)] * 3, "i_t": exposed, "s_prime": exposed}
+        lit = np.multiply(variation.gain, part.exposure)[:, None, None]
+        covered = _cut(part.inside, window, variation.mirrored).astype(np.float32)[None]
+        _write(pictures["inside"][number], covered, covered)
+        exposed = covered * lit.astype(np.float32)
+        weights = {"i_s": covered * np.float32(part.source_exposure), "i_t": exposed, "s_prime": exposed}
         for name, planes in part.layers:
-            stretches = [_cut(plane, window, variation.mirrored) for plane in planes]
-            _write(pictures[name][number], stretches, weights.get(name, [covered] * 3))
-        sh = part.lighting * np.array(lit)[:, None]
+            _write(pictures[name][number], _cut(planes, window, variation.mirrored), weights.get(name, covered))
+        sh = part.lighting * lit[:, :, 0]
         notes.append((part.key, part.exposure, sh * MIRROR if variation.mirrored else sh))
     keys, exposures, lights = zip(*notes, strict=True)
     return Notes(keys=keys, exposure=np.array(exposures, np.float32), sh=np.array(lights, np.float32))
@@ -111,21 +108,21 @@ def batch_of(memory: torch.Tensor, notes: Notes, shape: Shape) -> Batch:
     )
 
 
-def planes_of(picture: np.ndarray) -> Planes:
-    """Planes of an (H, W, 3) picture; views."""
-    return tuple(np.moveaxis(picture, -1, 0))
+def planes_of(picture: np.ndarray) -> np.ndarray:
+    """(3, H, W) of an (H, W, 3) picture; a view."""
+    return np.moveaxis(picture, -1, 0)
 
 
-def _cut(plane: np.ndarray, window: Window, mirrored: bool) -> np.ndarray:
-    """The part of (H, W) in a window, as far as the picture goes."""
-    stretch = plane[window.top:window.top + window.height, window.left:window.left + window.width]
-    return stretch[:, ::-1] if mirrored else stretch
+def _cut(planes: np.ndarray, window: Window, mirrored: bool) -> np.ndarray:
+    """The part of (..., H, W) in a window, as far as the picture goes."""
+    top, left, height, width = window
+    stretch = planes[..., top:top + height, left:left + width]
+    return stretch[..., ::-1] if mirrored else stretch
 
 
-def _write(target: np.ndarray, planes: Sequence[np.ndarray], weights: Sequence[np.ndarray]) -> None:
-    """Planes times weights into the upper left of (C, H, W), which is 0 elsewhere."""
-    rows, columns = planes[0].shape
-    if (rows, columns) != target.shape[1:]:
+def _write(target: np.ndarray, planes: np.ndarray, weight: np.ndarray) -> None:
+    """Planes times weight into the upper left of (C, H, W), which is 0 elsewhere."""
+    rows, columns = planes.shape[1:]
+    if planes.shape != target.shape:
         target[:] = 0
-    for one, plane, weight in zip(target, planes, weights, strict=True):
-        np.multiply(plane, weight, out=one[:rows, :columns])
+    np.multiply(planes, weight, out=target[:, :rows, :columns])

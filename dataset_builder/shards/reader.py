@@ -106,10 +106,11 @@ class Dataset:
 
     def _require_sound(self, image: exr.ExrImage, layer: str, place: _Place, span: _Span) -> None:
         shape = (LAYERS[layer].channels, self.manifest.height, self.manifest.width)
-        if (got := (len(image.planes), *image.planes[0].shape)) != shape:
+        if (got := image.planes.shape) != shape:
             raise self._spoilt(place, span, f"expected channels, rows, columns {shape}, got {got}")
-        if not all(np.isfinite(plane).all() for plane in image.planes):
-            bad = int(np.count_nonzero(~np.isfinite(image.planes)))
+        finite = np.isfinite(image.planes)
+        if not finite.all():
+            bad = int(np.count_nonzero(~finite))
             raise self._spoilt(place, span, f"expected finite values, got {bad} that are NaN or Inf")
 
     def _spoilt(self, place: _Place, span: _Span, rule: str) -> ShardError:
