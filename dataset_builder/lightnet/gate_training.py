@@ -23,7 +23,7 @@ from dataset_builder.shards.atomic import output_errors
 from dataset_builder.shards.check import Check, Rule
 from dataset_builder.spec.training import TrainingSpec
 
-STEPS = 400
+STEPS = 600
 SETTINGS = ("model={width: 16, downs: 3}", "data={batch: 4, crop: 96, workers: 0}",
             "check={every: 1000000, examples: 8}", "optimiser.rate=2e-3", "objective.l1=1")
 """A LighTNet that two cores train on a hundred small pictures in minutes; checked once, at its end. Where the
