@@ -86,7 +86,7 @@ def seen(frame: Frame, inside: np.ndarray, *, source_exposure: float) -> Batch:
     pictures = {"i_s": frame.i_s.clip(min=0), "s_prime": s_prime, "d": nothing, "r": nothing, "i_t": nothing}
     return whole(Part(
         key=frame.name, layers=[(name, planes_of(picture)) for name, picture in pictures.items()], inside=inside,
-        exposure=exposure_of(s_prime, inside), source_exposure=source_exposure,
+        exposure=exposure_of(planes_of(s_prime), inside), source_exposure=source_exposure,
         lighting=np.zeros((3, 9)) if frame.lighting is None else frame.lighting))
 
 

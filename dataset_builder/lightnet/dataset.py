@@ -22,6 +22,8 @@ LAYERS = ("mask", "s_prime", "i_s", "d", "r", "i_t")
 """All that is read, in this order: the first two say how the others are seen. A dataset may hold more."""
 DIGITS = 6
 """Of the exposure, so that it is the same however many threads add up."""
+OTHER_SPLIT = "name one of these: `data.train` or `data.held_out` of the training, or --split"
+ONE_SPLIT = "a training takes two splits, of objects of their own: build the dataset with another one"
 NAMED = 5
 """Keys that a sentence names at most."""
 
@@ -91,7 +93,7 @@ class LightingDataset(Dataset[Batch]):
             raise ShardError([Problem(where=str(self.folder), path=entry.key, hint="build or download it again",
                                       rule=f"expected a mask of up to {entry.cover:g}, as its label says, got less")])
         if entry.key not in self._exposures:
-            self._exposures[entry.key] = exposure_of(s_prime.pixels, inside)
+            self._exposures[entry.key] = exposure_of(s_prime.planes, inside)
         layers = chain([(name, s_prime)], images)
         return Part(key=entry.key, layers=((name, image.planes) for name, image in layers), inside=inside,
                     exposure=self._exposures[entry.key], source_exposure=self.spec.source_exposure,
@@ -106,10 +108,13 @@ class LightingDataset(Dataset[Batch]):
 
 
 def exposure_of(s_prime: np.ndarray, inside: np.ndarray) -> float:
-    """Target exposure of an example: (H, W, 3) S' over (H, W) inside, rounded so that it is the same everywhere."""
-    # The object's pixels alone are few enough for PyTorch to leave its threads asleep
-    light = torch.from_numpy(s_prime[inside].T.astype(np.float64))[:, None]
-    exposure = float(target_exposure(light, torch.ones_like(light[:1])))
+    """Target exposure of an example: (3, H, W) S' over (H, W) inside, rounded so that it is the same everywhere.
+
+    The mean luminance is the luminance of the mean colour, which is soon found.
+    """
+    light = s_prime.reshape(len(s_prime), -1).take(np.flatnonzero(inside), axis=1)
+    colour = torch.from_numpy(light.mean(axis=1, dtype=np.float64))[:, None, None]
+    exposure = float(target_exposure(colour, torch.ones_like(colour[:1])))
     return float(f"{exposure:.{DIGITS}g}")
 
 
@@ -122,7 +127,7 @@ def _require(folder: Path, split: str) -> None:
         problems.append(Problem(where=str(folder), path="layers", rule=rule, hint="build it with these layers"))
     if split not in splits:
         problems.append(Problem(where=str(folder), path="splits", rule=f"expected {split}, got {', '.join(splits)}",
-                                hint="choose `data.train` and `data.held_out` among these"))
+                                hint=OTHER_SPLIT if len(splits) > 1 else ONE_SPLIT))
     if problems:
         raise UserError(problems)
 

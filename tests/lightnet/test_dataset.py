@@ -69,7 +69,7 @@ def test_the_source_exposure_multiplies_i_s_alone(folder: Path) -> None:
 
 def test_the_exposure_does_not_depend_on_threads() -> None:
     stream = np.random.default_rng(0)
-    s_prime = stream.uniform(0, 3, (200, 300, 3)).astype(np.float32)
+    s_prime = stream.uniform(0, 3, (3, 200, 300)).astype(np.float32)
     inside, threads = stream.uniform(size=(200, 300)) < 0.3, torch.get_num_threads()
     try:
         found = []
@@ -78,7 +78,7 @@ def test_the_exposure_does_not_depend_on_threads() -> None:
             found.append(exposure_of(s_prime, inside))
     finally:
         torch.set_num_threads(threads)
-    expected = 1 / (s_prime.astype(float) @ [0.2126, 0.7152, 0.0722])[inside].mean()
+    expected = 1 / ([0.2126, 0.7152, 0.0722] @ s_prime[:, inside].astype(float)).mean()
     assert len(set(found)) == 1 and found[0] == pytest.approx(expected, rel=1e-6)
 
 
