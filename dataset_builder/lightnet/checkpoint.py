@@ -4,14 +4,15 @@ A file holds plain data and tensors only and is read with `weights_only`, so tha
 wrong but cannot run code.
 """
 
-import json
 import pickle
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile, ZipFile
 
 import torch
+from pydantic import ValidationError
 
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.lightnet.device import choose
@@ -55,13 +56,18 @@ def load_state(path: Path) -> dict[str, Any]:
     """A training's state, its tensors on the CPU. Raises UserError where the file is none of ours or damaged."""
     try:
         state = torch.load(path, map_location="cpu", weights_only=True)
+        # PyTorch takes changed bytes for numbers; the archive has checksums
+        with ZipFile(path) as archive:
+            damaged = archive.testzip()
     except FileNotFoundError as error:
         raise _wrong(path, "expected a checkpoint, found no file") from error
     except OSError as error:
         raise _wrong(path, f"expected a readable file, got: {error.strerror or error}") from error
-    except (RuntimeError, pickle.UnpicklingError, EOFError, ValueError, KeyError, TypeError) as error:
+    except (RuntimeError, pickle.UnpicklingError, EOFError, ValueError, KeyError, TypeError, BadZipFile) as error:
         raise _wrong(path, "expected a checkpoint, got a file that does not read as one: cut short, or another kind") \
             from error
+    if damaged:
+        raise _wrong(path, "expected the bytes that were written, got others: it was damaged on the disk or on its way")
     if not isinstance(state, dict) or state.get("format") != FORMAT:
         raise _wrong(path, "expected a checkpoint of `dataset-builder train`, got another kind of file")
     if state.get("version") != VERSION or set(state) != KEYS:
@@ -73,12 +79,21 @@ def load_state(path: Path) -> dict[str, Any]:
 def load_trained(path: Path, device: str = "auto") -> Trained:
     """The method of a checkpoint. Raises UserError as `load_state` does, or where its weights fit no such method."""
     state, where = load_state(path), choose(device)
-    spec = TrainingSpec.model_validate(json.loads(state["spec"]))
+    spec = spec_of(state, path)
     # Losses are not needed any more, and neither are the weights of VGG
     method = build_method(spec.model_copy(update={"objective": ObjectiveSpec(fr=0)}))
     load_weights(method, state["method"], path)
     return Trained(method=method.to(where).eval(), spec=spec, step=state["step"], dataset=state["dataset"],
                    off=tuple(state["off"]), device=where)
+
+
+def spec_of(state: dict[str, Any], path: Path) -> TrainingSpec:
+    """How the training of a state is done. Raises UserError where this version knows no such spec."""
+    try:
+        return TrainingSpec.model_validate_json(state["spec"])
+    except ValidationError as error:
+        raise _wrong(path, "expected a configuration of this version of the package, got one of another",
+                     "train again with this version") from error
 
 
 def load_weights(method: Method, weights: dict[str, torch.Tensor], path: Path) -> None:

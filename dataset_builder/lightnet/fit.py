@@ -5,19 +5,21 @@ its last checkpoint to the same weights, bit by bit on one CPU with the same num
 """
 
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 import torch
 
 from dataset_builder import __version__
-from dataset_builder.digest import digest, sha256_file
+from dataset_builder.digest import digest
 from dataset_builder.errors import OutputError, Problem, UserError
 from dataset_builder.lightnet import loader
 from dataset_builder.lightnet.batch import Batch
 from dataset_builder.lightnet.board import Board
-from dataset_builder.lightnet.checkpoint import load_state, load_weights, save_state
+from dataset_builder.lightnet.checkpoint import load_state, load_weights, save_state, spec_of
 from dataset_builder.lightnet.dataset import LightingDataset
 from dataset_builder.lightnet.device import Precision, autocast, choose, precision_on
 from dataset_builder.lightnet.events import Checked, Event, Finished, Started, Stepped
@@ -26,12 +28,17 @@ from dataset_builder.lightnet.methods import build_method
 from dataset_builder.lightnet.metrics import mean_metrics, measure
 from dataset_builder.lightnet.optimise import Optimisers
 from dataset_builder.lightnet.predict import predict
+from dataset_builder.lightnet.vgg import file_digest
 from dataset_builder.seeding import derive_seed
-from dataset_builder.shards.atomic import output_errors, write_atomic
+from dataset_builder.shards.atomic import write_atomic
+from dataset_builder.shards.lock import locked
 from dataset_builder.shards.reader import load_manifest
+from dataset_builder.spec.differences import differences
 from dataset_builder.spec.training import DataSpec, TrainingSpec
 
-LAST, BEST, LOG, SPEC = "last.pt", "best.pt", "log.csv", "training.json"
+LAST, BEST, LOG, SPEC, LOCK = "last.pt", "best.pt", "log.csv", "training.json", ".lock"
+FREE = ("data.workers", "data.verify", "most_bad_steps")
+"""What may change between the runs of one training."""
 SEED_BITS = 63
 """Of PyTorch's seeds."""
 
@@ -50,7 +57,7 @@ class Job:
     def identity(self) -> str:
         """Digest of whatever decides the weights, but for the machine: not of who reads, how files are checked, and
         when training gives up, which a user may have to change to go on."""
-        vgg = sha256_file(self.vgg_weights) if self.vgg_weights and self.spec.objective.fr else ""
+        vgg = file_digest(self.vgg_weights) if self.vgg_weights and self.spec.objective.fr else ""
         shards = [shard.sha256 for shard in load_manifest(self.dataset).shards]
         data = self.spec.data.model_copy(update={"workers": 0, "verify": DataSpec().verify})
         deciding = self.spec.model_copy(update={"data": data, "most_bad_steps": TrainingSpec().most_bad_steps})
@@ -72,18 +79,19 @@ class _Progress:
 def fit(job: Job) -> Iterator[Event]:
     """Train, or go on with a training, yielding news; the files are in `job.out`.
 
-    Raises UserError where the dataset lacks what is needed, where `out` holds another training, and where more steps
-    than `most_bad_steps` had a loss or gradient that was not finite; checkpoints up to then are kept.
+    Raises UserError where the dataset lacks what is needed, where `out` holds another training or another process
+    trains there, and where more steps than `most_bad_steps` had a loss or gradient that was not finite; checkpoints up
+    to then are kept.
     """
     training = _Training(job)
-    yield training.started()
-    if training.finished():
-        yield training.end("already")
-        return
-    try:
-        yield from training.run()
-    finally:
-        training.board.close()
+    with locked(job.out / LOCK, folder=job.out, work="training"):
+        training.go_on()
+        yield training.started()
+        if training.finished():
+            yield training.end("already")
+            return
+        with closing(training.board):
+            yield from training.run()
 
 
 class _Training:
@@ -98,28 +106,31 @@ class _Training:
         self.held_out = LightingDataset(job.dataset, spec.data.held_out, spec.data, levels=job.levels)
         self.method: Method = build_method(spec, job.vgg_weights).to(self.device)
         self.optimisers, self.running = Optimisers(self.method, spec), running_statistics(self.method)
-        self.progress = _Progress()
-        self._go_on()
-        self.first = self.progress.step
-        with output_errors(job.out):
-            job.out.mkdir(parents=True, exist_ok=True)
-        write_atomic(job.out / SPEC, spec.model_dump_json(indent=2).encode() + b"\n")
-        self.board = Board(job.out / "tensorboard", self.first)
+        self.progress, self.first = _Progress(), 0
 
-    def _go_on(self) -> None:
+    def go_on(self) -> None:
         """Take up the checkpoint in `out`, if there is one. Raises OutputError where it is of another training."""
         path = self.job.out / LAST
-        if not path.exists():
-            return
-        state = load_state(path)
+        if path.exists():
+            self._take_up(load_state(path), path)
+        self.first = self.progress.step
+        self.board = Board(self.job.out / "tensorboard", self.first)
+        write_atomic(self.job.out / SPEC, self.spec.model_dump_json(indent=2).encode() + b"\n")
+
+    def _take_up(self, state: dict[str, Any], path: Path) -> None:
         if state["identity"] != self.identity:
-            rule = "expected a new folder or an earlier run of this training, got a checkpoint of another one"
-            hint = "dataset, configuration or VGG weights differ: choose another --out, or remove it"
-            raise OutputError([Problem(where=str(path), path="", rule=rule, hint=hint)])
+            rule = f"expected an earlier run of this training, got one with {self._other(spec_of(state, path))}"
+            raise OutputError([Problem(where=str(path), path="", rule=rule, hint="choose another --out, or remove it")])
         load_weights(self.method, state["method"], path)
         self.optimisers.load(state["optimisers"])
         self.progress = _Progress(step=state["step"], history=list(state["history"]), stale=state["stale"],
                                   best=(int(state["best"][0]), state["best"][1]), bad_steps=state["bad_steps"])
+
+    def _other(self, spec: TrainingSpec) -> str:
+        """What tells a training with `spec` from this one."""
+        changes = {key: values for key, values in differences(spec, self.spec).items() if key not in FREE}
+        told = [f"{key} {there} instead of {here}" for key, (there, here) in changes.items()]
+        return ", ".join(told) or "another dataset, other VGG weights or another version of this package"
 
     def started(self) -> Started:
         """What is about to be trained."""

@@ -59,12 +59,31 @@ def load_trunk(path: Path, layer: VggLayer, *, expected_sha256: str = SHA256) ->
     Raises UserError where there is no such file, where its size or digest is another's, or where it does not hold all
     weights that are needed, finite and of the right shapes. Nothing in the file is executed (`weights_only`).
     """
-    _check_file(path, expected_sha256)
+    check_file(path, expected_sha256)
     weights = _read(path)
     if problems := [problem for name, shape in _needed(layer).items()
                     for problem in _problems(path, name, shape, weights.get(name))]:
         raise UserError(problems)
     return VggTrunk(layer, weights)
+
+
+def check_file(path: Path, expected_sha256: str = SHA256) -> None:
+    """Raise UserError where a file is not torchvision's, or the one whose digest is given."""
+    # A cut download is told at once, not after its half gigabyte was hashed
+    if expected_sha256 == SHA256 and path.is_file() and (size := path.stat().st_size) != BYTES:
+        raise _wrong(path, f"expected {BYTES} bytes, got {size}")
+    if (found := file_digest(path)) != expected_sha256:
+        raise _wrong(path, f"expected SHA-256 {expected_sha256}, got {found}")
+
+
+def file_digest(path: Path) -> str:
+    """SHA-256 of a weights file. Raises UserError where there is none, or none that can be read."""
+    if not path.is_file():
+        raise _wrong(path, "expected a file, found none")
+    try:
+        return sha256_file(path)
+    except OSError as error:
+        raise _wrong(path, f"expected a file that can be read, got: {error.strerror}") from error
 
 
 def _needed(layer: VggLayer) -> dict[str, tuple[int, ...]]:
@@ -77,18 +96,6 @@ def _needed(layer: VggLayer) -> dict[str, tuple[int, ...]]:
     return shapes
 
 
-def _check_file(path: Path, expected_sha256: str) -> None:
-    if not path.is_file():
-        raise _wrong(path, "expected a file, found none")
-    # A cut download is told at once, not after its half gigabyte was hashed
-    if expected_sha256 == SHA256 and (size := path.stat().st_size) != BYTES:
-        raise _wrong(path, f"expected {BYTES} bytes, got {size}")
-    try:
-        found = sha256_file(path)
-    except OSError as error:
-        raise _wrong(path, f"expected a file that can be read, got: {error.strerror}") from error
-    if found != expected_sha256:
-        raise _wrong(path, f"expected SHA-256 {expected_sha256}, got {found}")
 
 
 def _read(path: Path) -> dict[str, torch.Tensor]:

@@ -1,18 +1,16 @@
 """The output folder: is it ours, and does nobody else build into it?
 
-`.build` inside it marks it as ours before there is a `dataset.json`, and holds the lock and the staged examples. The
-lock is the system's (flock), which ends with the process that holds it, however it ends.
+`.build` inside it marks it as ours before there is a `dataset.json`, and holds the lock and the staged examples.
 """
 
-import fcntl
 import json
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from dataset_builder.errors import OutputError, Problem
 from dataset_builder.shards.atomic import flush_folder, output_errors
+from dataset_builder.shards.lock import locked
 
 WORK = ".build"
 LOCK = "lock"
@@ -45,14 +43,8 @@ def build_lock(folder: Path) -> Iterator[None]:
     Raises OutputError as `claim` does, and, naming the process, where another build is at work in it.
     """
     claim(folder)
-    path = folder / WORK / LOCK
-    descriptor = _acquire(folder, path)
-    try:
+    with locked(folder / WORK / LOCK, folder=folder, work="build"):
         yield
-    finally:
-        # Unlink before release: whoever waits for the old file sees that it lost its name
-        path.unlink(missing_ok=True)
-        os.close(descriptor)
 
 
 def retract(folder: Path) -> None:
@@ -61,25 +53,6 @@ def retract(folder: Path) -> None:
         if (folder / MANIFEST).exists():
             (folder / MANIFEST).unlink()
             flush_folder(folder)
-
-
-def _acquire(folder: Path, path: Path) -> int:
-    while True:
-        with output_errors(path):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            holder = os.pread(descriptor, 32, 0).decode(errors="replace").strip() or "unknown"
-            os.close(descriptor)
-            raise _refused(folder, f"another build is at work here (process {holder})",
-                           "wait for it, or choose another output folder") from error
-        if path.exists() and os.path.samestat(os.fstat(descriptor), path.stat()):
-            os.ftruncate(descriptor, 0)
-            os.pwrite(descriptor, f"{os.getpid()}\n".encode(), 0)
-            return descriptor
-        os.close(descriptor)
 
 
 def _is_dataset(folder: Path) -> bool:

@@ -40,16 +40,3 @@ def settings_of(spec: TrainingSpec, device: str, seeds: int = 1) -> str:
     which = f"{seeds} seeds" if seeds > 1 else f"seed {spec.seed}"
     return (f"width {spec.model.width}, {spec.steps} steps of {spec.data.batch} examples, crops of {spec.data.crop} "
             f"pixels, {which}, {where}: not the paper's run")
-
-
-def differences(first: TrainingSpec, second: TrainingSpec) -> dict[str, tuple[Any, Any]]:
-    """Dotted keys in which two specs differ, with both values."""
-    one, two = _flat(first.model_dump()), _flat(second.model_dump())
-    return {key: (one[key], two[key]) for key in one if one[key] != two[key]}
-
-
-def _flat(plain: Mapping[str, Any], path: str = "") -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for key, value in plain.items():
-        found |= _flat(value, f"{path}{key}.") if isinstance(value, dict) else {f"{path}{key}": value}
-    return found

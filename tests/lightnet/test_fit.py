@@ -189,9 +189,38 @@ def test_another_training_is_left_alone(dataset: Path, tmp_path: Path) -> None:
     run(made)
     before = (made.out / "last.pt").read_bytes()
     for other in (job(dataset, made.out, "steps=4"), replace(made, levels=(0,))):
-        with pytest.raises(OutputError, match="expected a new folder or an earlier run of this training"):
+        with pytest.raises(OutputError, match="expected an earlier run of this training, got one with "):
             run(other)
     assert (made.out / "last.pt").read_bytes() == before
+
+
+def test_what_another_training_differs_in_is_told(dataset: Path, tmp_path: Path) -> None:
+    """But not what may change."""
+    made = job(dataset, tmp_path / "out", "steps=2")
+    run(made)
+    with pytest.raises(OutputError, match=r"got one with steps 2 instead of 4, model\.width 4 instead of 8 \(choose"):
+        run(job(dataset, made.out, "steps=4", "model.width=8", "data.workers=1"))
+    with pytest.raises(OutputError, match="got one with another dataset, other VGG weights or another version"):
+        run(replace(made, levels=(0,)))
+
+
+def test_two_trainings_in_one_folder(dataset: Path, tmp_path: Path) -> None:
+    made = job(dataset, tmp_path / "out")
+    first = fit(made)
+    assert isinstance(next(first), Started)
+    for other in (made, job(dataset, made.out, "seed=1")):
+        with pytest.raises(OutputError, match=r"out: another training is at work here \(process \d+\)"):
+            run(other)
+    assert not (made.out / "last.pt").exists()
+    first.close()
+    assert one(run(made), Finished).step == 6
+
+
+def test_weights_of_vgg_that_are_not_there(dataset: Path, tmp_path: Path) -> None:
+    for path in (tmp_path / "none.pth", tmp_path):
+        with pytest.raises(UserError, match=r"expected a file, found none \(--vgg-weights takes"):
+            run(replace(job(dataset, tmp_path / "out"), vgg_weights=path))
+    assert not (tmp_path / "out").exists()
 
 
 def test_what_decides_no_weight_may_change(dataset: Path, tmp_path: Path) -> None:
@@ -210,6 +239,19 @@ def test_a_damaged_checkpoint_is_told(dataset: Path, tmp_path: Path, damage: byt
     path = made.out / "last.pt"
     path.write_bytes(path.read_bytes()[:-100] if damage is None else damage)
     with pytest.raises(UserError, match=r"last\.pt: expected a checkpoint"):
+        run(made)
+
+
+def test_changed_bytes_are_not_taken_for_weights(dataset: Path, tmp_path: Path) -> None:
+    """PyTorch reads them without a word."""
+    made = job(dataset, tmp_path / "out", "steps=2")
+    run(made)
+    data = bytearray((made.out / "last.pt").read_bytes())
+    place = data.index(next(tensor for tensor in weights(made).values() if tensor.numel() > 50).numpy().tobytes())
+    data[place + 8:place + 12] = bytes(4)
+    (made.out / "last.pt").write_bytes(data)
+    assert torch.load(made.out / "last.pt", weights_only=True)["step"] == 2
+    with pytest.raises(UserError, match=r"last\.pt: expected the bytes that were written, got others"):
         run(made)
 
 

@@ -3,6 +3,7 @@
 import csv
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -67,6 +68,11 @@ def test_what_cannot_be_studied_is_refused_before_it_is_built(small_spec: Path, 
                                                               overrides: Sequence[str], rule: str) -> None:
     with pytest.raises(UserError, match=rule):
         require(made(small_spec, tmp_path, levels, *overrides))
+
+
+def test_weights_of_vgg_are_looked_at_before_anything_is_rendered(small_spec: Path, tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"none.pth: expected a file, found none"):
+        require(replace(made(small_spec, tmp_path, "0,0.01"), vgg_weights=tmp_path / "none.pth"))
 
 
 def test_trainings_differ_in_levels_and_steps_alone(small_spec: Path, tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from dataset_builder.engine.local import cores
 from dataset_builder.engine.unit import Job
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.layers import PAPER_LAYERS
+from dataset_builder.lightnet.vgg import check_file
 from dataset_builder.rendering.backend import choose
 from dataset_builder.spec.load import load_dataset
 from dataset_builder.spec.loaded import LoadedSpec
@@ -73,6 +74,8 @@ def require(study: NoiseStudy) -> None:
             problems.append(_problem("splits", f"expected a split {name}, got {', '.join(splits)}"))
     if problems:
         raise UserError(problems)
+    if study.vgg_weights and study.training.objective.fr:
+        check_file(study.vgg_weights)
 
 
 def make(study: NoiseStudy) -> Iterator[Event]:

@@ -11,6 +11,7 @@ from dataset_builder.lightnet.dataset import LightingDataset
 from dataset_builder.lightnet.evaluate import Contender, Row, contender, evaluate, trivial
 from dataset_builder.lightnet.events import Event
 from dataset_builder.lightnet.fit import LAST, Job
+from dataset_builder.lightnet.vgg import check_file
 from dataset_builder.shards.reader import load_manifest
 from dataset_builder.spec.training import TrainingSpec
 from dataset_builder.studies.derived import changed, settings_of
@@ -68,6 +69,8 @@ def run(study: TableStudy) -> Iterator[News | Measured]:
 
     Raises UserError as `lightnet.fit.fit` does, and where the dataset lacks what is needed.
     """
+    if study.vgg_weights:
+        check_file(study.vgg_weights)
     work = [(row, seed) for row in study.table.rows for seed in seeds_of(study, row)]
     for number, (row, seed) in enumerate(work, start=1):
         job = _job(study, row, seed)
