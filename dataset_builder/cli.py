@@ -28,7 +28,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(f"error: {problem}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("interrupted: finished examples are kept; run the same command again to go on", file=sys.stderr)
+        print("interrupted: finished examples and checkpoints are kept; run the same command again to go on",
+              file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:
         return 0

@@ -1,9 +1,11 @@
 """What the terminal shows of a training: its size, a bar with losses and rate, a line for each check."""
 
 from collections.abc import Iterable, Iterator
+from itertools import chain, islice
 
-from rich.console import Console
+from rich.console import Console, RenderableType
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.text import Text
 
 from dataset_builder.lightnet.events import Checked, Event, Finished, Started, Stepped
 
@@ -11,10 +13,12 @@ REASONS = {"steps": "all steps done", "patience": "no better check for long enou
 
 
 def follow(events: Iterable[Event], console: Console) -> Iterator[Event]:
-    """Pass events on while a progress bar shows them."""
+    """Pass events on while a progress bar shows them; there is none before the first event."""
+    coming = iter(events)
+    begun = list(islice(coming, 1))
     with bar_of_steps(console) as progress:
         bar = progress.add_task("", total=None, text="")
-        for event in events:
+        for event in chain(begun, coming):
             if isinstance(event, Started):
                 progress.update(bar, total=event.steps, completed=event.first)
             if isinstance(event, Stepped):
@@ -24,10 +28,21 @@ def follow(events: Iterable[Event], console: Console) -> Iterator[Event]:
             yield event
 
 
+class _Steps(Progress):
+    """The text of a bar has a line of its own below it, so that 80 columns hold both."""
+
+    def get_renderables(self) -> Iterator[RenderableType]:
+        """The bars, and the text of each that is shown."""
+        yield self.make_tasks_table(self.tasks)
+        for task in self.tasks:
+            if task.visible and task.fields["text"]:
+                yield Text(task.fields["text"], no_wrap=True, overflow="ellipsis")
+
+
 def bar_of_steps(console: Console) -> Progress:
-    """A bar of steps with a text of its own, and the time that has gone and is left."""
-    return Progress(TextColumn("steps"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[text]}"),
-                    TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(), console=console)
+    """A bar of steps, the time that has gone and is left, and a text of its own, the field `text`."""
+    return _Steps(TextColumn("steps"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left"),
+                  TimeRemainingColumn(), console=console)
 
 
 def lines_of(event: Event) -> list[str]:
@@ -48,7 +63,7 @@ def started_lines(event: Started) -> list[str]:
     lines = [f"parameters: {sizes}; {event.train} examples to train on, {event.held_out} held out; "
              f"{event.device}, {event.precision}"]
     lines += [*event.notes, *(f"off: {reason}" for reason in event.off)]
-    return [*lines, f"going on after step {event.first}"] if event.first else lines
+    return [*lines, f"going on after step {event.first}"] if 0 < event.first < event.steps else lines
 
 
 def finished_lines(event: Finished) -> list[str]:

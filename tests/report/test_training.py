@@ -1,11 +1,15 @@
 """What the terminal says of a training."""
 
+from collections.abc import Iterator
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 
+import pytest
 from rich.console import Console
 
-from dataset_builder.lightnet.events import Checked, Finished, Started, Stepped
+from dataset_builder.errors import UserError
+from dataset_builder.lightnet.events import Checked, Event, Finished, Started, Stepped
 from dataset_builder.report.training import follow, lines_of, step_text
 
 STARTED = Started(parameters={"generator": 1200, "discriminator": 34}, first=7, steps=20, train=64, held_out=16,
@@ -32,6 +36,32 @@ def test_lines_that_stay() -> None:
 
 def test_the_bar_has_losses_rate_and_waiting() -> None:
     assert step_text(STEPPED) == "dr 0.2500 lab 0.5000  4.0 images/s  25% waiting"
+
+
+def test_eighty_columns_hold_steps_time_and_losses() -> None:
+    """Of a text beside the bar, or of a bar that gives way, something was cut."""
+    out = StringIO()
+    many = replace(STEPPED, step=1200, terms={"dr": 0.25, "fr": 0.5, "dssim": 0.125, "lab": 0.5, "l1": 0.0625})
+    list(follow([replace(STARTED, steps=100_000), many], Console(file=out, width=80)))
+    text = out.getvalue()
+    assert " 1200/100000 " in text and " left " in text
+    assert "dr 0.2500 fr 0.5000 dssim 0.1250 lab 0.5000 l1 0.0625  4.0 images/s  25% waiting" in text.splitlines()
+    assert "…" not in text
+
+
+def test_what_is_wrong_before_the_first_event_is_told_without_a_bar() -> None:
+    def refused() -> Iterator[Event]:
+        raise UserError("no dataset")
+        yield STARTED
+
+    out = StringIO()
+    with pytest.raises(UserError):
+        list(follow(refused(), Console(file=out, width=80)))
+    assert out.getvalue() == ""
+
+
+def test_a_training_that_was_finished_does_not_go_on() -> None:
+    assert not [line for line in lines_of(replace(STARTED, first=20)) if "going on" in line]
 
 
 def test_events_pass_in_order_and_their_lines_are_printed() -> None:
