@@ -7,6 +7,7 @@ fresh pages can cost as much as what is written to them.
 """
 
 import multiprocessing
+import warnings
 from collections import deque
 from collections.abc import Iterator, Sequence
 from multiprocessing.context import BaseContext
@@ -74,13 +75,16 @@ class _Source:
 def _read_ahead(source: _Source, steps: range, workers: int) -> Iterator[Batch]:
     ring = torch.empty((workers * AHEAD + 1, source.shape.numbers)).share_memory_()
     free = deque(range(len(ring)))
-    loader = DataLoader(
-        _Reader(source, ring), batch_sampler=_Orders(steps, free), num_workers=workers, prefetch_factor=AHEAD,
-        collate_fn=_as_it_is, multiprocessing_context=_context(), worker_init_fn=follow_the_parent,
-        # PyTorch draws a seed for its workers, which nobody uses: not from the generator that dropout draws from
-        generator=torch.Generator(),
-    )
-    orders: Any = iter(loader)
+    with warnings.catch_warnings():
+        # More processes than cores, which is for the user to say
+        warnings.filterwarnings("ignore", message="This DataLoader will create", category=UserWarning)
+        loader = DataLoader(
+            _Reader(source, ring), batch_sampler=_Orders(steps, free), num_workers=workers, prefetch_factor=AHEAD,
+            collate_fn=_as_it_is, multiprocessing_context=_context(), worker_init_fn=follow_the_parent,
+            # PyTorch draws a seed for its workers, which nobody uses: not from the generator that dropout draws from
+            generator=torch.Generator(),
+        )
+        orders: Any = iter(loader)
     try:
         for _ in steps:
             place, notes = _next(orders)

@@ -69,6 +69,13 @@ def test_batches_are_the_same_bit_by_bit_whoever_reads(dataset: LightingDataset,
     assert contents(training_batches(dataset, training(workers), multiple=8)) == expected
 
 
+def test_more_processes_than_cores_are_nobodys_warning(dataset: LightingDataset, expected: list[object],
+                                                       monkeypatch: pytest.MonkeyPatch) -> None:
+    """PyTorch prints two. Warnings are errors here."""
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0})
+    assert contents(training_batches(dataset, training(2), multiple=8)) == expected
+
+
 @pytest.mark.parametrize(("workers", "start"), [(0, 4), (1, 7), (2, 5), (0, STEPS), (1, STEPS)])
 def test_a_training_goes_on_where_it_was(dataset: LightingDataset, workers: int, start: int,
                                          expected: list[object]) -> None:
