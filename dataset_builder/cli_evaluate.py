@@ -57,11 +57,14 @@ def _evaluate(options: argparse.Namespace) -> int:
     from dataset_builder.report.evaluation_examples import example_rows
     from dataset_builder.report.evaluation_page import EXAMPLES, Evaluation, console_table, verdict_lines, write_page
     from dataset_builder.report.example_sheet import write_sheet
+    from dataset_builder.shards.atomic import require_writable
 
     console, loaded = Console(), load_all(options.checkpoint, options.device)
     console = console if console.is_terminal else Console(width=WIDTH)
     data = next(iter(loaded.values())).spec.data
     dataset = LightingDataset(options.folder, options.split or data.held_out, data)
+    out = options.out or options.checkpoint[0].parent / "evaluation"
+    require_writable(out)
     indices = spread_indices(len(dataset), options.examples or 0)
     trained = [contender(name, one) for name, one in loaded.items()]
     contenders = [*trained, *trivial()]
@@ -71,7 +74,6 @@ def _evaluate(options: argparse.Namespace) -> int:
         dataset=dataset.name, split=dataset.split, rows=rows, notes={one.name: one.note for one in contenders},
         trained=tuple(loaded), remarks=dataset.notes,
         seen=any((one.dataset, one.spec.data.train) == here for one in loaded.values()))
-    out = options.out or options.checkpoint[0].parent / "evaluation"
     write_page(evaluation, out)
     write_sheet(example_rows(rows, trained, dataset), out / EXAMPLES)
     console.print(console_table(evaluation))

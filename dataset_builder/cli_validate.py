@@ -41,9 +41,11 @@ def _validate(options: argparse.Namespace) -> int:
     from dataset_builder.lightnet.gate import Done, LeftOut, run
     from dataset_builder.report.gate_lines import follow
     from dataset_builder.report.gate_page import Report, refusals, write_report
+    from dataset_builder.shards.atomic import require_writable
 
     console, gate = Console(), _gate(options)
     console = console if console.is_terminal else Console(width=WIDTH)
+    require_writable(gate.out)
     done, left_out = list[Done](), tuple[str, ...]()
     for news in follow(run(gate), console):
         if isinstance(news, Done):

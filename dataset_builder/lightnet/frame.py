@@ -1,7 +1,7 @@
 """What is composed: the pictures of one camera, from an example of a dataset or from files of one's own."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +24,7 @@ class Frame:
 
     i_s: the object under plain light; s_prime: raw lighting of its rough mesh in the scene; mask: share of the pixel
     that the object covers; background: the whole scene, I_PBR; mask_rough: the mask of the rough mesh, if it is known.
-    lighting: (3, 9) as `lightnet.lighting` has it, or None.
+    lighting: (3, 9) as `lightnet.lighting` has it, or None. files: what parts are from, by name, for messages.
     """
 
     name: str
@@ -34,13 +34,19 @@ class Frame:
     background: np.ndarray
     mask_rough: np.ndarray | None = None
     lighting: np.ndarray | None = None
+    files: Mapping[str, Path] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Raises UserError with all that is wrong: sizes, values that are not finite, masks beyond [0, 1]."""
         parts = {name: getattr(self, name) for name in PARTS if getattr(self, name) is not None}
-        if problems := [Problem(where=self.name, path=name, rule=rule) for name, part in parts.items()
+        if problems := [self._problem(name, rule) for name, part in parts.items()
                         if (rule := _broken(name, part, self.i_s.shape[:2]))]:
             raise UserError(problems)
+
+    def _problem(self, name: str, rule: str) -> Problem:
+        if name in self.files:
+            return Problem(where=str(self.files[name]), path="", rule=rule)
+        return Problem(where=self.name, path=name, rule=rule)
 
 
 def frame_from_files(paths: Mapping[str, Path]) -> Frame:
@@ -53,7 +59,7 @@ def frame_from_files(paths: Mapping[str, Path]) -> Frame:
     if coloured := [name for name in masks if np.any(parts[name] != masks[name])]:
         rule = "expected a mask, one channel Y or three that are the same, got colours"
         raise UserError([Problem(where=str(paths[name]), path="", rule=rule) for name in coloured])
-    return Frame(name=str(paths["i_s"]), **{**parts, **masks})
+    return Frame(name=str(paths["i_s"]), files=paths, **{**parts, **masks})
 
 
 def frame_from_dataset(folder: Path, *, key: str = "", split: str = "", index: int = 0) -> Frame:

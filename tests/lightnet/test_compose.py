@@ -198,6 +198,16 @@ def test_wrong_files_are_told_by_name(frame: Frame, tmp_path: Path) -> None:
         frame_from_files({**paths, "i_s": tmp_path / "missing.exr"})
 
 
+def test_what_is_wrong_with_a_file_is_told_of_that_file(frame: Frame, tmp_path: Path) -> None:
+    paths = write_files(frame, tmp_path)
+    paths["background"].write_bytes(exr.encode_picture(light(4)[:20], name="frame"))
+    paths["s_prime"].write_bytes(exr.encode(frame.mask, layer="mask", key="0", dtype="float32"))
+    with pytest.raises(UserError) as error:
+        frame_from_files(paths)
+    assert [problem.where for problem in error.value.problems] == [str(paths["s_prime"]), str(paths["background"])]
+    assert not any(problem.path for problem in error.value.problems)
+
+
 def test_all_that_is_wrong_with_a_frame_is_told_at_once(frame: Frame) -> None:
     holed = light(1)
     holed[3, 4] = np.nan

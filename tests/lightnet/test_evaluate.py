@@ -196,6 +196,15 @@ def test_what_is_wrong_is_told(options: dict[str, str], said: str, folder: Path,
     assert said in capsys.readouterr().err and not (tmp_path / "out").exists()
 
 
+def test_a_place_that_cannot_be_written_is_told_before_anything_is_predicted(
+        folder: Path, checkpoint: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+        capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "file").write_text("x")
+    monkeypatch.setattr("dataset_builder.lightnet.evaluate.evaluate", lambda *_: pytest.fail("predicted"))
+    assert evaluate_verb(folder, checkpoint, out=str(tmp_path / "file")) == 2
+    assert "file: cannot be written" in capsys.readouterr().err
+
+
 def compose_verb(*arguments: object) -> int:
     """Exit code of the verb on the CPU."""
     return main(["compose", *map(str, arguments), "--device", "cpu"])
