@@ -1,3 +1,4 @@
+import json
 import pickle
 from collections.abc import Callable
 from pathlib import Path
@@ -118,6 +119,17 @@ def test_an_empty_split_is_told(tmp_path: Path) -> None:
         LightingDataset(folder, "evaluation", SPEC)
     with pytest.raises(ShardError, match="expected a finished dataset"):
         LightingDataset(tmp_path, "train", SPEC)
+
+
+def test_a_split_that_is_not_there_is_told_with_a_remedy(folder: Path, own: Path) -> None:
+    """With one split alone, choosing another name is no remedy."""
+    with pytest.raises(UserError, match=r"name one of these: .* or --split"):
+        LightingDataset(folder, "test", SPEC)
+    manifest = json.loads((own / "dataset.json").read_text())
+    manifest["splits"] = [split for split in manifest["splits"] if split["name"] == "train"]
+    (own / "dataset.json").write_text(json.dumps(manifest))
+    with pytest.raises(UserError, match="expected evaluation, got train .*build the dataset with another one"):
+        LightingDataset(own, "evaluation", SPEC)
 
 
 def test_objects_that_fill_no_pixel_are_left_out_and_counted(own: Path) -> None:
