@@ -3,21 +3,26 @@
 `python benchmarks/loader.py [DIR]`, on the training split of a finished dataset. Bare decode is `shards.exr.decode` of
 the six layers that training reads, in one process. The loader also reads, checks, cuts, exposes and copies; with 0
 workers in this process, else in processes that do nothing else. Shares are medians over rounds in which all are
-measured in turn, so that a machine that others use slows all of them. Bound: 0.9 of bare decode, 1 and 2 workers.
+measured in turn. Bound: 0.9 of bare decode, 1 and 2 workers.
+
+On a machine that others use, processes share what is left of its cores, and rates say little. Processor time per
+example, of whoever reads, says what a rate would be with a core for each reader.
 """
 
 import argparse
-import statistics
+import multiprocessing
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from itertools import cycle
 from pathlib import Path
+from statistics import median
 from time import perf_counter
 
 import _common as common
+import psutil
 
 from dataset_builder.errors import UserError
-from dataset_builder.lightnet.batch import Batch
 from dataset_builder.lightnet.dataset import LAYERS, LightingDataset
 from dataset_builder.lightnet.loader import spread_indices, training_batches
 from dataset_builder.shards import exr
@@ -30,6 +35,14 @@ DEFAULT = common.ROOT / "datasets" / "3df-lighting-mini"
 WORKERS, ROUNDS, MOST, MULTIPLE = (0, 1, 2), 9, 512, 16
 SECONDS, BOUND = 1.5, 0.9
 """Least time that each is measured for in a round; least share of bare decode."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Speed:
+    """rate: examples per second; busy: seconds of processor time per example, of those who read."""
+
+    rate: float
+    busy: float
 
 
 def files(dataset: LightingDataset) -> list[list[bytes]]:
@@ -45,36 +58,41 @@ def files(dataset: LightingDataset) -> list[list[bytes]]:
     return found
 
 
-def bare(encoded: Iterator[list[bytes]]) -> float:
-    """Examples per second of decoding alone."""
+def timed(work: Callable[[], int], readers: Sequence[psutil.Process]) -> Speed:
+    """How fast examples come out of `work`, which returns how many did."""
+    busy = processor(readers)
     count, begin = 0, perf_counter()
     while perf_counter() - begin < SECONDS:
-        for data in next(encoded):
-            exr.decode(data)
-        count += 1
-    return count / (perf_counter() - begin)
+        count += work()
+    return Speed(rate=count / (perf_counter() - begin), busy=(processor(readers) - busy) / count)
 
 
-def loaded(batches: Iterator[Batch]) -> float:
-    """Examples per second that come out of a loader that has long been running."""
-    count, begin = 0, perf_counter()
-    while perf_counter() - begin < SECONDS:
-        count += len(next(batches).keys)
-    return count / (perf_counter() - begin)
+def processor(readers: Sequence[psutil.Process]) -> float:
+    """Seconds of processor time that processes have used."""
+    return sum(sum(reader.cpu_times()[:2]) for reader in readers)
 
 
-def measure(dataset: LightingDataset, encoded: Iterator[list[bytes]]) -> dict[int, list[tuple[float, float]]]:
-    """(bare, loader) examples per second of every round, by workers."""
-    rates: dict[int, list[tuple[float, float]]] = {workers: [] for workers in WORKERS}
+def decode(layers: list[bytes]) -> int:
+    """Decode one example."""
+    for data in layers:
+        exr.decode(data)
+    return 1
+
+
+def measure(dataset: LightingDataset, encoded: Iterator[list[bytes]]) -> dict[int, list[tuple[Speed, Speed]]]:
+    """Bare decode and loader of every round, by workers."""
+    here = psutil.Process()
+    rates: dict[int, list[tuple[Speed, Speed]]] = {workers: [] for workers in WORKERS}
     for _ in range(ROUNDS):
         for workers in WORKERS:
-            before = bare(encoded)
+            alone = timed(lambda: decode(next(encoded)), [here])
             spec = TrainingSpec.model_validate({"steps": 10**9, "data": {**dataset.spec.model_dump(),
                                                                          "workers": workers}})
             batches = training_batches(dataset, spec, multiple=MULTIPLE)
             for _ in range(4 * workers + 2):
                 next(batches)
-            rates[workers].append((before, loaded(batches)))
+            readers = [psutil.Process(child.pid) for child in multiprocessing.active_children()] or [here]
+            rates[workers].append((alone, timed(lambda source=batches: len(next(source).keys), readers)))
             batches.close()
     return rates
 
@@ -96,11 +114,12 @@ def main() -> int:
           f"batches of {dataset.spec.batch}")
     broken = False
     for workers, rounds in measure(dataset, cycle(encoded)).items():
-        share = statistics.median(rate / alone for alone, rate in rounds)
-        alone, rate = (statistics.median(column) for column in zip(*rounds, strict=True))
+        share = median(loader.rate / alone.rate for alone, loader in rounds)
+        spent = median(alone.busy / loader.busy for alone, loader in rounds)
+        alone, rate = median(alone.rate for alone, _ in rounds), median(loader.rate for _, loader in rounds)
         broken |= workers > 0 and share < BOUND
         print(f"{workers} workers: {rate:.0f} examples/s, bare decode {alone:.0f}: share {share:.2f}"
-              + (f" (bound {BOUND})" if workers else ""))
+              + (f" (bound {BOUND})" if workers else "") + f"; bare decode takes {spent:.2f} of the processor time")
     return int(broken)
 
 
