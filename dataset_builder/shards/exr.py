@@ -129,13 +129,20 @@ def read(data: bytes, *, where: str = "EXR") -> ExrImage:
     """Pixels and labels of a file.
 
     Raises ShardError that names `where` and what is wrong: unreadable, cut short, more than one part, other channels
-    than R, G, B or Y, another type than float32 or float16, or channels that differ in type or from the window's shape.
+    than R, G, B or Y, a window that is not the whole picture, another type than float32 or float16, or channels that
+    differ in type or from the window's shape.
     """
     header, planes = _open(data, where)
     names = next((names for names in CHANNELS.values() if set(names) == set(planes)), None)
     if names is None:
-        raise _wrong(where, f"expected channels R, G, B or Y, got {', '.join(sorted(planes)) or 'none'}")
-    (left, top), (right, bottom) = (tuple(map(int, corner)) for corner in header["dataWindow"])
+        raise _wrong(where, f"expected channels R, G, B or Y, got {', '.join(sorted(planes)) or 'none'}",
+                     "save colours as R, G, B of one layer, without alpha")
+    window, frame = (tuple(tuple(map(int, corner)) for corner in header[name])
+                     for name in ("dataWindow", "displayWindow"))
+    if window != frame:
+        raise _wrong(where, f"expected pixels of the whole picture {frame}, got those of the window {window}",
+                     "save it without crop or overscan")
+    (left, top), (right, bottom) = window
     shape = (bottom - top + 1, right - left + 1)
     if wrong := [name for name in names if planes[name].shape != shape]:
         raise _wrong(where, f"expected shape {shape}, got {planes[wrong[0]].shape} in channel {wrong[0]}")
@@ -170,5 +177,5 @@ def _open(data: bytes, where: str) -> tuple[dict[str, Any], dict[str, np.ndarray
         raise _wrong(where, f"expected an EXR file, got {len(data)} bytes that do not decode ({error})") from error
 
 
-def _wrong(where: str, rule: str) -> ShardError:
-    return ShardError([Problem(where=where, path="", rule=rule)])
+def _wrong(where: str, rule: str, hint: str = "") -> ShardError:
+    return ShardError([Problem(where=where, path="", rule=rule, hint=hint)])

@@ -99,6 +99,21 @@ def test_a_window_that_would_take_all_memory_is_refused_first() -> None:
         exr.decode(bytes(data))
 
 
+def test_a_part_of_a_picture_is_not_taken_for_the_whole() -> None:
+    """Of a crop the pixels would lie elsewhere."""
+    data = bytearray(encode(picture()))
+    where = data.index(b"displayWindow\0box2i\0") + len("displayWindow\0box2i\0") + 4
+    data[where:where + 16] = struct.pack("<4i", -1, 0, 6, 5)
+    with pytest.raises(ShardError, match=r"whole picture \(\(-1, 0\), \(6, 5\)\), .*window \(\(0, 0\), \(7, 5\)\)"):
+        exr.decode(bytes(data))
+
+
+def test_channels_that_a_renderer_adds_are_told_with_a_remedy() -> None:
+    data = encode(picture()).replace(b"B\0\x02\0\0\0", b"A\0\x02\0\0\0", 1)
+    with pytest.raises(ShardError, match=r"expected channels R, G, B or Y, got A, G, R \(save .*without alpha"):
+        exr.decode(data)
+
+
 def test_nothing_in_a_file_tells_when_or_where_it_was_made() -> None:
     data = encode(picture())
     header = data[:data.index(b"screenWindowWidth")]
