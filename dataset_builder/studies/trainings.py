@@ -9,8 +9,9 @@ from typing import Any
 
 from dataset_builder.digest import canonical_json
 from dataset_builder.lightnet.events import Event, Started, Stepped
-from dataset_builder.lightnet.fit import BEST, LAST, LOG, SPEC, Job, fit
+from dataset_builder.lightnet.fit import BEST, LAST, LOCK, LOG, SPEC, Job, fit
 from dataset_builder.shards.atomic import output_errors, write_atomic
+from dataset_builder.shards.lock import locked
 
 ABOUT, SCORES, FACTS = "study.json", "scores.csv", "facts.json"
 BOARD = "tensorboard"
@@ -19,10 +20,12 @@ BOARD = "tensorboard"
 def train(job: Job) -> Iterator[Event]:
     """Train to the end, whatever the folder held before, and note what tables say about the training.
 
-    A folder of another spec, dataset or VGG weights is emptied of what trainings and studies leave there. Raises
-    UserError as `fit` does.
+    A folder of another spec, dataset or VGG weights is emptied of what trainings and studies leave there, if nobody
+    is at work in it. Raises UserError as `fit` does.
     """
-    claim(job.out, job.identity())
+    identity = job.identity()
+    with locked(job.out / LOCK, folder=job.out, work="training"):
+        claim(job.out, identity)
     # Of a training that was finished before, the seconds that it took then
     facts, spent = read_facts(job.out), list[float]()
     for event in fit(job):

@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 
 from dataset_builder.cli import main
-from dataset_builder.errors import UserError
+from dataset_builder.errors import OutputError, UserError
 from dataset_builder.lightnet.baselines.trivial import TRIVIAL
+from dataset_builder.lightnet.fit import Job, fit
 from dataset_builder.spec.differences import differences
 from dataset_builder.spec.load import load_training
 from dataset_builder.spec.training import TrainingSpec
@@ -16,6 +17,7 @@ from dataset_builder.studies.derived import base_of, changed
 from dataset_builder.studies.tables import methods, paper, variants
 from dataset_builder.studies.tables.row import Table
 from dataset_builder.studies.tables.run import Measured, TableStudy, results, run
+from dataset_builder.studies.trainings import train
 from tests.lightnet.synthetic import write_synthetic
 
 TINY = ("model={width: 4, downs: 2}", "data={crop: 32, batch: 2, workers: 0}", "check={every: 2, examples: 2}",
@@ -145,6 +147,17 @@ def test_a_table_is_made_and_its_rows_are_kept(dataset: Path, tmp_path: Path,
     assert tabled(dataset, tmp_path, "methods", "--steps", "1") == 0
     assert capsys.readouterr().out.count("kept from an earlier run") == 3
     assert [row["steps"] for row in lines(tmp_path / "table.csv")] == ["1"] * 4 + [""] * 3
+
+
+def test_a_training_that_somebody_is_at_is_not_cleared_away(dataset: Path, tmp_path: Path) -> None:
+    job = Job(dataset=dataset, out=tmp_path / "row", spec=load_training(None, [*TINY, "steps=4"]), device="cpu")
+    theirs = fit(job)
+    while not (job.out / "last.pt").exists():
+        next(theirs)
+    with pytest.raises(OutputError, match="another training is at work here"):
+        next(train(replace(job, spec=changed(job.spec, seed=1))))
+    assert (job.out / "last.pt").exists()
+    theirs.close()
 
 
 def test_an_interrupted_row_alone_is_measured_again(dataset: Path, tmp_path: Path) -> None:
