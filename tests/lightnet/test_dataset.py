@@ -128,7 +128,7 @@ def test_a_split_that_is_not_there_is_told_with_a_remedy(folder: Path, own: Path
     manifest = json.loads((own / "dataset.json").read_text())
     manifest["splits"] = [split for split in manifest["splits"] if split["name"] == "train"]
     (own / "dataset.json").write_text(json.dumps(manifest))
-    with pytest.raises(UserError, match="expected evaluation, got train .*build the dataset with another one"):
+    with pytest.raises(UserError, match=r"expected evaluation, got train .*build the dataset with another one"):
         LightingDataset(own, "evaluation", SPEC)
 
 
