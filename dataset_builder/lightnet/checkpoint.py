@@ -25,6 +25,7 @@ FORMAT = "3df-lighting-training"
 VERSION = 1
 KEYS = {"format", "version", "spec", "identity", "dataset", "step", "method", "optimisers", "history", "best",
         "bad_steps", "stale", "off"}
+ANOTHER = "best.pt and last.pt of a training are alike: put the one that is whole in the place of the other"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -64,10 +65,11 @@ def load_state(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise _wrong(path, f"expected a readable file, got: {error.strerror or error}") from error
     except (RuntimeError, pickle.UnpicklingError, EOFError, ValueError, KeyError, TypeError, BadZipFile) as error:
-        raise _wrong(path, "expected a checkpoint, got a file that does not read as one: cut short, or another kind") \
-            from error
+        raise _wrong(path, "expected a checkpoint, got a file that does not read as one: cut short, or another kind",
+                     ANOTHER) from error
     if damaged:
-        raise _wrong(path, "expected the bytes that were written, got others: it was damaged on the disk or on its way")
+        raise _wrong(path, "expected the bytes that were written, got others: damaged on the disk or on its way",
+                     ANOTHER)
     if not isinstance(state, dict) or state.get("format") != FORMAT:
         raise _wrong(path, "expected a checkpoint of `dataset-builder train`, got another kind of file")
     if state.get("version") != VERSION or set(state) != KEYS:

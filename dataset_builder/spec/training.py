@@ -55,7 +55,8 @@ class DataSpec(Model):
     held_out: str = "evaluation"
     """Split to check on; never trained on."""
     crop: Annotated[int, Field(ge=16)] = 128
-    """Side of the square about the object that is trained on, in pixels; cut to a multiple that the method needs."""
+    """Side of the square about the object that is trained on, in pixels; the picture's where that is smaller, and cut
+    to a multiple that the method needs."""
     batch: PositiveInt = 8
     """Examples per step."""
     workers: Annotated[int, Field(ge=0)] = 1

@@ -242,6 +242,17 @@ def test_a_damaged_checkpoint_is_told(dataset: Path, tmp_path: Path, damage: byt
         run(made)
 
 
+def test_a_training_goes_on_from_its_best_checkpoint(dataset: Path, tmp_path: Path) -> None:
+    """Where the last one was damaged; the first check is the best one here."""
+    whole, broken = (job(dataset, tmp_path / name, "optimiser.rate=1e-30") for name in ("whole", "broken"))
+    for made in (whole, broken):
+        run(made)
+    (broken.out / "last.pt").write_bytes((broken.out / "best.pt").read_bytes())
+    assert one(run(broken), Started).first == 2
+    assert same(weights(whole), weights(broken))
+    assert (whole.out / "log.csv").read_bytes() == (broken.out / "log.csv").read_bytes()
+
+
 def test_changed_bytes_are_not_taken_for_weights(dataset: Path, tmp_path: Path) -> None:
     """PyTorch reads them without a word."""
     made = job(dataset, tmp_path / "out", "steps=2")
