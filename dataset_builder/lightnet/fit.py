@@ -33,12 +33,12 @@ from dataset_builder.seeding import derive_seed
 from dataset_builder.shards.atomic import write_atomic
 from dataset_builder.shards.lock import locked
 from dataset_builder.shards.reader import load_manifest
-from dataset_builder.spec.differences import differences
-from dataset_builder.spec.training import DataSpec, TrainingSpec
+from dataset_builder.spec.differences import differences, flat
+from dataset_builder.spec.training import TrainingSpec
 
 LAST, BEST, LOG, SPEC, LOCK = "last.pt", "best.pt", "log.csv", "training.json", ".lock"
 FREE = ("data.workers", "data.verify", "most_bad_steps")
-"""What may change between the runs of one training."""
+"""What may change between the runs of one training: who reads, how files are checked, and when it gives up."""
 SEED_BITS = 63
 """Of PyTorch's seeds."""
 
@@ -55,14 +55,13 @@ class Job:
     levels: tuple[int, ...] = ()
 
     def identity(self) -> str:
-        """Digest of whatever decides the weights, but for the machine: not of who reads, how files are checked, and
-        when training gives up, which a user may have to change to go on."""
+        """Digest of whatever decides the weights, but for the machine and for what is `FREE`, which a user may have to
+        change to go on."""
         vgg = file_digest(self.vgg_weights) if self.vgg_weights and self.spec.objective.fr else ""
         shards = [shard.sha256 for shard in load_manifest(self.dataset).shards]
-        data = self.spec.data.model_copy(update={"workers": 0, "verify": DataSpec().verify})
-        deciding = self.spec.model_copy(update={"data": data, "most_bad_steps": TrainingSpec().most_bad_steps})
-        return digest({"spec": deciding.model_dump(mode="json"), "shards": shards, "vgg": vgg,
-                       "levels": list(self.levels), "package": __version__})
+        deciding = {key: value for key, value in flat(self.spec).items() if key not in FREE}
+        return digest({"spec": deciding, "shards": shards, "vgg": vgg, "levels": list(self.levels),
+                       "package": __version__})
 
 
 @dataclass(kw_only=True)

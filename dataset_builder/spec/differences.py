@@ -1,4 +1,4 @@
-"""In what two specs differ."""
+"""Specs as flat lists of values: what stands at each key, and in what two of them differ."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -8,8 +8,13 @@ from dataset_builder.spec.model import Model
 
 def differences(first: Model, second: Model) -> dict[str, tuple[Any, Any]]:
     """Dotted keys in which two specs of one kind differ, with both values."""
-    one, two = _flat(first.model_dump()), _flat(second.model_dump())
+    one, two = flat(first), flat(second)
     return {key: (one[key], two[key]) for key in one if one[key] != two[key]}
+
+
+def flat(spec: Model) -> dict[str, Any]:
+    """Values by dotted key, as JSON has them."""
+    return _flat(spec.model_dump(mode="json"))
 
 
 def _flat(plain: Mapping[str, Any], path: str = "") -> dict[str, Any]:

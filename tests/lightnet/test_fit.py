@@ -51,10 +51,13 @@ def same(one: dict[str, torch.Tensor], other: dict[str, torch.Tensor]) -> bool:
     return one.keys() == other.keys() and all(torch.equal(one[name], other[name]) for name in one)
 
 
-@pytest.mark.parametrize("method", ["lightnet", "pix2pix"])
-def test_an_interrupted_training_ends_with_the_same_weights(dataset: Path, tmp_path: Path, method: str) -> None:
-    """Pix2Pix has two optimisers, running statistics and dropout."""
-    whole, broken = (job(dataset, tmp_path / name, f"method={method}") for name in ("whole", "broken"))
+@pytest.mark.parametrize("overrides", [(), ("method=pix2pix", "model={width: 2, downs: 6}")],
+                         ids=["lightnet", "pix2pix"])
+def test_an_interrupted_training_ends_with_the_same_weights(dataset: Path, tmp_path: Path,
+                                                            overrides: tuple[str, ...]) -> None:
+    """Pix2Pix has two optimisers, running statistics and, at six levels, dropout."""
+    whole, broken = (job(dataset, tmp_path / name, *overrides) for name in ("whole", "broken"))
+    assert not overrides or any(isinstance(part, torch.nn.Dropout) for part in build_method(whole.spec).modules())
     events = run(whole)
     # Stop in the middle, one step after the second checkpoint
     stopped = fit(broken)
