@@ -27,7 +27,7 @@ def measure(width: int, size: int, repeats: int, device: str) -> dict[str, float
     from dataset_builder.lightnet.method import count_parameters
     from dataset_builder.lightnet.methods import build_method
     from dataset_builder.lightnet.predict import predict
-    from dataset_builder.spec.training import TrainingSpec
+    from dataset_builder.lightnet.settings import TrainingSpec
 
     where = choose(device)
     spec = TrainingSpec.model_validate({"model": {"width": width}, "objective": {"fr": 0}})

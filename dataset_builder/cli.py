@@ -185,8 +185,8 @@ def _families(options: argparse.Namespace) -> int:
 
 
 def _schema(options: argparse.Namespace) -> int:
+    from dataset_builder.report.schema import schema_files, write_schema
     from dataset_builder.shards.atomic import output_errors
-    from dataset_builder.spec.schema import schema_files, write_schema
 
     with output_errors(options.folder):
         write_schema(options.folder)

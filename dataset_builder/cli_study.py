@@ -145,7 +145,7 @@ def _noise(options: argparse.Namespace) -> int:
 
 
 def _noise_study(options: argparse.Namespace) -> "NoiseStudy":
-    from dataset_builder.spec.load import load_training
+    from dataset_builder.lightnet.settings import load_training
     from dataset_builder.studies.derived import base_of
     from dataset_builder.studies.noise.study import NoiseStudy, parse_levels
 

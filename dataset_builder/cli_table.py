@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from dataset_builder.cli_options import DEVICES, positive
 
 if TYPE_CHECKING:
-    from dataset_builder.spec.training import TrainingSpec
+    from dataset_builder.lightnet.settings import TrainingSpec
     from dataset_builder.studies.tables.row import Table
     from dataset_builder.studies.tables.run import Measured, News
 
@@ -77,7 +77,7 @@ def _table(options: argparse.Namespace) -> int:
 
 
 def _base(options: argparse.Namespace) -> "TrainingSpec":
-    from dataset_builder.spec.load import load_training
+    from dataset_builder.lightnet.settings import load_training
     from dataset_builder.studies.derived import base_of
 
     steps = [f"steps={options.steps}"] if options.steps else []

@@ -27,9 +27,9 @@ def _train(options: argparse.Namespace) -> int:
     from rich.console import Console
 
     from dataset_builder.lightnet.fit import Job, fit
+    from dataset_builder.lightnet.settings import load_training
     from dataset_builder.report.training import follow
     from dataset_builder.shards.reader import load_manifest
-    from dataset_builder.spec.load import load_training
 
     spec = load_training(options.config, options.overrides)
     out = options.out or TRAININGS / f"{load_manifest(options.folder).name}-{spec.method}"

@@ -62,8 +62,8 @@ def _validate(options: argparse.Namespace) -> int:
 def _gate(options: argparse.Namespace) -> "Gate":
     from dataset_builder.lightnet.gate import Gate
     from dataset_builder.lightnet.gate_training import COPY_MARGIN, MARGIN, SETTINGS, STEPS
+    from dataset_builder.lightnet.settings import load_training
     from dataset_builder.shards.consistency import EXAMPLES
-    from dataset_builder.spec.load import load_training
 
     parts = tuple(filter(None, options.only.split(",")))
     if not parts or set(parts) - set(PARTS):

@@ -1,15 +1,10 @@
 """The order of the house: imports only go down, each outside library has one home, and nothing goes in circles."""
 
-import ast
 from graphlib import CycleError, TopologicalSorter
-from pathlib import Path
 
 import pytest
 
-from dataset_builder.engine.unit import ABOVE
-
-ROOT = Path(__file__).parent.parent
-PACKAGE = "dataset_builder"
+from dataset_builder.engine.source import imports_of, inside, read_sources
 
 ORDER = (
     ("cli", "__main__"), ("cli_evaluate", "cli_stress", "cli_study", "cli_table", "cli_train", "cli_validate"),
@@ -32,36 +27,6 @@ HOMES = {
 Sources = dict[str, str]
 
 
-def read_sources() -> Sources:
-    """Text of every module of the package by dotted name without the package's, such as `spec.load`."""
-    files = sorted((ROOT / PACKAGE).rglob("*.py"))
-    return {".".join(file.relative_to(ROOT / PACKAGE).with_suffix("").parts).removesuffix("__init__").rstrip("."):
-            file.read_text(encoding="utf-8") for file in files}
-
-
-def imports_of(name: str, source: str, modules: Sources) -> set[str]:
-    """Full names of all that a module imports, wherever in it; `from a import b` is a.b where that is a module."""
-    found = set()
-    for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            base = node.module or ""
-            if node.level:
-                folder = [PACKAGE, *name.split(".")][:-node.level]
-                base = ".".join([*folder, *([base] if base else [])])
-            for alias in node.names:
-                whole = f"{base}.{alias.name}"
-                found.add(whole if inside(whole) in modules else base)
-    return found
-
-
-def inside(name: str) -> str | None:
-    """Name of a module within the package, or None for another's."""
-    head, _, rest = name.partition(".")
-    return rest if head == PACKAGE else None
-
-
 def rank(name: str) -> int | None:
     """Line of the order that a module stands on, from the top."""
     return next((line for line, names in enumerate(ORDER) if name.split(".")[0] in names), None)
@@ -70,10 +35,10 @@ def rank(name: str) -> int | None:
 def broken_rules(modules: Sources) -> list[str]:
     """Every import that goes up, sideways, to a library's wrong user, or round in a circle."""
     rules, graph = [], {}
-    for name, source in modules.items():
+    for name in modules:
         if rank(name) is None:
             rules.append(f"{name}: stands nowhere in the order")
-        imported = imports_of(name, source, modules)
+        imported = imports_of(name, modules, typing=True)
         inner = {target for one in imported if (target := inside(one)) is not None}
         graph[name] = inner - {name}
         rules += [f"{name} imports {target}: not below it" for target in sorted(inner) if not may_import(name, target)]
@@ -135,14 +100,6 @@ def test_the_checker_allows() -> None:
                "spec.model": "from ..errors import UserError", "errors": "", "": "",
                "rendering.a": "import drjit as dr"}
     assert broken_rules(modules) == []
-
-
-def test_examples_are_known_by_the_code_that_makes_them() -> None:
-    """What stands above the build, and nothing else, may change without an example becoming another one."""
-    build = rank("build")
-    assert build is not None
-    above = {name for name in read_sources() if name and (line := rank(name)) is not None and line < build}
-    assert {name for name in read_sources() if name and name.startswith(ABOVE)} == above
 
 
 def test_files_stay_short() -> None:

@@ -11,12 +11,12 @@ from pydantic import AfterValidator, Discriminator
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
+from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.model import Model
 from dataset_builder.spec.numbers import TAG
 from dataset_builder.spec.rough import RoughSpec
 from dataset_builder.spec.scene import ObjectSpec, RoomSpec, SceneSpec
-from dataset_builder.spec.training import TrainingSpec
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "specs.md"
 START, END = "<!-- tables: made by tools/spec_tables.py -->", "<!-- end of tables -->"

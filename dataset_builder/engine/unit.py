@@ -3,15 +3,15 @@
 import importlib.metadata
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache
+from functools import lru_cache
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-import dataset_builder
-from dataset_builder.digest import digest, sha256_file
+from dataset_builder.digest import digest
+from dataset_builder.engine import source
 from dataset_builder.errors import OutputError, PlanError, Problem, SpecError, UserError
 from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.planning.example_plan import ExamplePlan
@@ -35,9 +35,6 @@ if TYPE_CHECKING:
 
 PLANNING = "planning"
 """Gate that an example fails which cannot be planned."""
-
-ABOVE = ("cli", "report", "studies", "lightnet")
-"""Beginnings of what stands above a build in this package and has no say in what it makes."""
 
 RENDERING = "rendering"
 """Gate that an example fails whose plan asks for what cannot be made, such as a mesh beyond all bounds."""
@@ -82,16 +79,8 @@ def versions(backend: str, denoise: bool = False) -> dict[str, str]:
     """
     names = ("open3d", "scipy", "trimesh", *((oidn.PACKAGE,) if denoise else ()))
     libraries = {name: importlib.metadata.version(name) for name in names}
-    return {**writer_versions(), **renderer_versions(backend), **libraries, "source": _source_digest()}
-
-
-@cache
-def _source_digest() -> str:
-    """Digest of this package's own code from the build down: a version number alone would take examples of older code
-    for current."""
-    package = Path(dataset_builder.__file__).parent
-    files = {path.relative_to(package).as_posix(): path for path in package.rglob("*.py")}
-    return digest({name: sha256_file(path) for name, path in files.items() if not name.startswith(ABOVE)})
+    code = source.source_digest(source.UNIT, *((source.CALIBRATION,) if denoise else ()))
+    return {**writer_versions(), **renderer_versions(backend), **libraries, "source": code}
 
 
 def plan_digest(plan: ExamplePlan, spec: DatasetSpec, made_by: dict[str, str],

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dataset_builder.lightnet.settings import DataSpec
 from dataset_builder.seeding import rng
-from dataset_builder.spec.training import DataSpec
 
 DRAWS = 8
 """Numbers drawn for an example in an epoch, whether they are used or not."""

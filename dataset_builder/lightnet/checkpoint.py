@@ -18,8 +18,8 @@ from dataset_builder.errors import Problem, UserError
 from dataset_builder.lightnet.device import choose
 from dataset_builder.lightnet.method import Method
 from dataset_builder.lightnet.methods import build_method
+from dataset_builder.lightnet.settings import ObjectiveSpec, TrainingSpec
 from dataset_builder.shards.atomic import write_atomic
-from dataset_builder.spec.training import ObjectiveSpec, TrainingSpec
 
 FORMAT = "3df-lighting-training"
 VERSION = 1

@@ -15,8 +15,8 @@ from dataset_builder.lightnet.assemble import Part, whole
 from dataset_builder.lightnet.batch import Batch
 from dataset_builder.lightnet.lighting import lighting_of
 from dataset_builder.lightnet.ranges import target_exposure
+from dataset_builder.lightnet.settings import DataSpec
 from dataset_builder.shards.reader import load_manifest, open_dataset
-from dataset_builder.spec.training import DataSpec
 
 LAYERS = ("mask", "s_prime", "i_s", "d", "r", "i_t")
 """All that is read, in this order: the first two say how the others are seen. A dataset may hold more."""

@@ -22,7 +22,7 @@ from dataset_builder.lightnet.loader import whole_images
 from dataset_builder.lightnet.method import count_parameters
 from dataset_builder.lightnet.metrics import Metrics, measure
 from dataset_builder.lightnet.predict import predict
-from dataset_builder.spec.training import DataSpec
+from dataset_builder.lightnet.settings import DataSpec
 
 CPU = torch.device("cpu")
 FORMULAS = {"copy_i_s": "I_s as it is", "d_s_prime": "D S' with the true D",

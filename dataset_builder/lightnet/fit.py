@@ -22,19 +22,19 @@ from dataset_builder.lightnet.board import Board
 from dataset_builder.lightnet.checkpoint import load_state, load_weights, save_state, spec_of
 from dataset_builder.lightnet.dataset import LightingDataset
 from dataset_builder.lightnet.device import Precision, autocast, choose, precision_on
+from dataset_builder.lightnet.differences import differences, flat
 from dataset_builder.lightnet.events import Checked, Event, Finished, Started, Stepped
 from dataset_builder.lightnet.method import Method, running_statistics
 from dataset_builder.lightnet.methods import build_method
 from dataset_builder.lightnet.metrics import mean_metrics, measure
 from dataset_builder.lightnet.optimise import Optimisers
 from dataset_builder.lightnet.predict import predict
+from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.lightnet.vgg import file_digest
 from dataset_builder.seeding import derive_seed
 from dataset_builder.shards.atomic import write_atomic
 from dataset_builder.shards.lock import locked
 from dataset_builder.shards.reader import load_manifest
-from dataset_builder.spec.differences import differences, flat
-from dataset_builder.spec.training import TrainingSpec
 
 LAST, BEST, LOG, SPEC, LOCK = "last.pt", "best.pt", "log.csv", "training.json", ".lock"
 FREE = ("data.workers", "data.verify", "most_bad_steps")

@@ -16,10 +16,10 @@ from dataset_builder.lightnet.evaluate import Row
 from dataset_builder.lightnet.events import Event
 from dataset_builder.lightnet.gate_loader import loader_checks
 from dataset_builder.lightnet.gate_training import COPY_MARGIN, MARGIN, Contest, training_checks
+from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.shards.check import Check, Rule
 from dataset_builder.shards.consistency import EXAMPLES, Facts, check_facts, read_facts
 from dataset_builder.shards.verify import verify
-from dataset_builder.spec.training import TrainingSpec
 
 LISTED = 3
 """Problems that a check names; a report has all."""

@@ -9,9 +9,9 @@ import torch
 
 from dataset_builder.lightnet.batch import Batch
 from dataset_builder.lightnet.dataset import LightingDataset
+from dataset_builder.lightnet.settings import DataSpec
 from dataset_builder.shards.check import Check, Rule
 from dataset_builder.shards.reader import load_manifest
-from dataset_builder.spec.training import DataSpec
 
 LIGHTING = (3, 9)
 """Shape of an example's light: channels, spherical harmonics up to degree 2."""

@@ -18,10 +18,10 @@ from dataset_builder.lightnet.dataset import LightingDataset
 from dataset_builder.lightnet.evaluate import Row, contender, evaluate, trivial
 from dataset_builder.lightnet.events import Event
 from dataset_builder.lightnet.fit import LAST, SPEC, Job, fit
+from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.lightnet.summary import Estimate, estimate
 from dataset_builder.shards.atomic import output_errors
 from dataset_builder.shards.check import Check, Rule
-from dataset_builder.spec.training import TrainingSpec
 
 STEPS = 600
 SETTINGS = ("model={width: 16, downs: 3}", "data={batch: 4, crop: 96, workers: 0}",

@@ -23,7 +23,7 @@ from dataset_builder.lightnet.augment import epoch_draws, variation_of, window_a
 from dataset_builder.lightnet.batch import Batch
 from dataset_builder.lightnet.dataset import LightingDataset
 from dataset_builder.lightnet.order import Draw, draws_of, spread_indices
-from dataset_builder.spec.training import TrainingSpec
+from dataset_builder.lightnet.settings import TrainingSpec
 
 __all__ = ["spread_indices", "training_batches", "whole_images"]
 

@@ -18,8 +18,8 @@ from dataset_builder.lightnet.colour import lab, lab_angle
 from dataset_builder.lightnet.inside import inside_only, mean_inside
 from dataset_builder.lightnet.method import Loss
 from dataset_builder.lightnet.ranges import tone_map
+from dataset_builder.lightnet.settings import ObjectiveSpec
 from dataset_builder.lightnet.ssim import ssim_map
-from dataset_builder.spec.training import ObjectiveSpec
 
 Term = Callable[[torch.Tensor, torch.Tensor, torch.Tensor], torch.Tensor]
 """Of (B, 3, H, W) tone-mapped prediction and truth, 0 outside, and (B, 1, H, W) inside: a scalar >= 0."""

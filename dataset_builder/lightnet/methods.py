@@ -11,8 +11,8 @@ from dataset_builder.lightnet.baselines.ssvbrdf import Ssvbrdf
 from dataset_builder.lightnet.losses import LightObjective
 from dataset_builder.lightnet.method import Method
 from dataset_builder.lightnet.model import LighTNet
+from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.seeding import derive_seed
-from dataset_builder.spec.training import TrainingSpec
 
 
 def build_method(spec: TrainingSpec, vgg_weights: Path | None = None) -> Method:

@@ -27,7 +27,7 @@ from dataset_builder.lightnet.blocks import Decoder, Encoder, head, inside_level
 from dataset_builder.lightnet.losses import LightObjective
 from dataset_builder.lightnet.method import Loss, Method
 from dataset_builder.lightnet.ranges import tone_map
-from dataset_builder.spec.training import ModelSpec
+from dataset_builder.lightnet.settings import ModelSpec
 
 DARKEST, BRIGHTEST = 1e-3, 0.99
 """Range that I_s is cut to as the first guess of D."""

@@ -10,7 +10,7 @@ import torch
 from dataset_builder.lightnet.batch import Batch, Prediction
 from dataset_builder.lightnet.method import Loss, Method
 from dataset_builder.lightnet.schedule import rate_at
-from dataset_builder.spec.training import TrainingSpec
+from dataset_builder.lightnet.settings import TrainingSpec
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,7 +2,7 @@
 
 from math import cos, pi
 
-from dataset_builder.spec.training import OptimiserSpec
+from dataset_builder.lightnet.settings import OptimiserSpec
 
 LAST = 0.01
 """Share of the rate that a cosine schedule ends at."""

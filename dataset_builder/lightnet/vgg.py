@@ -9,7 +9,7 @@ from torch.nn import functional
 
 from dataset_builder.digest import sha256_file
 from dataset_builder.errors import Problem, UserError
-from dataset_builder.spec.training import VggLayer
+from dataset_builder.lightnet.settings import VggLayer
 
 FILE = "vgg19-dcbb9e9d.pth"
 """torchvision's name of VGG-19 without batch normalisation, trained on ImageNet (IMAGENET1K_V1)."""

@@ -7,12 +7,12 @@ from math import isfinite
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from dataset_builder.lightnet.differences import differences
 from dataset_builder.lightnet.metrics import METRICS, Metric
 from dataset_builder.lightnet.summary import Estimate
 from dataset_builder.report.estimates import markdown_table, plus_minus, rounded
 from dataset_builder.report.study_figures import COLOURS, panels, png
 from dataset_builder.shards.atomic import write_atomic
-from dataset_builder.spec.differences import differences
 from dataset_builder.studies.tables.order import Order, Pair, summary, verdict
 from dataset_builder.studies.tables.paper import SOURCE, Printed
 from dataset_builder.studies.tables.result import Result, orders

@@ -17,8 +17,7 @@ from dataset_builder.errors import Problem, SpecError
 from dataset_builder.spec.document import BadOverride, Document, Override, apply
 from dataset_builder.spec.loaded import LoadedSpec
 from dataset_builder.spec.problems import dotted, shown
-from dataset_builder.spec.resolve import Resolver, validated
-from dataset_builder.spec.training import TrainingSpec
+from dataset_builder.spec.resolve import Resolver
 
 STANDARD_TAG = "tag:yaml.org,2002:"
 SCALAR_TAGS = ("int", "float", "bool", "null")
@@ -34,19 +33,6 @@ def load_dataset(path: Path | str, overrides: Sequence[str] = ()) -> LoadedSpec:
     """
     document, problems = overridden(read_document(Path(path), str(path)), overrides)
     return Resolver(read=read_document, root=Path(path), problems=problems).dataset(document)
-
-
-def load_training(path: Path | str | None = None, overrides: Sequence[str] = ()) -> TrainingSpec:
-    """How a method is trained: the file at `path`, or all defaults, with `key.path=value` overrides applied in order.
-
-    Raises SpecError with every broken rule at once.
-    """
-    document = read_document(Path(path), str(path)) if path else Document(name="defaults", data={}, places={})
-    document, problems = overridden(document, overrides)
-    spec = validated(document, TrainingSpec)
-    if isinstance(spec, list) or problems:
-        raise SpecError([*problems, *(spec if isinstance(spec, list) else ())])
-    return spec
 
 
 def overridden(document: Document, overrides: Sequence[str]) -> tuple[Document, list[Problem]]:

@@ -6,7 +6,7 @@ from typing import Any
 from dataset_builder.engine.local import cores
 from dataset_builder.errors import UserError
 from dataset_builder.lightnet.device import choose
-from dataset_builder.spec.training import TrainingSpec
+from dataset_builder.lightnet.settings import TrainingSpec
 
 
 def base_of(spec: TrainingSpec) -> TrainingSpec:

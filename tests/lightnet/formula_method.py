@@ -11,7 +11,7 @@ from dataset_builder.lightnet.batch import Batch, Inputs, Prediction
 from dataset_builder.lightnet.checkpoint import Trained, save_state
 from dataset_builder.lightnet.method import Loss, Method
 from dataset_builder.lightnet.methods import build_method
-from dataset_builder.spec.training import TrainingSpec
+from dataset_builder.lightnet.settings import TrainingSpec
 
 Formula = Callable[[Inputs], torch.Tensor]
 

@@ -17,8 +17,8 @@ from dataset_builder.lightnet.augment import (
 )
 from dataset_builder.lightnet.batch import Batch
 from dataset_builder.lightnet.lighting import MIRROR
+from dataset_builder.lightnet.settings import DataSpec
 from dataset_builder.seeding import rng
-from dataset_builder.spec.training import DataSpec
 
 HEIGHT, WIDTH = 20, 26
 SPEC = DataSpec(crop=16)

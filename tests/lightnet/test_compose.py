@@ -13,10 +13,10 @@ from dataset_builder.lightnet.batch import Inputs
 from dataset_builder.lightnet.compose import Composite, blend, compose, panels, seen, with_rim
 from dataset_builder.lightnet.dataset import LightingDataset
 from dataset_builder.lightnet.frame import PARTS, Frame, frame_from_dataset, frame_from_files
+from dataset_builder.lightnet.settings import DataSpec, TrainingSpec
 from dataset_builder.seeding import rng
 from dataset_builder.shards import exr
 from dataset_builder.shards.reader import open_dataset
-from dataset_builder.spec.training import DataSpec, TrainingSpec
 from tests.lightnet.formula_method import product, trained
 from tests.lightnet.synthetic import write_synthetic
 

@@ -14,10 +14,10 @@ from dataset_builder.geometry.harmonics import basis, irradiance, rotation
 from dataset_builder.lightnet.dataset import LAYERS, LightingDataset, exposure_of
 from dataset_builder.lightnet.lighting import camera_from_world, lighting_of
 from dataset_builder.lightnet.ranges import luminance
+from dataset_builder.lightnet.settings import DataSpec
 from dataset_builder.shards import exr
 from dataset_builder.shards.label import encode_label
 from dataset_builder.shards.reader import open_dataset
-from dataset_builder.spec.training import DataSpec
 from tests.lightnet.synthetic import PAPER_AND_ROUGH, camera_frame, synthetic_example, write_synthetic
 from tests.plans import example_plan
 from tests.shards.replaced import exr_of, replace_members

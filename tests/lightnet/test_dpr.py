@@ -8,7 +8,7 @@ from dataset_builder.lightnet.batch import Prediction
 from dataset_builder.lightnet.inside import mean_inside
 from dataset_builder.lightnet.method import count_parameters
 from dataset_builder.lightnet.ranges import tone_map
-from dataset_builder.spec.training import ModelSpec
+from dataset_builder.lightnet.settings import ModelSpec
 from tests.lightnet.random_batch import random_batch
 
 SMALL = ModelSpec(width=2, downs=3)

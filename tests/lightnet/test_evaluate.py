@@ -19,10 +19,10 @@ from dataset_builder.lightnet.metrics import METRICS, Metrics, measure
 from dataset_builder.lightnet.pictures import GAIN, cropped, difference, found, given, light, signed, square
 from dataset_builder.lightnet.predict import predict
 from dataset_builder.lightnet.ranges import tone_map
+from dataset_builder.lightnet.settings import DataSpec
 from dataset_builder.report.evaluation_examples import example_rows
 from dataset_builder.shards import exr
 from dataset_builder.shards.reader import open_dataset
-from dataset_builder.spec.training import DataSpec
 from tests.lightnet.formula_method import product, trained, write_checkpoint
 from tests.lightnet.synthetic import write_synthetic
 

@@ -17,7 +17,7 @@ from dataset_builder.lightnet.fit import Job, fit
 from dataset_builder.lightnet.method import Loss
 from dataset_builder.lightnet.methods import build_method
 from dataset_builder.lightnet.model import LighTNet
-from dataset_builder.spec.load import load_training
+from dataset_builder.lightnet.settings import load_training
 from tests.lightnet.formula_method import write_checkpoint
 from tests.lightnet.synthetic import write_synthetic
 

@@ -18,9 +18,8 @@ from dataset_builder.lightnet.gate import PARTS, Begun, Done, Gate, LeftOut, run
 from dataset_builder.lightnet.gate_loader import loader_checks, read
 from dataset_builder.lightnet.gate_training import SETTINGS, STEPS, compare
 from dataset_builder.lightnet.metrics import Metrics
+from dataset_builder.lightnet.settings import DataSpec, load_training
 from dataset_builder.shards.manifest import Manifest, from_json, to_json
-from dataset_builder.spec.load import load_training
-from dataset_builder.spec.training import DataSpec
 from tests.lightnet.synthetic import write_synthetic
 from tools.sabotage import sabotage
 

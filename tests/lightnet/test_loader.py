@@ -19,8 +19,8 @@ from dataset_builder.lightnet.batch import Batch
 from dataset_builder.lightnet.dataset import LightingDataset
 from dataset_builder.lightnet.loader import spread_indices, training_batches, whole_images
 from dataset_builder.lightnet.order import draws_of
+from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.shards.reader import open_dataset
-from dataset_builder.spec.training import TrainingSpec
 from tests.lightnet.synthetic import write_synthetic
 from tests.shards.replaced import exr_of, replace_members
 

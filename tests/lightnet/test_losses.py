@@ -12,7 +12,7 @@ from dataset_builder.lightnet.batch import Batch, Inputs, Prediction, Truth
 from dataset_builder.lightnet.colour import lab
 from dataset_builder.lightnet.losses import LightObjective
 from dataset_builder.lightnet.ranges import linear_light, tone_map
-from dataset_builder.spec.training import ObjectiveSpec
+from dataset_builder.lightnet.settings import ObjectiveSpec
 from tests.lightnet.vgg_weights import write_weights
 
 SIZE = 24

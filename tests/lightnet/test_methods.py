@@ -10,8 +10,8 @@ from torch.utils._python_dispatch import TorchDispatchMode
 from dataset_builder.lightnet.batch import Batch, Inputs
 from dataset_builder.lightnet.method import Method, count_parameters
 from dataset_builder.lightnet.methods import build_method
-from dataset_builder.spec.training import Method as Name
-from dataset_builder.spec.training import ModelSpec, TrainingSpec
+from dataset_builder.lightnet.settings import Method as Name
+from dataset_builder.lightnet.settings import ModelSpec, TrainingSpec
 from tests.lightnet.random_batch import filled, random_batch
 
 NAMES = get_args(Name)

@@ -11,7 +11,7 @@ from dataset_builder.lightnet.batch import Prediction
 from dataset_builder.lightnet.losses import LightObjective
 from dataset_builder.lightnet.method import count_parameters
 from dataset_builder.lightnet.model import BRIGHTEST, DARKEST, LighTNet, compose, mended
-from dataset_builder.spec.training import Formulation, ModelSpec, ObjectiveSpec, Shading
+from dataset_builder.lightnet.settings import Formulation, ModelSpec, ObjectiveSpec, Shading
 from tests.lightnet.random_batch import filled, random_batch
 
 VARIANTS = [(formulation, shading) for formulation in get_args(Formulation) for shading in get_args(Shading)]

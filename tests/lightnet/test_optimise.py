@@ -9,7 +9,7 @@ from torch import nn
 from dataset_builder.lightnet.batch import Batch, Inputs, Prediction, Truth
 from dataset_builder.lightnet.method import Loss, Method
 from dataset_builder.lightnet.optimise import Optimisers
-from dataset_builder.spec.training import OptimiserSpec, TrainingSpec
+from dataset_builder.lightnet.settings import OptimiserSpec, TrainingSpec
 
 PLAIN = TrainingSpec(optimiser=OptimiserSpec(rate=0.1, schedule="constant", warm_up=0, clip=0))
 

@@ -8,7 +8,7 @@ from dataset_builder.lightnet.batch import Inputs, Prediction
 from dataset_builder.lightnet.method import Method
 from dataset_builder.lightnet.methods import build_method
 from dataset_builder.lightnet.predict import padded, predict
-from dataset_builder.spec.training import ModelSpec, TrainingSpec
+from dataset_builder.lightnet.settings import ModelSpec, TrainingSpec
 from tests.lightnet.random_batch import random_batch
 
 SPEC = TrainingSpec(model=ModelSpec(width=4, downs=3))

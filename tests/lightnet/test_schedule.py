@@ -3,7 +3,7 @@
 import pytest
 
 from dataset_builder.lightnet.schedule import LAST, rate_at
-from dataset_builder.spec.training import OptimiserSpec
+from dataset_builder.lightnet.settings import OptimiserSpec
 
 
 def test_it_rises_in_equal_steps_and_then_stays() -> None:

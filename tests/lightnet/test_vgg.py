@@ -12,8 +12,8 @@ from torch import nn
 from dataset_builder.digest import sha256_file
 from dataset_builder.errors import UserError
 from dataset_builder.lightnet import vgg
+from dataset_builder.lightnet.settings import VggLayer
 from dataset_builder.lightnet.vgg import VggTrunk, load_trunk
-from dataset_builder.spec.training import VggLayer
 from tests.lightnet.vgg_weights import random_weights, write_weights
 
 LAYERS: dict[VggLayer, int] = {"relu3_1": 12, "relu3_4": 18, "pool3": 19}

@@ -5,10 +5,10 @@ from pathlib import Path
 import jsonschema
 import pytest
 
+from dataset_builder.report.schema import export_schema, schema_files
 from dataset_builder.spec.families import FAMILIES
 from dataset_builder.spec.load import load_dataset, read_document
 from dataset_builder.spec.problems import dotted
-from dataset_builder.spec.schema import export_schema, schema_files
 
 FOLDER = Path(__file__).parents[2] / "scene_specs"
 KINDS = {"rooms": "room", "objects": "object", "scenes": "scene", "scene_specs": "dataset",

@@ -13,8 +13,8 @@ from dataset_builder.cli import main
 from dataset_builder.errors import UserError
 from dataset_builder.lightnet.evaluate import Row
 from dataset_builder.lightnet.metrics import Metrics
+from dataset_builder.lightnet.settings import load_training
 from dataset_builder.report.noise_page import sentences
-from dataset_builder.spec.load import load_training
 from dataset_builder.studies.derived import base_of
 from dataset_builder.studies.noise.crops import chosen
 from dataset_builder.studies.noise.levels import OWN, Level, levels_of, trained_on

@@ -8,9 +8,9 @@ import pytest
 
 from dataset_builder.lightnet.evaluate import Row
 from dataset_builder.lightnet.metrics import METRICS, Metrics
+from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.report.table_page import markdown, table_figure
 from dataset_builder.seeding import rng
-from dataset_builder.spec.training import TrainingSpec
 from dataset_builder.studies.derived import base_of
 from dataset_builder.studies.scores import read_scores, write_scores
 from dataset_builder.studies.tables import methods, paper

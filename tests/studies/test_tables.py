@@ -9,10 +9,9 @@ import pytest
 from dataset_builder.cli import main
 from dataset_builder.errors import OutputError, UserError
 from dataset_builder.lightnet.baselines.trivial import TRIVIAL
+from dataset_builder.lightnet.differences import differences
 from dataset_builder.lightnet.fit import Job, fit
-from dataset_builder.spec.differences import differences
-from dataset_builder.spec.load import load_training
-from dataset_builder.spec.training import TrainingSpec
+from dataset_builder.lightnet.settings import TrainingSpec, load_training
 from dataset_builder.studies.derived import base_of, changed
 from dataset_builder.studies.tables import methods, paper, variants
 from dataset_builder.studies.tables.row import Table

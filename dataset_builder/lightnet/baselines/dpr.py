@@ -26,7 +26,7 @@ from dataset_builder.lightnet.batch import Batch, Inputs, Prediction
 from dataset_builder.lightnet.inside import inside_only, mean_inside
 from dataset_builder.lightnet.method import Loss, Method
 from dataset_builder.lightnet.ranges import tone_map
-from dataset_builder.spec.training import ModelSpec
+from dataset_builder.lightnet.settings import ModelSpec
 
 LIGHT = 27
 """Numbers of a light: 9 functions in each of 3 channels, and as many channels of the bottleneck."""

@@ -19,7 +19,7 @@ from dataset_builder.lightnet.baselines.layers import BatchNorm, light_of, signe
 from dataset_builder.lightnet.batch import Batch, Inputs, Prediction
 from dataset_builder.lightnet.inside import mean_inside
 from dataset_builder.lightnet.method import Loss, Method
-from dataset_builder.spec.training import ModelSpec
+from dataset_builder.lightnet.settings import ModelSpec
 
 L1_WEIGHT = 100.0
 DEVIATION = 0.02

@@ -23,7 +23,7 @@ from dataset_builder.lightnet.batch import Batch, Inputs, Prediction
 from dataset_builder.lightnet.inside import inside_only, mean_inside
 from dataset_builder.lightnet.method import Loss, Method
 from dataset_builder.lightnet.ranges import tone_map
-from dataset_builder.spec.training import ModelSpec
+from dataset_builder.lightnet.settings import ModelSpec
 
 LEAST_LENGTH = 1e-3
 """Of a normal, before it is made one long: shorter ones have no direction."""

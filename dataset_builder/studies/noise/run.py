@@ -12,9 +12,9 @@ from dataset_builder.lightnet.dataset import LightingDataset
 from dataset_builder.lightnet.evaluate import Contender, Row, contender, evaluate, trivial
 from dataset_builder.lightnet.events import Event
 from dataset_builder.lightnet.fit import LAST, Job
+from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.planning.catalogue import examples
 from dataset_builder.shards.reader import load_manifest
-from dataset_builder.spec.training import TrainingSpec
 from dataset_builder.studies.noise.study import NoiseStudy, level_name
 from dataset_builder.studies.scores import read_scores, write_scores
 from dataset_builder.studies.trainings import SCORES, claim, read_facts, train

@@ -10,11 +10,11 @@ from dataset_builder.engine.local import cores
 from dataset_builder.engine.unit import Job
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.layers import PAPER_LAYERS
+from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.lightnet.vgg import check_file
 from dataset_builder.rendering.backend import choose
 from dataset_builder.spec.load import load_dataset
 from dataset_builder.spec.loaded import LoadedSpec
-from dataset_builder.spec.training import TrainingSpec
 from dataset_builder.studies.derived import changed, settings_of
 
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from dataset_builder.spec.training import TrainingSpec
+from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.studies.derived import changed
 from dataset_builder.studies.tables import paper
 from dataset_builder.studies.tables.row import Group, Table, TableRow, names

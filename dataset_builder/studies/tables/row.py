@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from dataset_builder.spec.training import TrainingSpec
+from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.studies.tables.paper import Printed
 
 

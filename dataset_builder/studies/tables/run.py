@@ -11,9 +11,9 @@ from dataset_builder.lightnet.dataset import LightingDataset
 from dataset_builder.lightnet.evaluate import Contender, Row, contender, evaluate, trivial
 from dataset_builder.lightnet.events import Event
 from dataset_builder.lightnet.fit import LAST, Job
+from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.lightnet.vgg import check_file
 from dataset_builder.shards.reader import load_manifest
-from dataset_builder.spec.training import TrainingSpec
 from dataset_builder.studies.derived import changed, settings_of
 from dataset_builder.studies.scores import read_scores, write_scores
 from dataset_builder.studies.tables.result import Result

@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 
 from dataset_builder.errors import SpecError
-from dataset_builder.spec.load import load_training
-from dataset_builder.spec.training import TrainingSpec
+from dataset_builder.lightnet.settings import TrainingSpec, load_training
 
 FOLDER = Path(__file__).parents[2] / "scene_specs" / "training"
 

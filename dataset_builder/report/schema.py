@@ -4,10 +4,10 @@ import json
 from pathlib import Path
 from typing import Any
 
+from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.model import Model
 from dataset_builder.spec.scene import ObjectSpec, RoomSpec, SceneSpec
-from dataset_builder.spec.training import TrainingSpec
 
 KINDS: dict[str, type[Model]] = {"dataset": DatasetSpec, "object": ObjectSpec, "room": RoomSpec, "scene": SceneSpec,
                                  "training": TrainingSpec}

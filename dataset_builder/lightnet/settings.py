@@ -1,11 +1,17 @@
 """How a method is trained, as written: one YAML file, given to `dataset-builder train --config`."""
 
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from dataset_builder.errors import SpecError
+from dataset_builder.spec.document import Document
+from dataset_builder.spec.load import overridden, read_document
 from dataset_builder.spec.model import Model, broken
 from dataset_builder.spec.numbers import PositiveInt
+from dataset_builder.spec.resolve import validated
 
 Method = Literal["lightnet", "pix2pix", "dpr", "ssvbrdf"]
 Formulation = Literal["d_s", "dr_s", "dr_s_plus_alpha", "dr_alpha_s"]
@@ -130,3 +136,16 @@ class TrainingSpec(Model):
         if self.data.train == self.data.held_out:
             raise broken(f"expected another split than train's, got {self.data.held_out}", path=("data", "held_out"))
         return self
+
+
+def load_training(path: Path | str | None = None, overrides: Sequence[str] = ()) -> TrainingSpec:
+    """How a method is trained: the file at `path`, or all defaults, with `key.path=value` overrides applied in order.
+
+    Raises SpecError with every broken rule at once.
+    """
+    document = read_document(Path(path), str(path)) if path else Document(name="defaults", data={}, places={})
+    document, problems = overridden(document, overrides)
+    spec = validated(document, TrainingSpec)
+    if isinstance(spec, list) or problems:
+        raise SpecError([*problems, *(spec if isinstance(spec, list) else ())])
+    return spec
