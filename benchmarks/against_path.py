@@ -28,7 +28,7 @@ def path_render(plan: ExamplePlan) -> Callable[[object], np.ndarray]:
     """Full-frame render of a staged scene with Mitsuba's C++ path integrator."""
     import mitsuba as mi
 
-    from dataset_builder.rendering.scene import sensor_of
+    from dataset_builder.rendering.scene.open_scene import sensor_of
 
     sensor = sensor_of(plan.camera, SIZE, SIZE)
     depth = plan.effects.of("target").max_depth
@@ -39,8 +39,8 @@ def path_render(plan: ExamplePlan) -> Callable[[object], np.ndarray]:
 def one_pass(plan: ExamplePlan) -> tuple[float, float]:
     """Seconds of our pass and of `path`, the scene being there."""
     from dataset_builder.rendering import passes
-    from dataset_builder.rendering.scene import body_of, staged
-    from dataset_builder.rendering.soup import clean, merge, surroundings
+    from dataset_builder.rendering.scene.open_scene import body_of, staged
+    from dataset_builder.rendering.scene.triangle_soup import clean, merge, surroundings
 
     body = body_of(merge([clean(plan.target, SPECS), surroundings(plan, SPECS)]),
                    features=frozenset(plan.effects.features))
@@ -55,9 +55,9 @@ def one_pass(plan: ExamplePlan) -> tuple[float, float]:
 
 def three_renders(plan: ExamplePlan, root: Path) -> None:
     """Source light, target light, and the rough mesh under the target light, each on the full frame."""
-    from dataset_builder.rendering.rough_mesh import rough_twin
-    from dataset_builder.rendering.scene import body_of, staged
-    from dataset_builder.rendering.soup import clean, merge, surroundings
+    from dataset_builder.rendering.scene.open_scene import body_of, staged
+    from dataset_builder.rendering.scene.rough_mesh import rough_twin
+    from dataset_builder.rendering.scene.triangle_soup import clean, merge, surroundings
 
     render, target, room = path_render(plan), clean(plan.target, root), surroundings(plan, root)
     opened = room.without(plan.source_light.open)

@@ -22,11 +22,11 @@ def measure(width: int, size: int, repeats: int, device: str) -> dict[str, float
     """Best of some predictions after one to warm up, in this process; sizes in MiB."""
     import torch
 
-    from dataset_builder.lightnet.batch import Inputs
-    from dataset_builder.lightnet.device import choose, precision_on
-    from dataset_builder.lightnet.method import count_parameters
-    from dataset_builder.lightnet.methods import build_method
-    from dataset_builder.lightnet.predict import predict
+    from dataset_builder.lightnet.data.batch import Inputs
+    from dataset_builder.lightnet.methods.build_method import build_method
+    from dataset_builder.lightnet.methods.device import choose, precision_on
+    from dataset_builder.lightnet.methods.method import count_parameters
+    from dataset_builder.lightnet.methods.predict import predict
     from dataset_builder.lightnet.settings import TrainingSpec
 
     where = choose(device)

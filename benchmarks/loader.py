@@ -23,8 +23,8 @@ import _common as common
 import psutil
 
 from dataset_builder.errors import UserError
-from dataset_builder.lightnet.dataset import LAYERS, LightingDataset
-from dataset_builder.lightnet.loader import spread_indices, training_batches
+from dataset_builder.lightnet.data.lighting_dataset import LAYERS, LightingDataset
+from dataset_builder.lightnet.data.loader import spread_indices, training_batches
 from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.shards import exr
 from dataset_builder.shards.manifest import ShardIndex, from_json

@@ -41,7 +41,7 @@ def traced(scene, view, spp, seed, *, features=(), fog=None, max_depth=8, rr_dep
     import drjit as dr
     import mitsuba as mi
 
-    from dataset_builder.rendering.integrator import trace
+    from dataset_builder.rendering.transport.integrator import trace
 
     lanes = BATCHES * SIZE * SIZE * spp
     sampler = mi.load_dict({"type": "independent"})

@@ -6,7 +6,7 @@ from dataset_builder.assets.asset import Material
 from dataset_builder.geometry.mesh import TriangleMesh
 from dataset_builder.geometry.normals import corner_normals
 from dataset_builder.planning.example_plan import CameraPlan, IlluminationPlan, LightPlan, RenderPlan
-from dataset_builder.rendering.soup import Soup, merge, soup_of
+from dataset_builder.rendering.scene.triangle_soup import Soup, merge, soup_of
 
 
 def ball(material: Material, centre=(0.0, 0.0, 0.0), radius: float = 1.0, instance: int = 1,

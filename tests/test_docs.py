@@ -12,7 +12,7 @@ import pytest
 import trimesh
 from ruamel.yaml import YAML
 
-from dataset_builder.cli import main, parser
+from dataset_builder.cli.main import main, parser
 from dataset_builder.layers import LAYERS, PAPER_LAYERS
 from dataset_builder.shards import gates
 from dataset_builder.shards.identities import identity_table

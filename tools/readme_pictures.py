@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from dataset_builder.engine.local import cores
 from dataset_builder.layers import LAYERS
 from dataset_builder.planning.plan import Planner
+from dataset_builder.processes import cores
 from dataset_builder.rendering.backend import activate
 from dataset_builder.report.contact_sheet import cell_pixels
-from dataset_builder.shards.tonemap import exposure
 from dataset_builder.spec.load import load_dataset
+from dataset_builder.tonemap import exposure
 
 ROOT = Path(__file__).resolve().parent.parent
 SPEC = ROOT / "scene_specs" / "3df-lighting-mini.yaml"

@@ -14,10 +14,10 @@ import numpy as np
 
 from dataset_builder.assets.asset import Material, Texture
 from dataset_builder.planning.example_plan import ExamplePlan, IlluminationPlan
-from dataset_builder.planning.irradiance import BEAM_SHARE
-from dataset_builder.rendering.rough_mesh import rough_twin
-from dataset_builder.rendering.soup import PARTS, Soup, clean, merge, surroundings
-from dataset_builder.rendering.window import camera_axes
+from dataset_builder.planning.view.irradiance import BEAM_SHARE
+from dataset_builder.rendering.scene.rough_mesh import rough_twin
+from dataset_builder.rendering.scene.triangle_soup import PARTS, Soup, clean, merge, surroundings
+from dataset_builder.rendering.scene.window import camera_axes
 
 MAPS = ("base_color", "roughness", "metallic", "normal")
 BEYOND = ("transmission", "coat", "abbe")

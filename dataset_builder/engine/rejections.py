@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 
 from dataset_builder.digest import canonical_json, digest
-from dataset_builder.shards.atomic import write_atomic
+from dataset_builder.files import write_atomic
 from dataset_builder.shards.folder import WORK
 from dataset_builder.shards.manifest import Rejected
 

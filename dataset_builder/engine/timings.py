@@ -8,7 +8,7 @@ from io import StringIO
 from pathlib import Path
 
 from dataset_builder.engine.unit import Outcome
-from dataset_builder.shards.atomic import write_atomic
+from dataset_builder.files import write_atomic
 from dataset_builder.shards.folder import SECONDS
 
 HEADER = ("key", "stage", "seconds")

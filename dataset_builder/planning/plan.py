@@ -9,10 +9,8 @@ from typing import Generic, TypeVar
 
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.layers import LAYERS, Extent
-from dataset_builder.planning.cameras import View, place_camera
 from dataset_builder.planning.catalogue import ExampleRef, PairRef, ViewRef, examples
-from dataset_builder.planning.contents import SplitContents, contents
-from dataset_builder.planning.effects import plan_effects
+from dataset_builder.planning.effects.decisions import plan_effects
 from dataset_builder.planning.example_plan import (
     ExamplePlan,
     GoalPlan,
@@ -20,9 +18,11 @@ from dataset_builder.planning.example_plan import (
     RenderPlan,
     RoughPlan,
 )
-from dataset_builder.planning.lights import LitView, sky_share, source_light, target_light, unit_irradiance
-from dataset_builder.planning.stage import Stage
-from dataset_builder.planning.staging import set_stage
+from dataset_builder.planning.scene.arrange import set_stage
+from dataset_builder.planning.scene.arrangement import Stage
+from dataset_builder.planning.scene.contents import SplitContents, contents
+from dataset_builder.planning.view.cameras import View, place_camera
+from dataset_builder.planning.view.lights import LitView, sky_share, source_light, target_light, unit_irradiance
 from dataset_builder.seeding import derive_seed, rng
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.loaded import LoadedSpec

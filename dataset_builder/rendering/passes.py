@@ -8,13 +8,13 @@ import mitsuba as mi
 import numpy as np
 
 from dataset_builder.planning.example_plan import CameraPlan, RenderPlan
-from dataset_builder.planning.stage import TARGET_INSTANCE
-from dataset_builder.rendering.estimate import Integrand, Samplers, estimate
-from dataset_builder.rendering.first_hit import reflectance
-from dataset_builder.rendering.integrator import trace
-from dataset_builder.rendering.moments import Estimate
-from dataset_builder.rendering.rounds import Sample
-from dataset_builder.rendering.scene import Stage, sensor_of
+from dataset_builder.planning.scene.arrangement import TARGET_INSTANCE
+from dataset_builder.rendering.sampling.adaptive import Sample
+from dataset_builder.rendering.sampling.estimate import Integrand, Samplers, estimate
+from dataset_builder.rendering.sampling.moments import Estimate
+from dataset_builder.rendering.scene.open_scene import Stage, sensor_of
+from dataset_builder.rendering.surface.first_hit import reflectance
+from dataset_builder.rendering.transport.integrator import trace
 
 RADIANCE_CHANNELS = {"image": slice(0, 3), "shading": slice(3, 6), "specular": slice(6, 9),
                      "shading_squared": slice(9, 12), "air": slice(12, 15)}

@@ -4,7 +4,8 @@ from functools import cache
 
 import mitsuba as mi
 
-from dataset_builder.rendering import integrator, surface
+from dataset_builder.rendering.surface import bsdf
+from dataset_builder.rendering.transport import integrator
 
 
 def register() -> None:
@@ -14,5 +15,5 @@ def register() -> None:
 
 @cache
 def _register(variant: str) -> None:
-    surface.register()
+    bsdf.register()
     integrator.register()

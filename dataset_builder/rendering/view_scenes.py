@@ -10,13 +10,13 @@ import numpy as np
 
 from dataset_builder.layers import Pass
 from dataset_builder.planning.example_plan import ExamplePlan, IlluminationPlan, RoughPlan
-from dataset_builder.rendering.fog import Fog
-from dataset_builder.rendering.frame import Frame
 from dataset_builder.rendering.passes import View
-from dataset_builder.rendering.rough_mesh import RoughTwin, rough_twin
-from dataset_builder.rendering.scene import Body, Stage, body_of, staged
-from dataset_builder.rendering.soup import Soup, clean, merge, surroundings
-from dataset_builder.rendering.surface import Textures
+from dataset_builder.rendering.scene.local_frame import Frame
+from dataset_builder.rendering.scene.open_scene import Body, Stage, body_of, staged
+from dataset_builder.rendering.scene.rough_mesh import RoughTwin, rough_twin
+from dataset_builder.rendering.scene.triangle_soup import Soup, clean, merge, surroundings
+from dataset_builder.rendering.surface.bsdf import Textures
+from dataset_builder.rendering.transport.fog import Fog
 
 
 @dataclass(kw_only=True)

@@ -3,21 +3,21 @@
 import math
 from collections.abc import Sequence
 
+from dataset_builder.files import write_atomic
 from dataset_builder.report.study_figures import accuracy_figures
 from dataset_builder.report.study_page import Section, page
-from dataset_builder.shards.atomic import write_atomic
 from dataset_builder.studies.accuracy.accumulation import ACCUMULATION
+from dataset_builder.studies.accuracy.accuracy_study import AccuracyStudy
 from dataset_builder.studies.accuracy.advice import Advice
 from dataset_builder.studies.accuracy.advise_storage import codec_means
 from dataset_builder.studies.accuracy.budget import BUDGETS, REFERENCE_DEPTH
 from dataset_builder.studies.accuracy.curves import PRICE, curve
 from dataset_builder.studies.accuracy.depth import DEPTH
-from dataset_builder.studies.accuracy.edges import EDGES
+from dataset_builder.studies.accuracy.mesh_resolution import EDGES
 from dataset_builder.studies.accuracy.rows import Row, layers_in
-from dataset_builder.studies.accuracy.run import AccuracyStudy
 from dataset_builder.studies.accuracy.sampling import ADAPTIVE, ADAPTIVE_DENOISED, DENOISED, UNIFORM
-from dataset_builder.studies.accuracy.storage import CODECS
-from dataset_builder.studies.accuracy.textures import TEXTURES
+from dataset_builder.studies.accuracy.storage_formats import CODECS
+from dataset_builder.studies.accuracy.texture_size import TEXTURES
 
 QUESTIONS = {
     UNIFORM: "What does each further sample per pixel bring?",

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from dataset_builder.lightnet.compose import Composite
+from dataset_builder.files import write_atomic
+from dataset_builder.lightnet.results.compose import Composite
 from dataset_builder.report.example_sheet import SheetRow, png_of, write_sheet
-from dataset_builder.shards.atomic import write_atomic
 from dataset_builder.shards.exr import encode_picture
 
 LINEAR, PREVIEW, SIDES = "composite.exr", "composite.png", "side_by_side.png"

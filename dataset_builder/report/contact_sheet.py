@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from dataset_builder.files import write_atomic
 from dataset_builder.layers import LAYERS
-from dataset_builder.shards.atomic import write_atomic
 from dataset_builder.shards.reader import Dataset, open_dataset
-from dataset_builder.shards.tonemap import exposure, to_8bit
+from dataset_builder.tonemap import exposure, to_8bit
 
 MARGIN, GAP = 12, 4
 LABEL_WIDTH, HEADER = 190, 24

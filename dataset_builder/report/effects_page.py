@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
+from dataset_builder.files import write_atomic
 from dataset_builder.report.study_figures import COLOURS, PALE, panels, png
 from dataset_builder.report.study_page import Section, page
-from dataset_builder.shards.atomic import write_atomic
-from dataset_builder.studies.effects.differences import FACTOR, SIGMAS, Difference
-from dataset_builder.studies.effects.run import Compared, EffectsStudy, decisions, saving, seconds_by_pass
+from dataset_builder.studies.effects.effects_study import Compared, EffectsStudy, decisions, saving, seconds_by_pass
+from dataset_builder.studies.effects.picture_differences import FACTOR, SIGMAS, Difference
 
 
 def effects_figure(found: Sequence[Compared]) -> Figure:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from math import isfinite
 
-from dataset_builder.lightnet.summary import Estimate
+from dataset_builder.lightnet.results.clustered_means import Estimate
 
 DIGITS = {"psnr": 2}
 """After the point by metric, `OTHERWISE` where not stated."""

@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 
-from dataset_builder.lightnet.dataset import LightingDataset
-from dataset_builder.lightnet.evaluate import Contender, Row
-from dataset_builder.lightnet.loader import whole_images
-from dataset_builder.lightnet.metrics import METRICS
-from dataset_builder.lightnet.pictures import cropped, found, given
-from dataset_builder.lightnet.summary import chosen
+from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
+from dataset_builder.lightnet.data.loader import whole_images
+from dataset_builder.lightnet.measures.metrics import METRICS
+from dataset_builder.lightnet.results.clustered_means import chosen
+from dataset_builder.lightnet.results.evaluate import Contender, Row
+from dataset_builder.lightnet.results.pictures import cropped, found, given
 from dataset_builder.report.estimates import rounded
 from dataset_builder.report.example_sheet import SheetRow
 

@@ -10,12 +10,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from dataset_builder.lightnet.evaluate import Row
-from dataset_builder.lightnet.metrics import METRICS, Metric
-from dataset_builder.lightnet.summary import LEVEL, Paired, Summary, compare, summarise
+from dataset_builder.files import write_atomic
+from dataset_builder.lightnet.measures.metrics import METRICS, Metric
+from dataset_builder.lightnet.results.clustered_means import LEVEL, Paired, Summary, compare, summarise
+from dataset_builder.lightnet.results.evaluate import Row
 from dataset_builder.report.estimates import markdown_table, plus_minus, rounded
 from dataset_builder.report.study_figures import COLOURS, PALE, panels, png
-from dataset_builder.shards.atomic import write_atomic
 from dataset_builder.studies.comma_separated import comma_separated
 
 TABLE, SUMMARY, FIGURE, EXAMPLES = "table.csv", "summary.md", "summary.png", "examples.png"

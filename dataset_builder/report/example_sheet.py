@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from dataset_builder.shards.atomic import write_atomic
+from dataset_builder.files import write_atomic
 
 MARGIN, GAP, HEADER, LINE = 12, 4, 24, 17
 LABEL_WIDTH = 200

@@ -7,13 +7,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from dataset_builder.lightnet.baselines.trivial import TRIVIAL
-from dataset_builder.lightnet.evaluate import Row
-from dataset_builder.lightnet.gate import Done
+from dataset_builder.lightnet.methods.baselines.trivial import TRIVIAL
+from dataset_builder.lightnet.results.evaluate import Row
+from dataset_builder.release.cells import Cells
+from dataset_builder.release.consistency import Facts
+from dataset_builder.release.gate import Done
+from dataset_builder.release.outline_checks import SEARCH
 from dataset_builder.report.study_figures import COLOURS, PALE, panels, png
-from dataset_builder.shards.cells import Cells
-from dataset_builder.shards.consistency import Facts
-from dataset_builder.shards.outline_checks import SEARCH
 
 MOST = 6000
 """Points of a panel."""

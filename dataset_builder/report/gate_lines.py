@@ -4,10 +4,10 @@ from collections.abc import Iterable, Iterator
 
 from rich.console import Console
 
-from dataset_builder.lightnet.events import Started, Stepped
-from dataset_builder.lightnet.gate import Begun, Done, LeftOut, News
+from dataset_builder.lightnet.training.events import Started, Stepped
+from dataset_builder.release.dataset_check import Check
+from dataset_builder.release.gate import Begun, Done, LeftOut, News
 from dataset_builder.report.training import bar_of_steps, lines_of, step_text
-from dataset_builder.shards.check import Check
 
 MARKS = {"yes": "yes", "no": "NO ", "not judged": " - "}
 NAME = 20

@@ -6,11 +6,11 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from dataset_builder.lightnet.gate import Done, Gate
+from dataset_builder.files import write_atomic
+from dataset_builder.release.dataset_check import Check
+from dataset_builder.release.gate import Done, Gate
 from dataset_builder.report.gate_figures import figures
 from dataset_builder.report.gate_lines import figure
-from dataset_builder.shards.atomic import write_atomic
-from dataset_builder.shards.check import Check
 
 JSON, MARKDOWN, FIGURES = "report.json", "report.md", "figures"
 CAPTIONS = {

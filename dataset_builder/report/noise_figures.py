@@ -7,13 +7,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dataset_builder.lightnet.metrics import METRICS
-from dataset_builder.lightnet.summary import Estimate
+from dataset_builder.lightnet.measures.metrics import METRICS
+from dataset_builder.lightnet.results.clustered_means import Estimate
 from dataset_builder.report.example_sheet import SheetRow, sheet
 from dataset_builder.report.study_figures import COLOURS, PALE, panels
 from dataset_builder.studies.noise.crops import TRIVIAL, Crop
+from dataset_builder.studies.noise.level_trainings import MIXED
 from dataset_builder.studies.noise.levels import OWN, Level
-from dataset_builder.studies.noise.run import MIXED
 
 LINES = {
     MIXED: ("LighTNet, trained on all levels", COLOURS[0], "o", "-"),

@@ -3,19 +3,19 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from dataset_builder.lightnet.metrics import METRICS
-from dataset_builder.lightnet.summary import Estimate
+from dataset_builder.files import write_atomic
+from dataset_builder.lightnet.measures.metrics import METRICS
+from dataset_builder.lightnet.results.clustered_means import Estimate
 from dataset_builder.report.estimates import plus_minus
 from dataset_builder.report.example_sheet import png_of
 from dataset_builder.report.noise_figures import LINES, PSNR, changes_figure, crop_pictures, quality_figure
 from dataset_builder.report.study_figures import png
 from dataset_builder.report.study_page import Section, page
-from dataset_builder.shards.atomic import write_atomic
 from dataset_builder.studies.noise.crops import TRIVIAL, Crop
+from dataset_builder.studies.noise.level_trainings import MIXED
 from dataset_builder.studies.noise.levels import OWN, Level
-from dataset_builder.studies.noise.passes import PassCount, saving
-from dataset_builder.studies.noise.run import MIXED
-from dataset_builder.studies.noise.study import NoiseStudy, level_names
+from dataset_builder.studies.noise.noise_study import NoiseStudy, level_names
+from dataset_builder.studies.noise.pass_counts import PassCount, saving
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,11 +13,11 @@ from dataset_builder.studies.accuracy.advice import Advice
 from dataset_builder.studies.accuracy.advise_storage import codec_means, drift_means, half_errors
 from dataset_builder.studies.accuracy.curves import Point, curve
 from dataset_builder.studies.accuracy.depth import DEPTH
-from dataset_builder.studies.accuracy.edges import EDGES, LAYER
+from dataset_builder.studies.accuracy.mesh_resolution import EDGES, LAYER
 from dataset_builder.studies.accuracy.rows import Row, layers_in, of
 from dataset_builder.studies.accuracy.sampling import ADAPTIVE, ADAPTIVE_DENOISED, DENOISED, UNIFORM
-from dataset_builder.studies.accuracy.storage import CODECS
-from dataset_builder.studies.accuracy.textures import TEXTURES
+from dataset_builder.studies.accuracy.storage_formats import CODECS
+from dataset_builder.studies.accuracy.texture_size import TEXTURES
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 """Okabe and Ito's, told apart by colour-blind readers, too."""

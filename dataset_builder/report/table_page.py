@@ -7,17 +7,17 @@ from math import isfinite
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dataset_builder.lightnet.differences import differences
-from dataset_builder.lightnet.metrics import METRICS, Metric
-from dataset_builder.lightnet.summary import Estimate
+from dataset_builder.files import write_atomic
+from dataset_builder.lightnet.measures.metrics import METRICS, Metric
+from dataset_builder.lightnet.results.clustered_means import Estimate
+from dataset_builder.lightnet.settings_differences import differences
 from dataset_builder.report.estimates import markdown_table, plus_minus, rounded
 from dataset_builder.report.study_figures import COLOURS, panels, png
-from dataset_builder.shards.atomic import write_atomic
-from dataset_builder.studies.tables.order import Order, Pair, summary, verdict
 from dataset_builder.studies.tables.paper import SOURCE, Printed
+from dataset_builder.studies.tables.rank_order import Order, Pair, summary, verdict
 from dataset_builder.studies.tables.result import Result, orders
 from dataset_builder.studies.tables.row import Table
-from dataset_builder.studies.tables.run import TableStudy
+from dataset_builder.studies.tables.table_study import TableStudy
 
 HOW_TO_READ = """A pair is told apart where the interval of its difference, of 95% confidence and clustered by object,
 does not hold 0; one pair in twenty that are equal passes for different all the same. With one seed per row, intervals

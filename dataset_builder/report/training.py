@@ -7,7 +7,7 @@ from rich.console import Console, RenderableType
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.text import Text
 
-from dataset_builder.lightnet.events import Checked, Event, Finished, Started, Stepped
+from dataset_builder.lightnet.training.events import Checked, Event, Finished, Started, Stepped
 
 REASONS = {"steps": "all steps done", "patience": "no better check for long enough", "already": "was finished before"}
 

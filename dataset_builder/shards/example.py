@@ -13,7 +13,7 @@ from dataset_builder.errors import Problem, ShardError
 from dataset_builder.layers import LAYERS
 from dataset_builder.shards import exr
 from dataset_builder.shards.label import SCHEMA_VERSION, encode_label, statistics
-from dataset_builder.shards.tonemap import exposure, to_8bit
+from dataset_builder.tonemap import exposure, to_8bit
 
 PREVIEW_LAYERS = ("i_s", "i_t")
 LABEL, PREVIEW = "json", "preview.png"

@@ -9,8 +9,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from dataset_builder.errors import OutputError, Problem
-from dataset_builder.shards.atomic import flush_folder, output_errors
-from dataset_builder.shards.lock import locked
+from dataset_builder.files import flush_folder, output_errors
+from dataset_builder.lock import locked
 
 WORK = ".build"
 LOCK = "lock"

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from dataset_builder.digest import sha256_bytes, sha256_file
 from dataset_builder.errors import Problem, ShardError
-from dataset_builder.shards.atomic import write_atomic
+from dataset_builder.files import write_atomic
 from dataset_builder.shards.card import card
 from dataset_builder.shards.croissant import croissant
 from dataset_builder.shards.folder import MANIFEST, retract

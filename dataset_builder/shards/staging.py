@@ -12,7 +12,7 @@ from typing import Any
 
 from dataset_builder.digest import canonical_json, sha256_bytes
 from dataset_builder.errors import Problem, ShardError
-from dataset_builder.shards.atomic import PARTIAL, output_errors, write_atomic
+from dataset_builder.files import PARTIAL, output_errors, write_atomic
 from dataset_builder.shards.folder import STAGING, WORK
 
 

@@ -10,8 +10,8 @@ import PIL
 from dataset_builder import __version__
 from dataset_builder.digest import sha256_file
 from dataset_builder.errors import Problem, ShardError
+from dataset_builder.files import commit, output_errors, partial_of, write_atomic, write_partial
 from dataset_builder.shards import exr
-from dataset_builder.shards.atomic import commit, output_errors, partial_of, write_atomic, write_partial
 from dataset_builder.shards.example import Member
 from dataset_builder.shards.folder import retract
 from dataset_builder.shards.manifest import ExampleRecord, MemberRecord, ShardIndex, ShardRecord, from_json, to_json

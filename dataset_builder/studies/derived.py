@@ -5,7 +5,7 @@ from typing import Any
 
 from dataset_builder.engine.local import cores
 from dataset_builder.errors import UserError
-from dataset_builder.lightnet.device import choose
+from dataset_builder.lightnet.methods.device import choose
 from dataset_builder.lightnet.settings import TrainingSpec
 
 

@@ -6,9 +6,9 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from dataset_builder.lightnet.evaluate import Row
-from dataset_builder.lightnet.metrics import Metrics
-from dataset_builder.shards.atomic import write_atomic
+from dataset_builder.files import write_atomic
+from dataset_builder.lightnet.measures.metrics import Metrics
+from dataset_builder.lightnet.results.evaluate import Row
 from dataset_builder.studies.comma_separated import comma_separated
 
 KINDS: dict[str, Callable[[str], Any]] = {"method": str, "key": str, "view": str, "object": str, "room": str,

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from dataset_builder.digest import canonical_json
-from dataset_builder.lightnet.events import Event, Started, Stepped
-from dataset_builder.lightnet.fit import BEST, LAST, LOCK, LOG, SPEC, Job, fit
-from dataset_builder.shards.atomic import output_errors, write_atomic
-from dataset_builder.shards.lock import locked
+from dataset_builder.files import output_errors, write_atomic
+from dataset_builder.lightnet.training.events import Event, Started, Stepped
+from dataset_builder.lightnet.training.fit import BEST, LAST, LOCK, LOG, SPEC, Job, fit
+from dataset_builder.lock import locked
 
 ABOUT, SCORES, FACTS = "study.json", "scores.csv", "facts.json"
 BOARD = "tensorboard"

@@ -16,7 +16,7 @@ from dataset_builder.errors import UserError
 from dataset_builder.geometry.edges import edges_of
 from dataset_builder.geometry.noise import bounding_radius, displace
 from dataset_builder.geometry.normals import corner_normals
-from dataset_builder.geometry.rough import rough_base
+from dataset_builder.geometry.rough_base import rough_base
 from dataset_builder.seeding import rng
 from dataset_builder.spec.mesh_source import companions
 

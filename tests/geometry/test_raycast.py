@@ -8,7 +8,7 @@ from dataset_builder.geometry import _open3d
 from dataset_builder.geometry.distance import measure_roughness
 from dataset_builder.geometry.noise import bounding_radius, displace
 from dataset_builder.geometry.raycast import RayScene
-from dataset_builder.geometry.rough import rough_base
+from dataset_builder.geometry.rough_base import rough_base
 from dataset_builder.seeding import rng
 
 

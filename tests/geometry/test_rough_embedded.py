@@ -7,7 +7,7 @@ import pytest
 
 from dataset_builder.assets.procedural.furniture import make_furniture
 from dataset_builder.geometry.edges import edges_of, watertight
-from dataset_builder.geometry.rough import rough_base
+from dataset_builder.geometry.rough_base import rough_base
 from dataset_builder.seeding import rng
 from dataset_builder.spec.families import FAMILIES
 from dataset_builder.spec.numbers import draw

@@ -7,10 +7,10 @@ from typing import Literal
 import torch
 from torch import nn
 
-from dataset_builder.lightnet.batch import Batch, Inputs, Prediction
-from dataset_builder.lightnet.checkpoint import Trained, save_state
-from dataset_builder.lightnet.method import Loss, Method
-from dataset_builder.lightnet.methods import build_method
+from dataset_builder.lightnet.data.batch import Batch, Inputs, Prediction
+from dataset_builder.lightnet.methods.build_method import build_method
+from dataset_builder.lightnet.methods.checkpoint import Trained, save_state
+from dataset_builder.lightnet.methods.method import Loss, Method
 from dataset_builder.lightnet.settings import TrainingSpec
 
 Formula = Callable[[Inputs], torch.Tensor]

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import torch
 
-from dataset_builder.lightnet.batch import Batch, Inputs, Truth
+from dataset_builder.lightnet.data.batch import Batch, Inputs, Truth
 
 
 def random_batch(*, size: int = 32, examples: int = 2, seed: int = 0) -> Batch:

@@ -9,9 +9,9 @@ import pytest
 
 from dataset_builder.assets.asset import Asset, Material
 from dataset_builder.geometry.mesh import TriangleMesh
-from dataset_builder.planning import realise
 from dataset_builder.planning.example_plan import ObjectPlan, PlacedObject, RoomPlan
-from dataset_builder.planning.stage import Stage
+from dataset_builder.planning.scene import assets_of_plan
+from dataset_builder.planning.scene.arrangement import Stage
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.loaded import LoadedSpec
 from dataset_builder.spec.scene import ObjectSpec, RoomSpec, SceneSpec
@@ -46,16 +46,16 @@ def _room(*, width: float, depth: float, height: float, ceiling: bool, windows: 
 
 
 def _forget() -> None:
-    realise.asset_of.cache_clear()
-    realise.room_shell.cache_clear()
+    assets_of_plan.asset_of.cache_clear()
+    assets_of_plan.room_shell.cache_clear()
 
 
 @pytest.fixture(autouse=True)
 def boxes(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Boxes instead of furniture; nothing of them stays behind."""
     _forget()
-    monkeypatch.setattr(realise, "make_furniture", _furniture)
-    monkeypatch.setattr(realise, "make_room", _room)
+    monkeypatch.setattr(assets_of_plan, "make_furniture", _furniture)
+    monkeypatch.setattr(assets_of_plan, "make_room", _room)
     yield
     _forget()
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dataset_builder.planning.catalogue import count_examples, examples, pairs_of, views_of
-from dataset_builder.planning.views import units
+from dataset_builder.planning.units import units
 from dataset_builder.spec.dataset import DatasetSpec, SplitSpec
 
 

@@ -20,7 +20,7 @@ from dataset_builder.planning.cost import (
 )
 from dataset_builder.planning.example_plan import ExamplePlan, GoalPlan
 from dataset_builder.planning.plan import Planner, first_plan, plan_example
-from dataset_builder.planning.sight import window_share
+from dataset_builder.planning.view.visibility import window_share
 from dataset_builder.spec.loaded import LoadedSpec
 
 Load = Callable[..., LoadedSpec]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from dataset_builder.cli import main
+from dataset_builder.cli.main import main
 from dataset_builder.errors import UserError
 from dataset_builder.geometry import _open3d
 from dataset_builder.rendering import backend

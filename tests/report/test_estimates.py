@@ -2,7 +2,7 @@
 
 from math import inf, nan
 
-from dataset_builder.lightnet.summary import Estimate
+from dataset_builder.lightnet.results.clustered_means import Estimate
 from dataset_builder.report.estimates import markdown_table, plus_minus, rounded
 
 

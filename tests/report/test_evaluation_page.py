@@ -12,8 +12,8 @@ import pytest
 from PIL import Image
 
 from dataset_builder.errors import OutputError
-from dataset_builder.lightnet.evaluate import Row
-from dataset_builder.lightnet.metrics import METRICS, Metrics
+from dataset_builder.lightnet.measures.metrics import METRICS, Metrics
+from dataset_builder.lightnet.results.evaluate import Row
 from dataset_builder.report.evaluation_page import (
     COLUMNS,
     Evaluation,

@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 
 from dataset_builder.errors import UserError
-from dataset_builder.lightnet.events import Checked, Event, Finished, Started, Stepped
+from dataset_builder.lightnet.training.events import Checked, Event, Finished, Started, Stepped
 from dataset_builder.report.training import follow, lines_of, step_text
 
 STARTED = Started(parameters={"generator": 1200, "discriminator": 34}, first=7, steps=20, train=64, held_out=16,

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from dataset_builder.errors import OutputError
-from dataset_builder.shards.atomic import require_space, write_atomic
+from dataset_builder.files import require_space, write_atomic
 from dataset_builder.shards.folder import build_lock, claim, retract
 
 HOLD = ("import sys, time; from pathlib import Path; from dataset_builder.shards.folder import build_lock\n"

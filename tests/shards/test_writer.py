@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
+from dataset_builder import files
 from dataset_builder.errors import OutputError, ShardError
-from dataset_builder.shards import atomic
 from dataset_builder.shards.staging import Staging
 from dataset_builder.shards.verify import verify
 from dataset_builder.shards.writer import index_path, publish_shard, published, remove_others, shard_path
@@ -37,8 +37,8 @@ def interrupted(patch: pytest.MonkeyPatch, steps: int, error: BaseException, fol
     """Build with the step number `steps` of all flushes and renames failing; True where the build got to its end."""
     with patch.context() as context:
         wrap = after(steps, error)
-        context.setattr(atomic.os, "replace", wrap(os.replace))
-        context.setattr(atomic.os, "fsync", wrap(os.fsync))
+        context.setattr(files.os, "replace", wrap(os.replace))
+        context.setattr(files.os, "fsync", wrap(os.fsync))
         try:
             build(folder, shards=ONE_SHARD)
         except (Killed, OutputError):
@@ -91,7 +91,7 @@ def test_a_disk_that_refuses_at_any_step_leaves_nothing_half_published(
 def test_a_full_disk_is_said_to_be_full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(_: int) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-    monkeypatch.setattr(atomic.os, "fsync", full)
+    monkeypatch.setattr(files.os, "fsync", full)
     with pytest.raises(OutputError, match=r"the disk is full .*free some space"):
         build(tmp_path / "out")
 

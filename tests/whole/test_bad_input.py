@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 
 import pytest
 
-from dataset_builder import cli
+from dataset_builder.cli.main import main
 from dataset_builder.shards.folder import build_lock
 from dataset_builder.shards.writer import shard_path
 from tests.small_specs import FILES, contents, write_spec
@@ -38,7 +38,7 @@ def refused(capsys: pytest.CaptureFixture[str]) -> Run:
 
     def run(*arguments: object) -> str:
         try:
-            code = cli.main([str(argument) for argument in arguments])
+            code = main([str(argument) for argument in arguments])
         except SystemExit as stop:
             code = stop.code if isinstance(stop.code, int) else 1
         said = capsys.readouterr()
@@ -158,13 +158,13 @@ def test_two_builds_in_one_folder(small_spec: Path, tmp_path: Path, refused: Run
 def test_a_changed_byte_is_found_and_named(small_dataset: Path, tmp_path: Path,
                                            capsys: pytest.CaptureFixture[str]) -> None:
     shutil.copytree(small_dataset, tmp_path / "copy")
-    assert cli.main(["verify", str(tmp_path / "copy")]) == 0
+    assert main(["verify", str(tmp_path / "copy")]) == 0
     assert "10 examples in 4 shards" in capsys.readouterr().out
     path = shard_path(tmp_path / "copy", "small-v1-train-000001")
     data = bytearray(path.read_bytes())
     data[5000] ^= 1
     path.write_bytes(data)
-    assert cli.main(["verify", str(tmp_path / "copy")]) == 1
+    assert main(["verify", str(tmp_path / "copy")]) == 1
     said = capsys.readouterr().out
     assert "wrong: small-v1-train-000001.tar: expected SHA-256" in said and "small-v1-train-000000" not in said
     assert "wrong: small-v1-train-000001.tar: 00000003." in said
@@ -172,7 +172,7 @@ def test_a_changed_byte_is_found_and_named(small_dataset: Path, tmp_path: Path,
 
 def test_the_program_itself(tmp_path: Path) -> None:
     spec = write_spec(tmp_path, {"small.yaml": DATASET + "sigmaa: 1\n"})
-    done = subprocess.run([sys.executable, "-m", "dataset_builder.cli", "build", str(spec), "--out", "out"],
+    done = subprocess.run([sys.executable, "-m", "dataset_builder", "build", str(spec), "--out", "out"],
                           capture_output=True, text=True, cwd=tmp_path, check=False,
                           env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])})
     assert done.returncode == 2 and done.stdout == ""
@@ -191,5 +191,5 @@ def test_an_interrupted_build_says_how_to_go_on(small_spec: Path, tmp_path: Path
         raise KeyboardInterrupt
 
     monkeypatch.setattr("dataset_builder.build.run_unit", interrupt)
-    assert cli.main(["build", str(small_spec), "--out", str(tmp_path / "out"), "--workers", "1"]) == 130
+    assert main(["build", str(small_spec), "--out", str(tmp_path / "out"), "--workers", "1"]) == 130
     assert "run the same command again to go on" in capsys.readouterr().err

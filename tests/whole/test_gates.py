@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from dataset_builder.cli import main
+from dataset_builder.cli.main import main
 from dataset_builder.errors import UserError
 from dataset_builder.shards.folder import WORK
 from dataset_builder.shards.reader import load_manifest, open_dataset

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dataset_builder.cli import main
+from dataset_builder.cli.main import main
 from dataset_builder.shards.folder import STAGING, WORK
 from dataset_builder.shards.reader import open_dataset
 from tests.small_specs import FILES, VIEW, outcomes_of, records, run_build, write_spec

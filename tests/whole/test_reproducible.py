@@ -13,7 +13,7 @@ import pytest
 from dataset_builder.engine.unit import Job, run_unit
 from dataset_builder.errors import SpecError
 from dataset_builder.planning.plan import Planner
-from dataset_builder.planning.views import units
+from dataset_builder.planning.units import units
 from dataset_builder.shards.folder import STAGING, WORK
 from dataset_builder.shards.segment import BLOCK, end_blocks
 from dataset_builder.shards.verify import verify
@@ -71,7 +71,7 @@ def segment_in_shard(folder: Path, key: str) -> bytes:
 
 
 def test_a_build_that_was_killed_goes_on(small_spec: Path, small_dataset: Path, tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "dataset_builder.cli", "build", str(small_spec), "--out", str(tmp_path / "out"),
+    command = [sys.executable, "-m", "dataset_builder", "build", str(small_spec), "--out", str(tmp_path / "out"),
                "--workers", "1", "--backend", "llvm"]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, cwd=Path(__file__).parents[2]) as process:
         deadline = time.monotonic() + 60

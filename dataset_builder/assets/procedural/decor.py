@@ -8,7 +8,7 @@ from dataset_builder.assets.procedural import materials
 from dataset_builder.assets.procedural.boxes import lattice_box, solid, split_quads
 from dataset_builder.assets.procedural.fittings import foot_disc, round_leg
 from dataset_builder.assets.procedural.parts import GAP, Part, assemble, bent, moved, rod, turned_about_z
-from dataset_builder.assets.procedural.rounds import COARSE, disc, hoop, turned
+from dataset_builder.assets.procedural.round_solids import COARSE, disc, hoop, turned
 from dataset_builder.geometry.mesh import TriangleMesh
 
 

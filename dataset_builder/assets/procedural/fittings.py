@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from dataset_builder.assets.procedural.parts import GAP, Part, Span, block, facing_front, moved, rod
-from dataset_builder.assets.procedural.rounds import COARSE, chamfered_square, circle, disc, post, turned
+from dataset_builder.assets.procedural.round_solids import COARSE, chamfered_square, circle, disc, post, turned
 
 FRONT_GAP = 0.003
 """Metres between neighbouring doors and drawers."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from dataset_builder.assets.asset import Asset, Material
 from dataset_builder.assets.procedural.boxes import bevelled_box
-from dataset_builder.assets.procedural.rounds import COARSE, bar
+from dataset_builder.assets.procedural.round_solids import COARSE, bar
 from dataset_builder.assets.procedural.soft import ARC_STEPS, cushion
 from dataset_builder.geometry.mesh import TriangleMesh, concatenate, transform
 

@@ -6,7 +6,7 @@ from dataset_builder.assets.asset import Asset
 from dataset_builder.assets.procedural import materials
 from dataset_builder.assets.procedural.fittings import round_leg, square_leg
 from dataset_builder.assets.procedural.parts import GAP, Part, assemble, block, leaning, mirrored, moved, padding, rod
-from dataset_builder.assets.procedural.rounds import chamfered_square, disc, post, turned
+from dataset_builder.assets.procedural.round_solids import chamfered_square, disc, post, turned
 from dataset_builder.geometry.mesh import TriangleMesh
 
 SEAT_BOARD = 0.022

@@ -6,7 +6,7 @@ from dataset_builder.assets.asset import Asset
 from dataset_builder.assets.procedural import materials
 from dataset_builder.assets.procedural.fittings import drawer, lying_books, round_leg, split, square_leg
 from dataset_builder.assets.procedural.parts import GAP, Part, assemble, block, mirrored, moved
-from dataset_builder.assets.procedural.rounds import disc, turned
+from dataset_builder.assets.procedural.round_solids import disc, turned
 
 PEDESTAL = 2
 

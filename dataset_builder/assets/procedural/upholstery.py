@@ -18,7 +18,7 @@ from dataset_builder.assets.procedural.parts import (
     padding,
     rod,
 )
-from dataset_builder.assets.procedural.rounds import disc, turned
+from dataset_builder.assets.procedural.round_solids import disc, turned
 from dataset_builder.assets.procedural.seating import round_pad
 from dataset_builder.assets.procedural.soft import pillow
 

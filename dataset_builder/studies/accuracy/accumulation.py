@@ -12,10 +12,10 @@ import numpy as np
 
 from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.planning.example_plan import ExamplePlan
-from dataset_builder.rendering.rounds import BATCH_SIZES
+from dataset_builder.rendering.sampling.adaptive import BATCH_SIZES
 from dataset_builder.seeding import rng
-from dataset_builder.studies.accuracy.bench import Bench
 from dataset_builder.studies.accuracy.rows import Row
+from dataset_builder.studies.accuracy.workbench import Bench
 from dataset_builder.studies.timing import render
 
 ACCUMULATION, LAYER = "accumulation", "i_t"

@@ -6,9 +6,9 @@ from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.studies.accuracy.advice import Advice
 from dataset_builder.studies.accuracy.curves import Point, curve
 from dataset_builder.studies.accuracy.depth import DEPTH, worst
-from dataset_builder.studies.accuracy.edges import EDGES, LAYER
+from dataset_builder.studies.accuracy.mesh_resolution import EDGES, LAYER
 from dataset_builder.studies.accuracy.rows import Row, layers_in, of
-from dataset_builder.studies.accuracy.textures import TEXTURES
+from dataset_builder.studies.accuracy.texture_size import TEXTURES
 
 NEAR = 0.5
 """Share of a layer's noise that another error may have: both together are then an eighth more than the noise alone."""

@@ -17,7 +17,7 @@ from dataset_builder.studies.accuracy.sampling import (
     UNIFORM,
     goal_override,
 )
-from dataset_builder.studies.errors import geometric_mean
+from dataset_builder.studies.image_errors import geometric_mean
 
 
 def advise(advice: Advice, rows: Sequence[Row], spec: DatasetSpec, budget: Budget) -> None:

@@ -8,7 +8,7 @@ from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.studies.accuracy.accumulation import ACCUMULATION, BATCHED, NOISE, RUNNING
 from dataset_builder.studies.accuracy.advice import Advice
 from dataset_builder.studies.accuracy.rows import WHOLE, Row, of
-from dataset_builder.studies.accuracy.storage import CODECS
+from dataset_builder.studies.accuracy.storage_formats import CODECS
 
 HALF_SHARE = 0.1
 """Share of `render.bias` that rounding to half may take."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from dataset_builder.studies.accuracy.rows import Row, of
 from dataset_builder.studies.accuracy.sampling import ADAPTIVE, UNIFORM
-from dataset_builder.studies.errors import geometric_mean
+from dataset_builder.studies.image_errors import geometric_mean
 
 TOLERABLE = 0.1
 """Error above which no setting is recommended, however well it pays to be that cheap."""

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dataset_builder.planning.catalogue import ExampleRef
-from dataset_builder.studies.accuracy.bench import Bench, kept
 from dataset_builder.studies.accuracy.budget import REFERENCE_DEPTH
 from dataset_builder.studies.accuracy.rows import Row
+from dataset_builder.studies.accuracy.workbench import Bench, kept
 from dataset_builder.studies.sampled import reseeded
 from dataset_builder.studies.timing import seconds_of, work_of
 

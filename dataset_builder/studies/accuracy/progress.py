@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from dataset_builder.digest import canonical_json
-from dataset_builder.shards.atomic import write_atomic
+from dataset_builder.files import write_atomic
 from dataset_builder.studies.accuracy.rows import Row, read_table
 
 FILE = "study.json"

@@ -8,7 +8,7 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
-from dataset_builder.shards.atomic import write_atomic
+from dataset_builder.files import write_atomic
 
 NONE = math.nan
 WHOLE = "all"

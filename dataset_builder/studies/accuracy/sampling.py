@@ -7,9 +7,9 @@ from dataset_builder.errors import UserError
 from dataset_builder.layers import DENOISABLE
 from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.rendering.oidn import require
-from dataset_builder.rendering.rounds import BATCH_SIZES
-from dataset_builder.studies.accuracy.bench import Bench
+from dataset_builder.rendering.sampling.adaptive import BATCH_SIZES
 from dataset_builder.studies.accuracy.rows import Row
+from dataset_builder.studies.accuracy.workbench import Bench
 
 UNIFORM, ADAPTIVE = "uniform", "adaptive"
 DENOISED, ADAPTIVE_DENOISED = "uniform-denoised", "adaptive-denoised"

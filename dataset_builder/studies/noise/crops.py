@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dataset_builder.lightnet.evaluate import Contender
-from dataset_builder.lightnet.loader import whole_images
-from dataset_builder.lightnet.pictures import cropped, light
+from dataset_builder.lightnet.data.loader import whole_images
+from dataset_builder.lightnet.results.evaluate import Contender
+from dataset_builder.lightnet.results.pictures import cropped, light
+from dataset_builder.studies.noise.level_trainings import MIXED, HeldOut, contenders
 from dataset_builder.studies.noise.levels import Level
-from dataset_builder.studies.noise.run import MIXED, HeldOut, contenders
-from dataset_builder.studies.noise.study import NoiseStudy, level_name
+from dataset_builder.studies.noise.noise_study import NoiseStudy, level_name
 
 TRIVIAL = "dr_s_prime"
 HEADINGS = {TRIVIAL: "(D + R) S', true D, R", MIXED: "trained on all levels", "own": "trained on this level"}

@@ -6,13 +6,13 @@ from pathlib import Path
 from statistics import fmean
 
 from dataset_builder.errors import UserError
-from dataset_builder.lightnet.evaluate import Row
-from dataset_builder.lightnet.metrics import METRICS
-from dataset_builder.lightnet.summary import Estimate, estimate, methods
-from dataset_builder.shards.atomic import write_atomic
+from dataset_builder.files import write_atomic
+from dataset_builder.lightnet.measures.metrics import METRICS
+from dataset_builder.lightnet.results.clustered_means import Estimate, estimate, methods
+from dataset_builder.lightnet.results.evaluate import Row
 from dataset_builder.studies.comma_separated import comma_separated
-from dataset_builder.studies.noise.run import MIXED, HeldOut
-from dataset_builder.studies.noise.study import NoiseStudy, level_name
+from dataset_builder.studies.noise.level_trainings import MIXED, HeldOut
+from dataset_builder.studies.noise.noise_study import NoiseStudy, level_name
 
 OWN = "own level"
 """Whoever was trained on the level at hand."""

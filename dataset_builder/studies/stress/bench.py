@@ -11,8 +11,8 @@ from scipy import stats
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from dataset_builder.planning.example_plan import CameraPlan, IlluminationPlan, RenderPlan
-from dataset_builder.rendering.soup import Soup
-from dataset_builder.rendering.window import camera_axes
+from dataset_builder.rendering.scene.triangle_soup import Soup
+from dataset_builder.rendering.scene.window import camera_axes
 from dataset_builder.studies.stress.case import Measured, Size
 
 BATCHES = 4
@@ -76,8 +76,8 @@ class Picture:
 def render(soup: Soup, illumination: IlluminationPlan, shot: Shot, size: Size) -> Picture:
     """All layers of one shot."""
     from dataset_builder.rendering import passes
-    from dataset_builder.rendering.frame import Frame
-    from dataset_builder.rendering.scene import body_of, staged
+    from dataset_builder.rendering.scene.local_frame import Frame
+    from dataset_builder.rendering.scene.open_scene import body_of, staged
 
     frame = Frame.of(soup.corners[soup.instance == 1]) if shot.framed else Frame()
     width, height = shot.size or (size.side, size.side)

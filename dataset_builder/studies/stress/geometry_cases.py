@@ -7,8 +7,8 @@ import numpy as np
 from dataset_builder.geometry.edges import unit
 from dataset_builder.geometry.noise import bounding_radius, displace
 from dataset_builder.geometry.normals import corner_normals
-from dataset_builder.geometry.rough import rough_base
-from dataset_builder.rendering.soup import Soup, merge
+from dataset_builder.geometry.rough_base import rough_base
+from dataset_builder.rendering.scene.triangle_soup import Soup, merge
 from dataset_builder.seeding import rng
 from dataset_builder.studies.stress.bench import (
     HOMOGENEOUS,

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from dataset_builder.assets.asset import Material
-from dataset_builder.rendering.soup import merge
+from dataset_builder.rendering.scene.triangle_soup import merge
 from dataset_builder.studies.stress.bench import Shot, judged, render
 from dataset_builder.studies.stress.case import Measured, Size, hard_case
 from dataset_builder.studies.stress.material_cases import (

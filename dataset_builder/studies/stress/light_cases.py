@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from dataset_builder.planning.stage import TARGET_INSTANCE
-from dataset_builder.rendering.soup import merge
+from dataset_builder.planning.scene.arrangement import TARGET_INSTANCE
+from dataset_builder.rendering.scene.triangle_soup import merge
 from dataset_builder.studies.stress.bench import Shot, at, clear_of, judged, on_floor, render, sigmas
 from dataset_builder.studies.stress.case import SIGMAS, Measured, Size, hard_case
 from dataset_builder.studies.stress.scenes import (

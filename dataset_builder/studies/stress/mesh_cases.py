@@ -10,7 +10,7 @@ from dataset_builder.geometry.loop import loop
 from dataset_builder.geometry.mesh import TriangleMesh
 from dataset_builder.geometry.normals import corner_normals
 from dataset_builder.geometry.repair import repair
-from dataset_builder.geometry.rough import rough_base
+from dataset_builder.geometry.rough_base import rough_base
 from dataset_builder.studies.stress.case import Measured, Size, hard_case
 from dataset_builder.studies.stress.scenes import ball_mesh, bare, box_mesh
 

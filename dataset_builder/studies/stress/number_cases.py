@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from dataset_builder.planning.stage import TARGET_INSTANCE
-from dataset_builder.rendering.soup import merge
+from dataset_builder.planning.scene.arrangement import TARGET_INSTANCE
+from dataset_builder.rendering.scene.triangle_soup import merge
 from dataset_builder.shards.exr import DTYPES, decode, encode
 from dataset_builder.shards.gates import s_prime_energy
 from dataset_builder.shards.identities import MASK, check_layers, identity_table

@@ -13,8 +13,8 @@ from dataset_builder.geometry.noise import displace
 from dataset_builder.geometry.refine import split_long_edges
 from dataset_builder.geometry.repair import repair
 from dataset_builder.planning.example_plan import IlluminationPlan
-from dataset_builder.planning.lights import source_light
-from dataset_builder.rendering.texels import pack
+from dataset_builder.planning.view.lights import source_light
+from dataset_builder.rendering.surface.texels import pack
 from dataset_builder.seeding import derive_seed, rng
 from dataset_builder.shards.exr import encode
 from dataset_builder.shards.identities import check_layers, identity_table, storable
@@ -46,7 +46,7 @@ def taken(attempts: Mapping[str, Callable[[], object]], *, says: str = "expected
            failure="an example of black layers, or a division by the lights' weights, which are 0")
 def no_light(size: Size) -> Measured:
     """No lights, lights of no radiance, lights that are never sampled."""
-    from dataset_builder.rendering.emitters import emitters
+    from dataset_builder.rendering.scene.emitters import emitters
 
     dark: dict[str, IlluminationPlan] = {
         "no lights": lit_by(), "no radiance": lit_by(light("point", 0.0)), "no weight": lit_by(light("dome", weight=0))}

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from dataset_builder.planning.example_plan import CameraPlan, IlluminationPlan, LightPlan
-from dataset_builder.rendering.frame import INTENSITIES
+from dataset_builder.rendering.scene.local_frame import INTENSITIES
 from dataset_builder.studies.stress.bench import Picture, Shot, judged, moved, render
 from dataset_builder.studies.stress.case import Measured, Size, hard_case
 from dataset_builder.studies.stress.scenes import ball, camera, light, lit_by, matte, still_life

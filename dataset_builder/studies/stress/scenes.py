@@ -8,8 +8,8 @@ from dataset_builder.assets.asset import Material
 from dataset_builder.geometry.mesh import TriangleMesh
 from dataset_builder.geometry.normals import corner_normals
 from dataset_builder.planning.example_plan import CameraPlan, IlluminationPlan, LightPlan
-from dataset_builder.planning.stage import ROOM_INSTANCE, TARGET_INSTANCE
-from dataset_builder.rendering.soup import Soup, merge, soup_of
+from dataset_builder.planning.scene.arrangement import ROOM_INSTANCE, TARGET_INSTANCE
+from dataset_builder.rendering.scene.triangle_soup import Soup, merge, soup_of
 
 Triple = tuple[float, float, float]
 WIDE = 40.0

@@ -50,7 +50,7 @@ AGAINST_DOUBLE = "deviation from the sum in double, relative"
 def long_mean(function: Callable[[Any], Any], size: Size) -> float:
     """Mean over one pixel of a function of the place across it, as passes average their channels, against the double
     sum of the same samples."""
-    from dataset_builder.rendering.estimate import estimate
+    from dataset_builder.rendering.sampling.estimate import estimate
 
     samples: list[np.ndarray] = []
 

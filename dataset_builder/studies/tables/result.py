@@ -6,10 +6,10 @@ from math import hypot, nan, sqrt
 from statistics import fmean, stdev
 from typing import Any
 
-from dataset_builder.lightnet.evaluate import Row
-from dataset_builder.lightnet.metrics import METRICS, Metric
-from dataset_builder.lightnet.summary import Estimate, estimate, reach
-from dataset_builder.studies.tables.order import Order, Pair, printed_pairs
+from dataset_builder.lightnet.measures.metrics import METRICS, Metric
+from dataset_builder.lightnet.results.clustered_means import Estimate, estimate, reach
+from dataset_builder.lightnet.results.evaluate import Row
+from dataset_builder.studies.tables.rank_order import Order, Pair, printed_pairs
 from dataset_builder.studies.tables.row import Group, Table, TableRow
 from dataset_builder.studies.tables.variants import NO_WEIGHTS
 

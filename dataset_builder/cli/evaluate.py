@@ -1,0 +1,119 @@
+"""The verbs `evaluate` and `compose`: what a checkpoint is worth, and what it looks like in its scene."""
+
+import argparse
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dataset_builder.cli.options import DEVICES, positive
+from dataset_builder.errors import UserError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from dataset_builder.lightnet.results.compose_input import Frame
+    from dataset_builder.lightnet.results.evaluate import Row
+
+FILES = {"i_s": "--i-s", "s_prime": "--s-prime", "mask": "--mask", "background": "--background"}
+OPTIONAL = {"mask_rough": "--mask-rough"}
+HELP = {"i_s": "the object under plain light, I_s", "s_prime": "raw lighting of its rough mesh in the scene, S'",
+        "mask": "share of each pixel that the object covers, M", "background": "frame of the whole scene, I_PBR",
+        "mask_rough": "mask of the rough mesh, to know where S' is not of the object"}
+WIDTH = 140
+"""Columns where the output is no terminal."""
+
+
+def add(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add both verbs."""
+    text = "metrics of checkpoints on held-out examples, beside three baselines that learn nothing"
+    verb = verbs.add_parser("evaluate", help=text, description=text)
+    verb.add_argument("folder", type=Path, help="finished dataset")
+    verb.add_argument("--checkpoint", type=Path, action="append", required=True, help="repeat to compare several")
+    verb.add_argument("--split", help="split to measure on (default: the one held out in training)")
+    verb.add_argument("--examples", type=positive, help="spread evenly over the split (default: all)")
+    verb.add_argument("--out", type=Path, help="folder for the results (default: evaluation, beside the checkpoint)")
+    verb.add_argument("--device", choices=DEVICES, default="auto")
+    verb.set_defaults(run=_evaluate)
+    text = "put a predicted object back into a frame of its scene: an example of a dataset, or EXR files of your own"
+    verb = verbs.add_parser("compose", help=text, description=text)
+    verb.add_argument("folder", type=Path, nargs="?", help="finished dataset; left out where files are given")
+    verb.add_argument("--checkpoint", type=Path, required=True)
+    verb.add_argument("--example", default="", metavar="KEY", help="example to compose, by its key")
+    verb.add_argument("--index", type=int, default=0, help="or by its place in the split (default: the first)")
+    verb.add_argument("--split", help="split that --index counts in (default: the one held out in training)")
+    for name, option in {**FILES, **OPTIONAL}.items():
+        verb.add_argument(option, type=Path, metavar="FILE", dest=name, help=HELP[name])
+    verb.add_argument("--out", type=Path, help="folder for the results (default: composite, beside the checkpoint)")
+    verb.add_argument("--device", choices=DEVICES, default="auto")
+    verb.set_defaults(run=_compose)
+
+
+def _evaluate(options: argparse.Namespace) -> int:
+    from rich.console import Console
+
+    from dataset_builder.files import require_writable
+    from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
+    from dataset_builder.lightnet.data.loader import spread_indices
+    from dataset_builder.lightnet.results.evaluate import contender, evaluate, load_all, trivial
+    from dataset_builder.report.evaluation_examples import example_rows
+    from dataset_builder.report.evaluation_page import EXAMPLES, Evaluation, console_table, verdict_lines, write_page
+    from dataset_builder.report.example_sheet import write_sheet
+
+    console, loaded = Console(), load_all(options.checkpoint, options.device)
+    console = console if console.is_terminal else Console(width=WIDTH)
+    data = next(iter(loaded.values())).spec.data
+    dataset = LightingDataset(options.folder, options.split or data.held_out, data)
+    out = options.out or options.checkpoint[0].parent / "evaluation"
+    require_writable(out)
+    indices = spread_indices(len(dataset), options.examples or 0)
+    trained = [contender(name, one) for name, one in loaded.items()]
+    contenders = [*trained, *trivial()]
+    rows = list(_shown(evaluate(contenders, dataset, indices), len(indices) * len(contenders), console))
+    here = (dataset.name, dataset.split)
+    evaluation = Evaluation(
+        dataset=dataset.name, split=dataset.split, rows=rows, notes={one.name: one.note for one in contenders},
+        trained=tuple(loaded), remarks=dataset.notes,
+        seen=any((one.dataset, one.spec.data.train) == here for one in loaded.values()))
+    write_page(evaluation, out)
+    write_sheet(example_rows(rows, trained, dataset), out / EXAMPLES)
+    console.print(console_table(evaluation))
+    for line in verdict_lines(evaluation):
+        console.print(line, highlight=False, soft_wrap=True)
+    console.print(f"results: {out}", highlight=False, soft_wrap=True)
+    return 0
+
+
+def _shown(rows: Iterable["Row"], count: int, console: "Console") -> Iterator["Row"]:
+    from rich.progress import track
+
+    yield from track(rows, total=count, description="predictions", console=console)
+
+
+def _compose(options: argparse.Namespace) -> int:
+    from dataset_builder.lightnet.methods.checkpoint import load_trained
+    from dataset_builder.lightnet.results.compose import compose, panels
+    from dataset_builder.report.composite import write_composite
+
+    trained = load_trained(options.checkpoint, options.device)
+    frame = _frame(options, options.split or trained.spec.data.held_out)
+    composite = compose(trained, frame)
+    out = options.out or options.checkpoint.parent / "composite"
+    files = write_composite(composite, panels(frame, composite), out, title=frame.name)
+    print(f"{frame.name}: {composite.predicted.sum()} pixels predicted, {composite.filled.sum()} at the rim filled")
+    for file in files:
+        print(file)
+    return 0
+
+
+def _frame(options: argparse.Namespace, split: str) -> "Frame":
+    """The example, or the files; not a mixture."""
+    from dataset_builder.lightnet.results.compose_input import frame_from_dataset, frame_from_files
+
+    files = {name: path for name in (*FILES, *OPTIONAL) if (path := getattr(options, name))}
+    if options.folder:
+        if files:
+            raise UserError("expected a dataset or files, got both")
+        return frame_from_dataset(options.folder, key=options.example, split=split, index=options.index)
+    if missing := [option for name, option in FILES.items() if name not in files]:
+        raise UserError(f"expected a dataset, or files of {', '.join(FILES.values())}: {', '.join(missing)} missing")
+    return frame_from_files(files)

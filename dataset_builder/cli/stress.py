@@ -1,0 +1,54 @@
+"""The verb `stress`: hard cases, each with a bound that can fail."""
+
+import argparse
+from pathlib import Path
+from time import perf_counter
+
+from rich.console import Console
+
+SIZES = ("small", "full")
+WIDTH = 140
+"""Columns where the output is no terminal."""
+
+
+def add(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    text = "render hard cases and hold them against laws and formulas; exit code 1 where one fails"
+    verb = verbs.add_parser("stress", help=text, description=text)
+    verb.add_argument("--only", default="", metavar="PATTERN", help="only cases whose name holds or matches PATTERN")
+    verb.add_argument("--size", choices=SIZES, default="full", help="small: fewer pixels, samples and faces")
+    verb.add_argument("--backend", choices=("auto", "cuda", "llvm"), default="auto")
+    verb.add_argument("--csv", type=Path, metavar="FILE", help="write the table there, too")
+    verb.add_argument("--list", action="store_true", help="print the catalogue as a table for pages; run nothing")
+    verb.set_defaults(run=_stress)
+
+
+def _stress(options: argparse.Namespace) -> int:
+    from dataset_builder.files import write_atomic
+    from dataset_builder.rendering.backend import activate
+    from dataset_builder.report.stress_lines import header, show
+    from dataset_builder.studies.stress.case import SIZES, Result, run_all, select
+    from dataset_builder.studies.stress.cases import CASES
+    from dataset_builder.studies.stress.stress_table import comma_separated, markdown, summary
+
+    cases = select(CASES, options.only)
+    if options.list:
+        print(markdown(cases), end="")
+        return 0
+    console, start = Console(), perf_counter()
+    if not console.is_terminal:
+        console = Console(width=WIDTH)
+    backend = activate(options.backend)
+    from dataset_builder.rendering import plugins
+
+    plugins.register()
+    console.print(f"backend: {backend.summary}", highlight=False)
+    console.print(header())
+    results: list[Result] = []
+    for result in run_all(cases, SIZES[options.size]):
+        results.append(result)
+        show(result, console)
+    if options.csv:
+        write_atomic(options.csv, comma_separated(results, size=options.size, backend=backend.variant))
+    console.print(summary(results, perf_counter() - start), highlight=False)
+    return 0 if all(result.passed for result in results) else 1

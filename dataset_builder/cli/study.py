@@ -1,0 +1,163 @@
+"""The verb `study`: what accuracy costs, what leaving effects out saves, and how smooth rough meshes must be."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dataset_builder.cli.options import DEVICES, positive
+
+if TYPE_CHECKING:
+    from dataset_builder.studies.noise.noise_study import NoiseStudy
+    from dataset_builder.studies.sampled import StudySpec
+
+STUDIES = Path("studies")
+LAYERS = ("i_t", "s_prime", "i_s")
+LEVELS = "0,0.002,0.004,0.008,0.016"
+
+
+def add(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb and its studies."""
+    text = "measure what settings cost and bring, on examples of a dataset"
+    kinds = verbs.add_parser("study", help=text, description=text).add_subparsers(required=True, metavar="STUDY")
+    accuracy = _study(kinds, "accuracy", "error against seconds for every setting, and recommended settings")
+    accuracy.add_argument("--examples", type=positive, default=4, help="examples to measure on (default: 4)")
+    accuracy.add_argument("--budget", choices=("full", "small"), default="full",
+                          help="small: coarse references and few settings, to see that it works")
+    accuracy.add_argument("--layers", nargs="+", default=LAYERS, metavar="LAYER",
+                          help=f"layers with light to measure (default: those of {' '.join(LAYERS)} that there are)")
+    accuracy.set_defaults(run=_accuracy)
+    effects = _study(kinds, "effects", "examples as planned against everything on; exit code 1 where they differ")
+    effects.add_argument("--examples", type=positive, default=6, help="examples to measure on (default: 6)")
+    effects.set_defaults(run=_effects)
+    noise = _study(kinds, "noise", "LighTNet at several noise levels of a dataset, trained on all of them and on each")
+    _noise_options(noise)
+    noise.set_defaults(run=_noise)
+
+
+def _study(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]", name: str, text: str) \
+        -> argparse.ArgumentParser:
+    study = kinds.add_parser(name, help=text, description=text)
+    study.add_argument("spec", type=Path, help="dataset spec, a YAML file")
+    study.add_argument("--set", action="append", default=[], metavar="A.B=C", dest="overrides",
+                       help="override a value of the spec; repeat for more")
+    study.add_argument("--out", type=Path, help=f"folder for the results (default: {STUDIES}/NAME-{name})")
+    study.add_argument("--backend", choices=("auto", "cuda", "llvm"), default="auto")
+    return study
+
+
+def _noise_options(noise: argparse.ArgumentParser) -> None:
+    noise.add_argument("--levels", default=LEVELS, metavar="A,B,..",
+                       help=f"deviations of vertex noise, in bounding radii, rising (default: {LEVELS})")
+    noise.add_argument("--config", type=Path, help="how LighTNet is trained, a YAML file (default: its small size)")
+    noise.add_argument("--train-set", action="append", default=[], metavar="A.B=C",
+                       help="override a value of that configuration; repeat for more")
+    noise.add_argument("--steps", type=positive, help="batches to train on; short for --train-set steps=N")
+    noise.add_argument("--per-level-steps", type=positive, metavar="N",
+                       help="batches of each training on one level (default: as many as on all of them)")
+    noise.add_argument("--vgg-weights", type=Path, metavar="FILE",
+                       help="VGG-19 trained on ImageNet, for the feature reconstruction loss; off without it")
+    noise.add_argument("--workers", type=positive, help="processes that render (default: one per core)")
+    noise.add_argument("--device", choices=DEVICES, default="auto", help="where networks run")
+
+
+def _spec(options: argparse.Namespace) -> "StudySpec":
+    from dataset_builder.studies.sampled import StudySpec
+
+    return StudySpec(path=options.spec, overrides=tuple(options.overrides))
+
+
+def _accuracy(options: argparse.Namespace) -> int:
+    from dataset_builder.rendering.backend import choose
+    from dataset_builder.report.accuracy_page import write_page
+    from dataset_builder.studies.accuracy.accuracy_study import AccuracyStudy, conclude, run
+    from dataset_builder.studies.accuracy.rows import Row
+
+    spec, rows = _spec(options), list[Row]()
+    study = AccuracyStudy(spec=spec, out=options.out or STUDIES / f"{spec.dataset.name}-accuracy",
+                          examples=options.examples, layers=tuple(options.layers), budget=options.budget,
+                          backend=options.backend)
+    for step in run(study):
+        print(f"{step.number}/{step.steps} example {step.example}, {step.group}: {len(step.rows)} rows, "
+              + ("kept from an earlier run" if step.kept else f"{step.seconds:.1f} s"), flush=True)
+        rows += step.rows
+    advice = conclude(study, rows)
+    write_page(study, rows, advice, choose(options.backend).summary)
+    for question, sentence in advice.sentences.items():
+        print(f"{question}: {sentence}")
+    print(f"recommended settings, also in {study.out / 'recommended.txt'}:\n{advice.lines()}"
+          f"table: {study.table}\nreport: {study.out / 'report.html'}")
+    return 0
+
+
+def _effects(options: argparse.Namespace) -> int:
+    from dataset_builder.rendering.backend import choose
+    from dataset_builder.report.effects_page import verdict, write_page
+    from dataset_builder.studies.effects.effects_files import write_tables
+    from dataset_builder.studies.effects.effects_study import Compared, EffectsStudy, run
+
+    spec, found = _spec(options), list[Compared]()
+    study = EffectsStudy(spec=spec, out=options.out or STUDIES / f"{spec.dataset.name}-effects",
+                         examples=options.examples, backend=options.backend)
+    for compared in run(study):
+        found.append(compared)
+        wrong = [one.layer for one in compared.differences if not one.holds]
+        print(f"example {compared.example}: everything on takes {compared.ratio:.2f} times the time; "
+              + (f"beyond the stated error: {', '.join(wrong)}" if wrong else "all layers within the stated error"),
+              flush=True)
+        write_tables(found, study.out)
+    write_page(study, found, choose(options.backend).summary)
+    print(f"{verdict(found)}\nreport: {study.out / 'report.html'}")
+    return 0 if all(one.holds for compared in found for one in compared.differences) else 1
+
+
+def _noise(options: argparse.Namespace) -> int:
+    from rich.console import Console
+
+    from dataset_builder.lightnet.training.events import Finished
+    from dataset_builder.report.console import follow, rejected_lines
+    from dataset_builder.report.noise_page import Found, sentences, write_page
+    from dataset_builder.report.training import lines_of
+    from dataset_builder.studies.noise.crops import crops
+    from dataset_builder.studies.noise.level_trainings import (
+        held_out,
+        measure,
+        rejected_by_level,
+        train_all,
+        training_counts,
+    )
+    from dataset_builder.studies.noise.levels import levels_of, write_table
+    from dataset_builder.studies.noise.noise_study import make, require
+    from dataset_builder.studies.noise.pass_counts import count_passes, pass_lines
+
+    study = _noise_study(options)
+    require(study)
+    print(study.sentence, flush=True)
+    for built in follow(make(study), Console()):
+        for line in rejected_lines(built.manifest.rejected if built.manifest else ()):
+            print(line)
+    passes = count_passes(study)
+    print("\n".join(pass_lines(passes)), flush=True)
+    for news in train_all(study):
+        for line in () if isinstance(news.event, Finished) else lines_of(news.event):
+            print(f"{news.number}/{news.count} {news.name}: {line}", flush=True)
+    split = held_out(study)
+    levels = levels_of(study, split, list(measure(study, split)))
+    write_table(levels, study.out / "levels.csv")
+    write_page(Found(study=study, levels=levels, passes=passes, crops=list(crops(study, split, levels)),
+                     left_out=split.left_out, rejected=rejected_by_level(study), learnt=training_counts(study)))
+    print("\n".join([*sentences(levels), f"table: {study.out / 'levels.csv'}",
+                     f"report: {study.out / 'report.html'}"]))
+    return 0
+
+
+def _noise_study(options: argparse.Namespace) -> "NoiseStudy":
+    from dataset_builder.lightnet.settings import load_training
+    from dataset_builder.studies.derived import base_of
+    from dataset_builder.studies.noise.noise_study import NoiseStudy, parse_levels
+
+    steps = [f"steps={options.steps}"] if options.steps else []
+    training = base_of(load_training(options.config, [*options.train_set, *steps]))
+    return NoiseStudy(spec=options.spec, overrides=tuple(options.overrides), levels=parse_levels(options.levels),
+                      training=training, per_level_steps=options.per_level_steps or training.steps,
+                      out=options.out or STUDIES / f"{_spec(options).dataset.name}-noise", backend=options.backend,
+                      workers=options.workers, vgg_weights=options.vgg_weights, device=options.device)

@@ -1,0 +1,107 @@
+"""The verb `table`: the tables of the paper on a dataset at hand, measured rows beside printed ones."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dataset_builder.cli.options import DEVICES, positive
+
+if TYPE_CHECKING:
+    from dataset_builder.lightnet.settings import TrainingSpec
+    from dataset_builder.studies.tables.row import Table
+    from dataset_builder.studies.tables.table_study import Measured, News
+
+STUDIES = Path("studies")
+KINDS = {
+    "methods": "table 1: LighTNet, Pix2Pix, DPR and SSVBRDF, and what learns nothing",
+    "objectives": "table 2: LighTNet with the paper's choices of losses",
+    "formulations": "table 3: how I_t is composed, and where its shading comes from",
+    "weights": "the weights of LighTNet's losses, one changed at a time",
+}
+
+
+def add(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb and its tables."""
+    text = "train the rows of a table of the paper on a dataset; prints them beside the paper's, and if order agrees"
+    kinds = verbs.add_parser("table", help=text, description=text).add_subparsers(required=True, metavar="TABLE")
+    for name, what in KINDS.items():
+        table = kinds.add_parser(name, help=what, description=what)
+        _options(table, name)
+        table.set_defaults(run=_table, table=name)
+    kinds.choices["methods"].add_argument("--one-optimiser", action="store_true",
+                                          help="train the baselines with LighTNet's optimiser instead of their own")
+
+
+def _options(table: argparse.ArgumentParser, name: str) -> None:
+    table.add_argument("folder", type=Path, help="finished dataset")
+    table.add_argument("--config", type=Path, help="how LighTNet is trained, a YAML file; rows are derived from it")
+    table.add_argument("--set", action="append", default=[], metavar="A.B=C", dest="overrides",
+                       help="override a value of the configuration; repeat for more")
+    table.add_argument("--steps", type=positive, help="batches to train every row on; short for --set steps=N")
+    table.add_argument("--seeds", type=positive, default=1, help="trainings of every row (default: 1)")
+    table.add_argument("--vgg-weights", type=Path, metavar="FILE",
+                       help="VGG-19 trained on ImageNet; without it rows are trained without FR and say so")
+    table.add_argument("--out", type=Path, help=f"folder for the results (default: {STUDIES}/DATASET-table-{name})")
+    table.add_argument("--device", choices=DEVICES, default="auto")
+
+
+def _table(options: argparse.Namespace) -> int:
+    from dataset_builder.report.table_page import order_lines, row_line, write_page
+    from dataset_builder.shards.reader import load_manifest
+    from dataset_builder.studies.tables.rank_order import verdict
+    from dataset_builder.studies.tables.result import orders
+    from dataset_builder.studies.tables.table_files import write_files
+    from dataset_builder.studies.tables.table_study import Measured, TableStudy, results, run
+
+    base = _base(options)
+    table = _made(options, base)
+    out = options.out or STUDIES / f"{load_manifest(options.folder).name}-table-{table.name}"
+    study = TableStudy(table=table, base=base, dataset=options.folder, out=out, seeds=options.seeds,
+                       vgg_weights=options.vgg_weights, device=options.device)
+    print(f"{table.number}: {table.question}\n{study.sentence}", flush=True)
+    measured: list[Measured] = []
+    for news in run(study):
+        for line in _lines(news):
+            print(line, flush=True)
+        if isinstance(news, Measured):
+            measured.append(news)
+    found = results(table, measured)
+    write_files(table, found, out)
+    write_page(study, found)
+    for result in found:
+        print(row_line(result))
+    if order := orders(table, found):
+        print("\n".join([*order_lines(order), verdict(order)]))
+    print(f"table: {out / 'table.md'}\nfigure: {out / 'table.png'}")
+    return 0
+
+
+def _base(options: argparse.Namespace) -> "TrainingSpec":
+    from dataset_builder.lightnet.settings import load_training
+    from dataset_builder.studies.derived import base_of
+
+    steps = [f"steps={options.steps}"] if options.steps else []
+    return base_of(load_training(options.config, [*options.overrides, *steps]))
+
+
+def _made(options: argparse.Namespace, base: "TrainingSpec") -> "Table":
+    from dataset_builder.studies.tables import methods, variants
+
+    if options.table == "methods":
+        return methods.methods(base, own_optimisers=not options.one_optimiser)
+    if options.table == "weights":
+        return variants.weights(base, vgg=options.vgg_weights is not None)
+    return {"objectives": variants.objectives, "formulations": variants.formulations}[options.table](base)
+
+
+def _lines(news: "News | Measured") -> list[str]:
+    """What is told while rows are trained: sizes, skipped steps, checks, and when a row is done."""
+    from dataset_builder.lightnet.training.events import Finished
+    from dataset_builder.report.training import lines_of
+    from dataset_builder.studies.tables.table_study import Measured
+
+    head = f"{news.number}/{news.count} {news.row.title}, seed {news.seed}"
+    if isinstance(news, Measured):
+        how = "kept from an earlier run" if news.kept else "measured"
+        return [f"{head}: {len(news.scores)} held-out examples {how}"]
+    return [] if isinstance(news.event, Finished) else [f"{head}: {line}" for line in lines_of(news.event)]

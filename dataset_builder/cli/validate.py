@@ -1,0 +1,76 @@
+"""The verb `validate`: the release gate of a dataset. Exit code 1 and the reason where it says no."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dataset_builder.cli.options import DEVICES, positive
+from dataset_builder.errors import UserError
+
+if TYPE_CHECKING:
+    from dataset_builder.release.gate import Gate
+
+STUDIES = Path("studies")
+PARTS = ("files", "consistency", "loader", "training")
+WIDTH = 140
+"""Columns where the output is no terminal."""
+
+
+def add(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    text = "release gate: files, layers that belong together, and a short training; exit code 1 and the reason if not"
+    verb = verbs.add_parser("validate", help=text, description=text)
+    verb.add_argument("folder", type=Path, help="finished dataset")
+    verb.add_argument("--only", default=",".join(PARTS), metavar="A,B", help="parts to run (default: %(default)s)")
+    verb.add_argument("--all", action="store_true", help="go on after a part that fails")
+    verb.add_argument("--examples", type=positive, help="examples that consistency looks at (default: 512)")
+    verb.add_argument("--steps", type=positive, help="batches to train on")
+    verb.add_argument("--set", action="append", default=[], metavar="A.B=C", dest="overrides",
+                      help="override a value of the training; repeat for more")
+    verb.add_argument("--margin", type=float, help="dB that LighTNet must be ahead of each baseline (default: 0.5)")
+    verb.add_argument("--copy-margin", type=float, help="dB that it must be ahead of the copy of I_s (default: 3)")
+    verb.add_argument("--vgg-weights", type=Path, metavar="FILE", help="for the feature loss; off without it")
+    verb.add_argument("--device", choices=DEVICES, default="auto")
+    verb.add_argument("--out", type=Path, help=f"folder for the report (default: {STUDIES}/DATASET-validate)")
+    verb.set_defaults(run=_validate)
+
+
+def _validate(options: argparse.Namespace) -> int:
+    from rich.console import Console
+
+    from dataset_builder.files import require_writable
+    from dataset_builder.release.gate import Done, LeftOut, run
+    from dataset_builder.report.gate_lines import follow
+    from dataset_builder.report.gate_page import Report, refusals, write_report
+
+    console, gate = Console(), _gate(options)
+    console = console if console.is_terminal else Console(width=WIDTH)
+    require_writable(gate.out)
+    done, left_out = list[Done](), tuple[str, ...]()
+    for news in follow(run(gate), console):
+        if isinstance(news, Done):
+            done.append(news)
+        elif isinstance(news, LeftOut):
+            left_out = news.parts
+    report = Report(dataset=str(options.folder), gate=gate, done=tuple(done), left_out=left_out)
+    write_report(report)
+    for line in (*refusals(report), report.verdict, f"report: {gate.out / 'report.md'}"):
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
+    return 0 if report.holds else 1
+
+
+def _gate(options: argparse.Namespace) -> "Gate":
+    from dataset_builder.lightnet.settings import load_training
+    from dataset_builder.release.consistency import EXAMPLES
+    from dataset_builder.release.gate import Gate
+    from dataset_builder.release.training_checks import COPY_MARGIN, MARGIN, SETTINGS, STEPS
+
+    parts = tuple(filter(None, options.only.split(",")))
+    if not parts or set(parts) - set(PARTS):
+        raise UserError(f"--only: expected some of {', '.join(PARTS)}, got {options.only or 'none'}")
+    spec = load_training(None, [f"steps={options.steps or STEPS}", *SETTINGS, *options.overrides])
+    out = options.out or STUDIES / f"{options.folder.resolve().name}-validate"
+    return Gate(dataset=options.folder, out=out, spec=spec, parts=parts, device=options.device,
+                margin=MARGIN if options.margin is None else options.margin,
+                copy_margin=COPY_MARGIN if options.copy_margin is None else options.copy_margin,
+                examples=options.examples or EXAMPLES, vgg_weights=options.vgg_weights, stop=not options.all)

@@ -1,0 +1,149 @@
+"""The examples of one split, for training and evaluation: chosen layers, checked, and the light as labels tell it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch.utils.data import Dataset
+
+from dataset_builder.errors import Problem, ShardError, UserError
+from dataset_builder.lightnet.data.assemble import Part, whole
+from dataset_builder.lightnet.data.batch import Batch
+from dataset_builder.lightnet.data.light_coefficients import lighting_of
+from dataset_builder.lightnet.data.ranges import target_exposure
+from dataset_builder.lightnet.settings import DataSpec
+from dataset_builder.shards.reader import load_manifest, open_dataset
+
+LAYERS = ("mask", "s_prime", "i_s", "d", "r", "i_t")
+"""All that is read, in this order: the first two say how the others are seen. A dataset may hold more."""
+DIGITS = 6
+"""Of the exposure, so that it is the same however many threads add up."""
+OTHER_SPLIT = "name one of these: `data.train` or `data.held_out` of the training, or --split"
+ONE_SPLIT = "a training takes two splits, of objects of their own: build the dataset with another one"
+NAMED = 5
+"""Keys that a sentence names at most."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Entry:
+    """What is kept of a label. level: of noise; cover: largest mask; lighting: (3, 9), camera's frame."""
+
+    key: str
+    level: int
+    cover: float
+    lighting: np.ndarray
+
+
+class LightingDataset(Dataset[Batch]):
+    """Map-style: `len`, `keys` in order, `dataset[i]` a batch of one, whole and as it is, `label(i)`.
+
+    Examples without a pixel whose mask is `spec.inside` or more are left out; `left_out` has their keys, and `notes` a
+    sentence on them. Every label is read at once, so that what is wrong is told before a training begins.
+    """
+
+    def __init__(self, folder: Path, split: str, spec: DataSpec, *, levels: Sequence[int] = ()):
+        """Open a finished dataset. levels: noise levels to keep, all where empty.
+
+        Raises UserError where the dataset lacks a layer, the split, a level or every example, and where a label does
+        not tell the light; ShardError where files are not what they were.
+        """
+        self.folder, self.split, self.spec = Path(folder), split, spec
+        _require(self.folder, split)
+        self._data = open_dataset(folder, layers=LAYERS, verify=spec.verify)
+        self.name = self._data.manifest.name
+        self.size = (self._data.manifest.height, self._data.manifest.width)
+        """Height and width of every frame, in pixels."""
+        entries = [_entry(self._data.label(key)) for key in self._data.splits[split]]
+        entries = _at_levels(self.folder, split, entries, levels)
+        self._entries = [entry for entry in entries if entry.cover >= spec.inside]
+        self.left_out = tuple(entry.key for entry in entries if entry.cover < spec.inside)
+        self.keys = tuple(entry.key for entry in self._entries)
+        self._exposures: dict[str, float] = {}
+        if not self._entries:
+            raise _wrong(self.folder, f"expected examples in split {split}, got none" + self._left_out(),
+                         "lower `data.inside`" if self.left_out else "build it with more pairs or views")
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a user should know about what is read, one sentence each."""
+        return (f"split {self.split}" + self._left_out(),) if self.left_out else ()
+
+    def __len__(self) -> int:
+        return len(self._entries)
+
+    def __getitem__(self, index: int) -> Batch:
+        """Example `index` alone, its whole frame, not varied. Raises IndexError, and ShardError as `part` does."""
+        return whole(self.part(index))
+
+    def label(self, index: int) -> dict[str, Any]:
+        """The whole label of an example, see `docs/layers.md`; read anew."""
+        return self._data.label(self.keys[index])
+
+    def part(self, index: int) -> Part:
+        """Example `index` as it is on the disk. Raises ShardError where its files are not what they were."""
+        entry = self._entries[index]
+        images = self._data.images(entry.key)
+        (_, mask), (name, s_prime) = next(images), next(images)
+        inside = mask.planes[0] >= self.spec.inside
+        if not inside.any():
+            raise ShardError([Problem(where=str(self.folder), path=entry.key, hint="build or download it again",
+                                      rule=f"expected a mask of up to {entry.cover:g}, as its label says, got less")])
+        if entry.key not in self._exposures:
+            self._exposures[entry.key] = exposure_of(s_prime.planes, inside)
+        layers = chain([(name, s_prime)], images)
+        return Part(key=entry.key, layers=((name, image.planes) for name, image in layers), inside=inside,
+                    exposure=self._exposures[entry.key], source_exposure=self.spec.source_exposure,
+                    lighting=entry.lighting)
+
+    def _left_out(self) -> str:
+        if not self.left_out:
+            return ""
+        named = ", ".join(self.left_out[:NAMED]) + (", ..." if len(self.left_out) > NAMED else "")
+        return (f": {len(self.left_out)} of {len(self.left_out) + len(self.keys)} examples left out, whose mask is "
+                f"nowhere {self.spec.inside:g} or more: {named}")
+
+
+def exposure_of(s_prime: np.ndarray, inside: np.ndarray) -> float:
+    """Target exposure of an example: (3, H, W) S' over (H, W) inside, rounded so that it is the same everywhere.
+
+    The mean luminance is the luminance of the mean colour, which is soon found.
+    """
+    light = s_prime.reshape(len(s_prime), -1).take(np.flatnonzero(inside), axis=1)
+    colour = torch.from_numpy(light.mean(axis=1, dtype=np.float64))[:, None, None]
+    exposure = float(target_exposure(colour, torch.ones_like(colour[:1])))
+    return float(f"{exposure:.{DIGITS}g}")
+
+
+def _require(folder: Path, split: str) -> None:
+    manifest = load_manifest(folder)
+    layers, splits = [layer.name for layer in manifest.layers], [one.name for one in manifest.splits]
+    problems = []
+    if missing := [name for name in LAYERS if name not in layers]:
+        rule = f"expected {', '.join(LAYERS)} to train on, the dataset has no {', '.join(missing)}"
+        problems.append(Problem(where=str(folder), path="layers", rule=rule, hint="build it with these layers"))
+    if split not in splits:
+        problems.append(Problem(where=str(folder), path="splits", rule=f"expected {split}, got {', '.join(splits)}",
+                                hint=OTHER_SPLIT if len(splits) > 1 else ONE_SPLIT))
+    if problems:
+        raise UserError(problems)
+
+
+def _entry(label: Mapping[str, Any]) -> _Entry:
+    return _Entry(key=label["key"], level=label["plan"]["rough"]["level"], cover=label["layers"]["mask"]["max"],
+                  lighting=lighting_of(label))
+
+
+def _at_levels(folder: Path, split: str, entries: list[_Entry], levels: Sequence[int]) -> list[_Entry]:
+    there = sorted({entry.level for entry in entries})
+    if missing := [level for level in levels if level not in there]:
+        raise _wrong(folder, f"expected noise levels among {', '.join(map(str, there)) or 'none'} in split {split}, "
+                     f"got {', '.join(map(str, missing))}")
+    return [entry for entry in entries if not levels or entry.level in levels]
+
+
+def _wrong(folder: Path, rule: str, hint: str = "") -> UserError:
+    return UserError([Problem(where=str(folder), path="", rule=rule, hint=hint)])

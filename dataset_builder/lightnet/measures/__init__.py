@@ -1,0 +1,1 @@
+"""Figures of pictures over the object, as losses and metrics share them."""

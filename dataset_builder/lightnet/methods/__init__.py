@@ -1,0 +1,1 @@
+"""Networks with their losses and checkpoints: whatever turns a batch into a prediction."""

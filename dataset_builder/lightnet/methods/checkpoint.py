@@ -1,0 +1,111 @@
+"""Checkpoints: everything that a training needs to go on as if it had never stopped, in one file, whole or not at all.
+
+A file holds plain data and tensors only and is read with `weights_only`, so that a checkpoint from elsewhere can be
+wrong but cannot run code.
+"""
+
+import pickle
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile, ZipFile
+
+import torch
+from pydantic import ValidationError
+
+from dataset_builder.errors import Problem, UserError
+from dataset_builder.files import write_atomic
+from dataset_builder.lightnet.methods.build_method import build_method
+from dataset_builder.lightnet.methods.device import choose
+from dataset_builder.lightnet.methods.method import Method
+from dataset_builder.lightnet.settings import ObjectiveSpec, TrainingSpec
+
+FORMAT = "3df-lighting-training"
+VERSION = 1
+KEYS = {"format", "version", "spec", "identity", "dataset", "step", "method", "optimisers", "history", "best",
+        "bad_steps", "stale", "off"}
+ANOTHER = "best.pt and last.pt of a training are alike: put the one that is whole in the place of the other"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trained:
+    """A method ready for use, in evaluation mode on `device`. step: batches it was trained on; dataset: name of what it
+    was trained on; off: losses that were off, and why."""
+
+    method: Method
+    spec: TrainingSpec
+    step: int
+    dataset: str
+    off: tuple[str, ...]
+    device: torch.device
+
+    @property
+    def name(self) -> str:
+        """What tables call it."""
+        return self.spec.method
+
+
+def save_state(path: Path, state: dict[str, Any]) -> None:
+    """Write a training's state. Raises OutputError where the disk refuses; the file before it stays then."""
+    stream = BytesIO()
+    torch.save({"format": FORMAT, "version": VERSION, **state}, stream)
+    write_atomic(path, stream.getvalue())
+
+
+def load_state(path: Path) -> dict[str, Any]:
+    """A training's state, its tensors on the CPU. Raises UserError where the file is none of ours or damaged."""
+    try:
+        state = torch.load(path, map_location="cpu", weights_only=True)
+        # PyTorch takes changed bytes for numbers; the archive has checksums
+        with ZipFile(path) as archive:
+            damaged = archive.testzip()
+    except FileNotFoundError as error:
+        raise _wrong(path, "expected a checkpoint, found no file") from error
+    except OSError as error:
+        raise _wrong(path, f"expected a readable file, got: {error.strerror or error}") from error
+    except (RuntimeError, pickle.UnpicklingError, EOFError, ValueError, KeyError, TypeError, BadZipFile) as error:
+        raise _wrong(path, "expected a checkpoint, got a file that does not read as one: cut short, or another kind",
+                     ANOTHER) from error
+    if damaged:
+        raise _wrong(path, "expected the bytes that were written, got others: damaged on the disk or on its way",
+                     ANOTHER)
+    if not isinstance(state, dict) or state.get("format") != FORMAT:
+        raise _wrong(path, "expected a checkpoint of `dataset-builder train`, got another kind of file")
+    if state.get("version") != VERSION or set(state) != KEYS:
+        raise _wrong(path, f"expected a checkpoint of version {VERSION}, got one of version {state.get('version')}",
+                     "train again with this version")
+    return state
+
+
+def load_trained(path: Path, device: str = "auto") -> Trained:
+    """The method of a checkpoint. Raises UserError as `load_state` does, or where its weights fit no such method."""
+    state, where = load_state(path), choose(device)
+    spec = spec_of(state, path)
+    # Losses are not needed any more, and neither are the weights of VGG
+    method = build_method(spec.model_copy(update={"objective": ObjectiveSpec(fr=0)}))
+    load_weights(method, state["method"], path)
+    return Trained(method=method.to(where).eval(), spec=spec, step=state["step"], dataset=state["dataset"],
+                   off=tuple(state["off"]), device=where)
+
+
+def spec_of(state: dict[str, Any], path: Path) -> TrainingSpec:
+    """How the training of a state is done. Raises UserError where this version knows no such spec."""
+    try:
+        return TrainingSpec.model_validate_json(state["spec"])
+    except ValidationError as error:
+        raise _wrong(path, "expected a configuration of this version of the package, got one of another",
+                     "train again with this version") from error
+
+
+def load_weights(method: Method, weights: dict[str, torch.Tensor], path: Path) -> None:
+    """Give a method its trained weights. Raises UserError where they are of another shape or name."""
+    try:
+        method.load_state_dict(weights)
+    except RuntimeError as error:
+        raise _wrong(path, "expected weights that fit the method of its spec, got others",
+                     "it was written by another version of this package: train again") from error
+
+
+def _wrong(path: Path, rule: str, hint: str = "") -> UserError:
+    return UserError([Problem(where=str(path), path="", rule=rule, hint=hint)])

@@ -1,0 +1,135 @@
+"""What many rows say together: means, how far they can be trusted, and who is better than whom.
+
+Examples of one object, or of one view, are not independent, so that the usual s / sqrt(n) promises too much. Standard
+errors here are clustered by object (Liang and Zeger 1986, with the factor G / (G - 1) for G clusters):
+
+    se^2 = G / (G - 1) * sum over objects of (sum over its examples of (x - mean))^2 / n^2
+
+which is s^2 / n where every example has an object of its own. G is small in practice; intervals are therefore those of
+Student's t with G - 1 degrees of freedom. They speak of new objects in rooms as these, not of new kinds of rooms.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf, nan, sqrt
+from statistics import median
+from typing import Literal
+
+import numpy as np
+from scipy.stats import t
+
+from dataset_builder.lightnet.measures.metrics import METRICS
+from dataset_builder.lightnet.results.evaluate import Row
+
+LEVEL = 0.95
+"""Of intervals."""
+
+Verdict = Literal["better", "worse", "open"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """A mean. error: its standard error, clustered by object; naive: as if examples were independent. NaN where there
+    is but one object, one example. half_width: of the interval that covers the mean over all objects with probability
+    `LEVEL`; infinite for one object."""
+
+    mean: float
+    error: float
+    naive: float
+    examples: int
+    objects: int
+    half_width: float
+
+    @property
+    def told_apart(self) -> bool:
+        """Whether it is told apart from 0: the interval does not hold it."""
+        return abs(self.mean) > self.half_width
+
+
+@dataclass(frozen=True, kw_only=True)
+class Summary:
+    """One method. metrics: by name; seconds: median over examples."""
+
+    method: str
+    metrics: dict[str, Estimate]
+    seconds: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Paired:
+    """One metric of one method less the same of another, example by example. ahead: examples in which it is better."""
+
+    method: str
+    other: str
+    metric: str
+    difference: Estimate
+    ahead: int
+    verdict: Verdict
+
+
+def summarise(rows: Sequence[Row]) -> list[Summary]:
+    """Every method that rows hold, in the order of its first row."""
+    return [_summary(method, [row for row in rows if row.method == method]) for method in methods(rows)]
+
+
+def methods(rows: Sequence[Row]) -> list[str]:
+    """Names, in the order of their first rows."""
+    return list(dict.fromkeys(row.method for row in rows))
+
+
+def compare(rows: Sequence[Row], method: str, other: str) -> list[Paired]:
+    """`method` less `other` in every metric, on the examples that both have rows of."""
+    theirs = {row.key: row for row in rows if row.method == other}
+    pairs = [(row, theirs[row.key]) for row in rows if row.method == method and row.key in theirs]
+    return [_paired(method, other, metric.name, metric.better == "low", pairs) for metric in METRICS]
+
+
+def estimate(values: Sequence[float], clusters: Sequence[str]) -> Estimate:
+    """Mean of values with standard errors; clusters: the object of every value."""
+    count, names = len(values), sorted(set(clusters))
+    array = np.asarray(values, np.float64)
+    residuals = array - array.mean()
+    naive = sqrt(float(np.sum(residuals**2)) / (count - 1) / count) if count > 1 else nan
+    sums = np.bincount([names.index(cluster) for cluster in clusters], weights=residuals)
+    groups = len(names)
+    error = sqrt(groups / (groups - 1) * float(np.sum(sums**2))) / count if groups > 1 else nan
+    return Estimate(mean=float(array.mean()), error=error, naive=naive, examples=count, objects=groups,
+                    half_width=reach(groups - 1) * error if groups > 1 else inf)
+
+
+def reach(freedom: int) -> float:
+    """Standard errors that an interval of probability `LEVEL` reaches to either side, by degrees of freedom."""
+    return float(t.ppf((1 + LEVEL) / 2, freedom))
+
+
+def chosen(rows: Sequence[Row], method: str) -> dict[str, Row]:
+    """Rows of a method by what they are: `best`, `median` and `worst` of its PSNR; keys decide between equals.
+
+    Of an even number the lower median; no median of two, and of one example only the best.
+    """
+    ranked = sorted((row for row in rows if row.method == method), key=lambda row: (-row.metrics.psnr, row.key))
+    names = ("best", "median", "worst") if len(ranked) > 2 else ("best", "worst")[:len(ranked)]
+    places = {"best": 0, "median": len(ranked) // 2, "worst": -1}
+    return {name: ranked[places[name]] for name in names}
+
+
+def _summary(method: str, rows: Sequence[Row]) -> Summary:
+    objects = [row.object for row in rows]
+    found = {metric.name: estimate([getattr(row.metrics, metric.name) for row in rows], objects) for metric in METRICS}
+    return Summary(method=method, metrics=found, seconds=median(row.seconds for row in rows))
+
+
+def _paired(method: str, other: str, metric: str, low_is_better: bool, pairs: Sequence[tuple[Row, Row]]) -> Paired:
+    differences = [getattr(mine.metrics, metric) - getattr(theirs.metrics, metric) for mine, theirs in pairs]
+    found = estimate(differences, [mine.object for mine, _ in pairs])
+    gains = [-value if low_is_better else value for value in differences]
+    return Paired(method=method, other=other, metric=metric, difference=found, ahead=sum(gain > 0 for gain in gains),
+                  verdict=_verdict(found, low_is_better))
+
+
+def _verdict(found: Estimate, low_is_better: bool) -> Verdict:
+    """`open` where the interval holds 0."""
+    gain = -found.mean if low_is_better else found.mean
+    if not found.told_apart:
+        return "open"
+    return "better" if gain > 0 else "worse"

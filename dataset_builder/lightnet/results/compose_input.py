@@ -1,0 +1,125 @@
+"""What is composed: the pictures of one camera, from an example of a dataset or from files of one's own."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from dataset_builder.errors import Problem, UserError
+from dataset_builder.lightnet.data.light_coefficients import lighting_of
+from dataset_builder.shards import exr
+from dataset_builder.shards.reader import Dataset, load_manifest, open_dataset
+
+NEEDED = ("i_s", "s_prime", "mask", "i_t")
+WANTED = "mask_rough"
+"""Read where a dataset has it."""
+PARTS = {"i_s": 3, "s_prime": 3, "mask": 1, "background": 3, "mask_rough": 1}
+"""Pictures of a frame, and their channels."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Frame:
+    """Linear, scene-referred (H, W, C) float32 pictures of one camera.
+
+    i_s: the object under plain light; s_prime: raw lighting of its rough mesh in the scene; mask: share of the pixel
+    that the object covers; background: the whole scene, I_PBR; mask_rough: the mask of the rough mesh, if it is known.
+    lighting: (3, 9) as `lightnet.lighting` has it, or None. files: what parts are from, by name, for messages.
+    """
+
+    name: str
+    i_s: np.ndarray
+    s_prime: np.ndarray
+    mask: np.ndarray
+    background: np.ndarray
+    mask_rough: np.ndarray | None = None
+    lighting: np.ndarray | None = None
+    files: Mapping[str, Path] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Raises UserError with all that is wrong: sizes, values that are not finite, masks beyond [0, 1]."""
+        parts = {name: getattr(self, name) for name in PARTS if getattr(self, name) is not None}
+        if problems := [self._problem(name, rule) for name, part in parts.items()
+                        if (rule := _broken(name, part, self.i_s.shape[:2]))]:
+            raise UserError(problems)
+
+    def _problem(self, name: str, rule: str) -> Problem:
+        if name in self.files:
+            return Problem(where=str(self.files[name]), path="", rule=rule)
+        return Problem(where=self.name, path=name, rule=rule)
+
+
+def frame_from_files(paths: Mapping[str, Path]) -> Frame:
+    """The frame of EXR files by part, `mask_rough` optional. Raises UserError where one does not read or fit.
+
+    Colours need the channels R, G, B; a mask has Y, or R, G, B that are all the same.
+    """
+    parts = {name: _read(path) for name, path in paths.items()}
+    masks = {name: part[..., :1] for name, part in parts.items() if PARTS[name] == 1}
+    if coloured := [name for name in masks if np.any(parts[name] != masks[name])]:
+        rule = "expected a mask, one channel Y or three that are the same, got colours"
+        raise UserError([Problem(where=str(paths[name]), path="", rule=rule) for name in coloured])
+    return Frame(name=str(paths["i_s"]), files=paths, **{**parts, **masks})
+
+
+def frame_from_dataset(folder: Path, *, key: str = "", split: str = "", index: int = 0) -> Frame:
+    """The frame of an example, by its key, or by its place in a split: I_PBR is its `i_t`.
+
+    That shows the clean mesh where the paper's I_PBR shows the rough one; around the object the two differ by its
+    shadow's outline alone. Raises UserError where there is no such example, or where layers are missing or `i_t` is of
+    the object only.
+    """
+    dataset = open_dataset(folder, layers=_layers(folder))
+    example = dataset[_key(dataset, folder, key, split, index)]
+    return Frame(name=f"{folder}, example {example['meta']['key']}", i_s=example["i_s"], s_prime=example["s_prime"],
+                 mask=example["mask"], background=example["i_t"], mask_rough=example.get(WANTED),
+                 lighting=lighting_of(example["meta"]))
+
+
+def _layers(folder: Path) -> list[str]:
+    records = {layer.name: layer for layer in load_manifest(folder).layers}
+    if missing := [name for name in NEEDED if name not in records]:
+        raise _wrong(folder, "layers", f"expected {', '.join(NEEDED)}, {', '.join(missing)} missing")
+    if records["i_t"].extent != "frame":
+        raise _wrong(folder, "layers.i_t", "expected the extent frame, since the scene around the object is needed, "
+                     f"got {records['i_t'].extent}", "build with --set layers.i_t=frame")
+    return [*NEEDED, *([WANTED] if WANTED in records else [])]
+
+
+def _key(dataset: Dataset, folder: Path, key: str, split: str, index: int) -> str:
+    keys = {name for several in dataset.splits.values() for name in several}
+    if key:
+        if key not in keys:
+            raise _wrong(folder, "", f"expected the key of an example, such as {min(keys)}, got {key}")
+        return key
+    if split not in dataset.splits:
+        raise _wrong(folder, "", f"expected a split among {', '.join(dataset.splits)}, got {split}")
+    own = dataset.splits[split]
+    if not 0 <= index < len(own):
+        raise _wrong(folder, "", f"expected an index from 0 to {len(own) - 1} in split {split}, got {index}")
+    return own[index]
+
+
+def _read(path: Path) -> np.ndarray:
+    try:
+        return exr.decode(path.read_bytes(), where=str(path))
+    except OSError as error:
+        rule = f"expected an EXR file, got: {error.strerror or error}"
+        raise UserError([Problem(where=str(path), path="", rule=rule)]) from error
+
+
+def _broken(name: str, part: np.ndarray, size: tuple[int, int]) -> str:
+    """The rule that a picture breaks, or nothing."""
+    if part.ndim != 3 or part.shape[2] != PARTS[name]:
+        return f"expected {PARTS[name]} channels, got shape {part.shape}"
+    if part.shape[:2] != size:
+        return f"expected {size[1]} x {size[0]} pixels as i_s, got {part.shape[1]} x {part.shape[0]}"
+    if bad := int(np.count_nonzero(~np.isfinite(part))):
+        return f"expected finite values, got {bad} that are NaN or Inf"
+    if PARTS[name] == 1 and (part.min() < 0 or part.max() > 1):
+        return f"expected values in [0, 1], got [{part.min():g}, {part.max():g}]"
+    return ""
+
+
+def _wrong(folder: Path, path: str, rule: str, hint: str = "") -> UserError:
+    return UserError([Problem(where=str(folder), path=path, rule=rule, hint=hint)])

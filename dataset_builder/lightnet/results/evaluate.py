@@ -1,0 +1,142 @@
+"""How good methods are, example by example: trained ones beside the three that learn nothing.
+
+All see the same whole frames and are measured on the same pixels, so that their figures may be subtracted. Examples of
+one object resemble each other; a row therefore says what it shows, and `lightnet.summary` counts objects.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from time import perf_counter
+
+import torch
+
+from dataset_builder.errors import Problem, UserError
+from dataset_builder.lightnet.data.batch import Batch, Prediction
+from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
+from dataset_builder.lightnet.data.loader import whole_images
+from dataset_builder.lightnet.measures.metrics import Metrics, measure
+from dataset_builder.lightnet.methods.baselines.trivial import TRIVIAL
+from dataset_builder.lightnet.methods.checkpoint import Trained, load_trained
+from dataset_builder.lightnet.methods.method import count_parameters
+from dataset_builder.lightnet.methods.predict import predict
+from dataset_builder.lightnet.settings import DataSpec
+
+CPU = torch.device("cpu")
+FORMULAS = {"copy_i_s": "I_s as it is", "d_s_prime": "D S' with the true D",
+            "dr_s_prime": "(D + R) S' with the true D and R"}
+COMPARABLE = ("inside", "source_exposure")
+"""Values of `data` that change what is measured; methods compared with each other share them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contender:
+    """Something that predicts. find: a batch on `device` to what it holds for I_t; note: what it is, for people."""
+
+    name: str
+    find: Callable[[Batch], Prediction]
+    device: torch.device = CPU
+    trained: bool = False
+    note: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """One example by one method. object, room: names, unique over the dataset; level, sigma: of the rough mesh's noise;
+    seconds: from inputs in memory to the prediction."""
+
+    method: str
+    key: str
+    view: str
+    object: str
+    room: str
+    level: int
+    sigma: float
+    metrics: Metrics
+    seconds: float
+
+
+def trivial() -> list[Contender]:
+    """The contenders that learn nothing; two of them are told the true D and R."""
+    return [Contender(name=name, find=partial(_by_formula, formula), note=f"{FORMULAS[name]}; learns nothing")
+            for name, formula in TRIVIAL.items()]
+
+
+def load_all(checkpoints: Sequence[Path], device: str = "auto") -> dict[str, Trained]:
+    """The methods of checkpoints by names that differ: the method's, with its folder's where that is not enough.
+
+    Raises UserError where a file is no checkpoint, or where two were trained on other pixels or exposures.
+    """
+    loaded = {path: load_trained(path, device) for path in dict.fromkeys(checkpoints)}
+    first = next(iter(loaded.values()))
+    for path, trained in loaded.items():
+        _require_same_data(path, trained.spec.data, first.spec.data)
+    return dict(zip(_names(loaded), loaded.values(), strict=True))
+
+
+def contender(name: str, trained: Trained) -> Contender:
+    """A trained method as a contender."""
+    note = "; ".join([f"{count_parameters(trained.method):,} parameters, {trained.step} steps on {trained.dataset}",
+                      *trained.off])
+    return Contender(name=name, find=lambda batch: predict(trained.method, batch.inputs), device=trained.device,
+                     trained=True, note=note)
+
+
+def evaluate(contenders: Sequence[Contender], dataset: LightingDataset, indices: Sequence[int]) -> Iterator[Row]:
+    """One row for each example, by position in the dataset, and contender; all contenders of an example in turn.
+
+    Trained methods run once beforehand, so that nobody's seconds hold what only happens once.
+    """
+    for index, batch in zip(indices, whole_images(dataset, indices), strict=True):
+        for one in contenders:
+            moved = batch.to(one.device)
+            if one.trained and index == indices[0]:
+                one.find(moved)
+            yield row(one, moved, dataset.label(index)["plan"])
+
+
+def row(one: Contender, batch: Batch, plan: dict) -> Row:
+    """The row of one example: a batch of one, on the contender's device, and its plan."""
+    prediction, seconds = timed(one, batch)
+    metrics, = measure(prediction.i_t, batch.truth.i_t, batch.inputs.inside)
+    return Row(method=one.name, key=batch.keys[0], view=plan["view"], object=plan["target"]["object"]["name"],
+               room=plan["room"]["name"], level=plan["rough"]["level"], sigma=plan["rough"]["sigma"], metrics=metrics,
+               seconds=seconds)
+
+
+def timed(one: Contender, batch: Batch) -> tuple[Prediction, float]:
+    """A prediction and the seconds that it took."""
+    _wait(one.device)
+    begin = perf_counter()
+    prediction = one.find(batch)
+    _wait(one.device)
+    return prediction, perf_counter() - begin
+
+
+def _wait(device: torch.device) -> None:
+    """A GPU works on after Python has gone on."""
+    if device.type == "cuda":
+        torch.cuda.synchronize(device)
+
+
+def _by_formula(formula: Callable[[Batch], torch.Tensor], batch: Batch) -> Prediction:
+    return Prediction(i_t=formula(batch))
+
+
+def _names(loaded: dict[Path, Trained]) -> list[str]:
+    """Method names; with the checkpoint's folder, and then its file, for those that are not alone with theirs."""
+    names = [trained.name for trained in loaded.values()]
+    for part in (lambda path: path.absolute().parent.name, lambda path: path.name):
+        count = Counter(names)
+        names = [f"{name} {part(path)}" if count[name] > 1 else name for name, path in zip(names, loaded, strict=True)]
+    return [name if names.count(name) == 1 else str(path) for name, path in zip(names, loaded, strict=True)]
+
+
+def _require_same_data(path: Path, data: DataSpec, first: DataSpec) -> None:
+    for key in COMPARABLE:
+        if (got := getattr(data, key)) != (expected := getattr(first, key)):
+            raise UserError([Problem(where=str(path), path=f"data.{key}",
+                                     rule=f"expected {expected}, as the first checkpoint was trained with, got {got}",
+                                     hint="evaluate it apart")])

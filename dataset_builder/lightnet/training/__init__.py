@@ -1,0 +1,1 @@
+"""The training loop and its parts; what it trains comes from `methods`, what it reads from `data`."""

@@ -1,0 +1,45 @@
+"""One process at a time: a lock file that is the system's (flock), which ends with the process that holds it, however
+it ends."""
+
+import fcntl
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from dataset_builder.errors import OutputError, Problem
+from dataset_builder.files import output_errors
+
+
+@contextmanager
+def locked(path: Path, *, folder: Path, work: str) -> Iterator[None]:
+    """Hold the lock file `path` and keep every other `work` out of `folder` meanwhile; the file is gone afterwards.
+
+    Raises OutputError where the file cannot be written, and, naming the process, where another holds it.
+    """
+    descriptor = _acquire(path, folder, work)
+    try:
+        yield
+    finally:
+        # Unlink before release: whoever waits for the old file sees that it lost its name
+        path.unlink(missing_ok=True)
+        os.close(descriptor)
+
+
+def _acquire(path: Path, folder: Path, work: str) -> int:
+    while True:
+        with output_errors(folder):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            holder = os.pread(descriptor, 32, 0).decode(errors="replace").strip() or "unknown"
+            os.close(descriptor)
+            raise OutputError([Problem(where=str(folder), path="", hint="wait for it, or choose another output folder",
+                                       rule=f"another {work} is at work here (process {holder})")]) from error
+        if path.exists() and os.path.samestat(os.fstat(descriptor), path.stat()):
+            os.ftruncate(descriptor, 0)
+            os.pwrite(descriptor, f"{os.getpid()}\n".encode(), 0)
+            return descriptor
+        os.close(descriptor)

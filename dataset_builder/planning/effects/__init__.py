@@ -1,0 +1,1 @@
+"""What a scene calls for: decisions about features, depth, lights and guides, each with its reason."""

@@ -1,0 +1,182 @@
+"""Which effects each pass of an example simulates, decided from its plan and its materials, before rendering.
+
+Every decision has a reason in words. Nothing here draws, renders or looks at pixels; `docs/effects.md` has the rules.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import hypot
+from pathlib import Path
+from typing import get_args
+
+from dataset_builder.errors import PlanError, Problem
+from dataset_builder.layers import LAYERS
+from dataset_builder.planning.effects.denoise_guides import guide_extents
+from dataset_builder.planning.effects.features import scene_features
+from dataset_builder.planning.effects.light_reach import reaching, said
+from dataset_builder.planning.effects.materials_used import MaterialUse, SceneUse, scene_use
+from dataset_builder.planning.effects.path_depth import MOST, path_depth
+from dataset_builder.planning.example_plan import (
+    Decision,
+    EffectsPlan,
+    Feature,
+    FogPlan,
+    IlluminationPlan,
+    LightPlan,
+    PassEffects,
+    PlacedObject,
+    RenderPlan,
+    RoomPlan,
+)
+from dataset_builder.spec.render import RenderSpec
+
+PASSES = ("first_hit", "source", "target", "first_hit_rough", "rough")
+LIT = ("source", "target", "rough")
+EVERYWHERE = ("mask", "mask_rough", "instance")
+"""Layers whose extent needs no further pixels: 0 where the object is not, or a pass of its own."""
+DARK = "take parts of the room away with `open`, give it windows or no ceiling, or set a light up inside"
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Scene:
+    """What decisions about the passes of one example are made from."""
+
+    spec: RenderSpec
+    room: RoomPlan
+    use: SceneUse
+    light: dict[str, IlluminationPlan]
+    fog: FogPlan
+    render: RenderPlan
+
+
+def plan_effects(*, spec: RenderSpec, room: RoomPlan, target: PlacedObject, furniture: tuple[PlacedObject, ...],
+                 source_light: IlluminationPlan, target_light: IlluminationPlan, fog: FogPlan, render: RenderPlan,
+                 mesh_root: Path, where: str = "") -> EffectsPlan:
+    """What is simulated for one example, with reasons. where: the view, as errors name it.
+
+    Features, and what the light-free and source passes simulate, follow from the view alone: no target light changes
+    them. Raises PlanError where a mesh file is not the one that was planned, and where no light of a pass that runs can
+    reach the object.
+    """
+    light = {"source": source_light, "target": target_light, "rough": target_light}
+    _require_light(room, light, render, where)
+    if spec.effects == "all":
+        return _everything(spec, render, light)
+    use = scene_use(room, (target, *furniture), mesh_root)
+    scene = _Scene(spec=spec, room=room, use=use, light=light, fog=fog, render=render)
+    planned = [_plan_pass(scene, name) for name in PASSES]
+    lights = tuple(each for illumination in (source_light, target_light) for each in illumination.lights)
+    features, on_surfaces = scene_features(use, fog, lights, render.texture_size)
+    decisions = (*(decision for _, about in planned for decision in about), *_light_free(render), *on_surfaces)
+    return EffectsPlan(features=features, passes=tuple(entry for entry, _ in planned), decisions=decisions)
+
+
+def _everything(spec: RenderSpec, render: RenderPlan, light: dict[str, IlluminationPlan]) -> EffectsPlan:
+    depth = MOST if spec.max_depth == "auto" else max(int(spec.max_depth), MOST)
+    passes = tuple(PassEffects(name=name, extent="frame", lights=_all(light[name].lights) if name in light else (),
+                               max_depth=depth) for name in PASSES)
+    reason = "everything on, as asked"
+    decisions = (*(Decision(effect=f"pass {name}", choice="frame" if _runs(render, name) else "not run", reason=reason)
+                   for name in PASSES),
+                 *(Decision(effect=f"lights of {name}", choice="all", reason=reason) for name in LIT),
+                 *(Decision(effect=f"path depth of {name}", choice=f"{depth}", reason=reason) for name in LIT),
+                 *(Decision(effect=feature, choice="on", reason=reason) for feature in get_args(Feature)))
+    return EffectsPlan(features=get_args(Feature), passes=passes, decisions=decisions)
+
+
+def _all(lights: Sequence[LightPlan]) -> tuple[int, ...]:
+    return tuple(range(len(lights)))
+
+
+def _plan_pass(scene: _Scene, name: str) -> tuple[PassEffects, list[Decision]]:
+    """What one pass simulates, and why."""
+    extent, about = _extent(scene.render, name)
+    decisions = [Decision(effect=f"pass {name}", choice=extent if _runs(scene.render, name) else "not run",
+                          reason=about)]
+    if name not in LIT:
+        return _entry(name, extent, (), 1), decisions
+    lights, on_lights = _lights(scene, name)
+    depth, on_depth = _depth(scene, name)
+    if _runs(scene.render, name):
+        decisions += [on_lights, on_depth]
+    return _entry(name, extent, lights, depth), decisions
+
+
+def _entry(name: str, extent: str, lights: tuple[int, ...], depth: int) -> PassEffects:
+    return PassEffects.model_validate({"name": name, "extent": extent, "lights": lights, "max_depth": depth})
+
+
+# Pixels
+
+def _asked(render: RenderPlan, name: str) -> dict[str, str]:
+    """Layers of a pass and their extents."""
+    return {layer: extent for layer, extent in render.layers if LAYERS[layer].render_pass == name}
+
+
+def _runs(render: RenderPlan, name: str) -> bool:
+    """The first pass always runs: it finds the object's pixels; the rough one finds those of S'."""
+    needed = name == "first_hit" or (name == "first_hit_rough" and bool(_asked(render, "rough")))
+    return needed or bool(_asked(render, name))
+
+
+def _extent(render: RenderPlan, name: str) -> tuple[str, str]:
+    """On which pixels a pass runs, and why."""
+    asked = _asked(render, name)
+    on_frame = [layer for layer, extent in asked.items() if extent == "frame" and layer not in EVERYWHERE]
+    if on_frame:
+        return "frame", f"asked for on the whole frame: {', '.join(on_frame)}"
+    guides = [layer for layer, extent in guide_extents(render).items()
+              if extent == "frame" and layer not in EVERYWHERE and LAYERS[layer].render_pass == name]
+    if guides:
+        return "frame", f"guides what is denoised on the whole frame: {', '.join(guides)}"
+    if asked:
+        return "object", f"asked for on the object only: {', '.join(asked)}"
+    why = "no layer of it is asked for"
+    return "object", f"{why}, but it finds the object's pixels" if _runs(render, name) else why
+
+
+def _light_free(render: RenderPlan) -> list[Decision]:
+    """Layers that need no light."""
+    free = [layer for layer, _ in render.layers if not LAYERS[layer].radiometric]
+    clean = [layer for layer in free if LAYERS[layer].geometry == "3dm"]
+    rough = [layer for layer in free if LAYERS[layer].geometry == "r3dm"]
+    reasons = [f"once per view: {', '.join(clean)}"] * bool(clean)
+    reasons += [f"once per light and noise level: {', '.join(rough)}"] * bool(rough)
+    return [Decision(effect="light-free layers", choice=f"{len(free)} of {len(render.layers)}",
+                     reason="; ".join(reasons) or "every layer that is asked for needs light")]
+
+
+# Lights and paths
+
+def _lights(scene: _Scene, name: str) -> tuple[tuple[int, ...], Decision]:
+    lights = scene.light[name].lights
+    found = reaching(scene.light[name], scene.room)
+    kept = tuple(index for index, each in enumerate(found) if each.kept)
+    return kept, Decision(effect=f"lights of {name}", choice=f"{len(kept)} of {len(lights)}",
+                          reason=said(lights, found) or "there are none")
+
+
+def _require_light(room: RoomPlan, light: dict[str, IlluminationPlan], render: RenderPlan, where: str) -> None:
+    """Raise PlanError for every pass that would run in the dark."""
+    problems = []
+    for name in (name for name in LIT if _runs(render, name)):
+        found = reaching(light[name], room)
+        if not any(each.kept for each in found):
+            why = said(light[name].lights, found) or "there are none"
+            rule = f"expected a light that reaches the object in the pass {name}, got none: {why}"
+            problems.append(Problem(where=where, path="source" if name == "source" else "target", rule=rule, hint=DARK))
+    if problems:
+        raise PlanError(problems)
+
+
+def _standing(scene: _Scene, name: str) -> list[MaterialUse]:
+    """Materials of what is not taken away in a pass."""
+    opened = scene.light[name].open
+    return [use for use in scene.use.materials if use.part not in opened]
+
+
+def _depth(scene: _Scene, name: str) -> tuple[int, Decision]:
+    room = scene.room
+    diagonal = hypot(room.width, room.depth, room.height)
+    found = path_depth(scene.spec.max_depth, scene.spec.bias, _standing(scene, name), scene.fog, diagonal)
+    return found.depth, Decision(effect=f"path depth of {name}", choice=str(found.depth), reason=found.reason)

@@ -1,0 +1,123 @@
+"""What surfaces and air of a scene call for: the features that rendering kernels are compiled with, with reasons."""
+
+from collections.abc import Callable, Sequence
+from typing import get_args
+
+from dataset_builder.assets.asset import Material
+from dataset_builder.assets.glass_kinds import disperses, is_pane, is_solid, metallic_range
+from dataset_builder.planning.effects.materials_used import MaterialUse, SceneUse, is_smooth
+from dataset_builder.planning.example_plan import Decision, Feature, FogPlan, LightPlan
+
+NAMED = 3
+"""How many materials a reason names before it counts the rest."""
+MIRROR = 0.2
+"""Roughness of metal up to which it throws caustics worth a word."""
+POINTS = ("point", "spot", "sun")
+"""Kinds of lights that no path can meet, only be connected to."""
+
+
+def _glossy(material: Material) -> bool:
+    return material.specular > 0 or material.metallic > 0 or material.coat > 0 or material.transmission > 0
+
+
+_CALLS: dict[Feature, tuple[Callable[[Material], bool], str]] = {
+    "textures": (lambda material: material.texture is not None, "has a texture"),
+    "specular": (_glossy, "is glossy"),
+    "coat": (lambda material: material.coat > 0, "has a clear coat"),
+    "sheen": (lambda material: max(material.sheen) > 0, "has sheen"),
+    "glass": (is_solid, "is solid glass"),
+    "thin": (is_pane, "is thin glass"),
+    "dispersion": (disperses, "is glass with an Abbe number"),
+}
+"""What a material must be to call for a feature, and how to say so."""
+
+
+def names(uses: Sequence[str]) -> str:
+    """The first few names, and how many more there are."""
+    more = len(uses) - NAMED
+    return ", ".join(uses[:NAMED]) + (f" and {more} more" if more > 0 else "")
+
+
+def scene_features(use: SceneUse, fog: FogPlan, lights: Sequence[LightPlan], texture_size: int) \
+        -> tuple[tuple[Feature, ...], tuple[Decision, ...]]:
+    """The features that a scene calls for, in the order of `Feature`, and the decisions about its surfaces and air.
+
+    lights: of all passes; no feature depends on them, only what is said of caustics does.
+    """
+    calling = {feature: [each for each in use.materials if calls(each.material)]
+               for feature, (calls, _) in _CALLS.items()}
+    on = {feature for feature, found in calling.items() if found} | ({"fog"} if fog.extinction > 0 else set())
+    features = tuple(feature for feature in get_args(Feature) if feature in on)
+    decisions = [_said(feature, found, len(use.materials)) for feature, found in calling.items()
+                 if feature not in ("textures", "dispersion")]
+    return features, (_textures(calling["textures"], texture_size), *decisions, _dispersion(calling["dispersion"]),
+                      _fog(fog), *_caustics(use.materials, lights), _normals(use), *_left_out(use))
+
+
+def _said(feature: Feature, found: Sequence[MaterialUse], count: int) -> Decision:
+    what = _CALLS[feature][1]
+    if not found:
+        return Decision(effect=feature, choice="off", reason=f"none of the {count} materials in the scene {what}")
+    return Decision(effect=feature, choice="on", reason=f"{len(found)} of {count} materials: "
+                    f"{names([each.name for each in found])}")
+
+
+def _textures(found: Sequence[MaterialUse], texture_size: int) -> Decision:
+    textures = {id(each.material.texture): each.material.texture for each in found}.values()
+    if not textures:
+        return Decision(effect="textures", choice="off", reason="no material in the scene has one")
+    sizes = [texture.base_color.shape[:2] for texture in textures if texture is not None]
+    texels, largest = sum(height * width for height, width in sizes), max(max(size) for size in sizes)
+    limit = (f"averaged down to {texture_size} texels a side" if largest > texture_size
+             else f"all within {texture_size} texels a side")
+    return Decision(effect="textures", choice=f"{len(sizes)}",
+                    reason=f"{texels:,} texels, {limit}: {names([each.name for each in found])}")
+
+
+def _dispersion(found: Sequence[MaterialUse]) -> Decision:
+    if not found:
+        return Decision(effect="dispersion", choice="off", reason="no solid glass with an Abbe number is in the scene; "
+                        "colours are RGB")
+    named = names([f"{each.name} (Abbe number {each.material.abbe:.3g})" for each in found])
+    return Decision(effect="dispersion", choice="on", reason=f"three wavelengths, one per colour channel, for {named}")
+
+
+def _fog(fog: FogPlan) -> Decision:
+    if not fog.extinction:
+        return Decision(effect="fog", choice="off", reason="the air is clear: the scene has no medium")
+    return Decision(effect="fog", choice="on", reason=f"a homogeneous medium of extinction {fog.extinction:.3g} per "
+                    f"metre, albedo {fog.albedo:.3g} and anisotropy {fog.anisotropy:.3g} fills the room")
+
+
+def _caustics(materials: Sequence[MaterialUse], lights: Sequence[LightPlan]) -> list[Decision]:
+    """What becomes of light that solid glass and mirrors gather on other surfaces. Panes only pass it on."""
+    glass = [each for each in materials if is_solid(each.material)]
+    mirrors = [each for each in materials if metallic_range(each.material)[1] > 0.5 and each.smoothest <= MIRROR]
+    if not glass and not mirrors:
+        return [Decision(effect="caustics", choice="none", reason="no solid glass and no mirror is in the scene")]
+    kinds = {light.kind for light in lights if any(light.radiance)}
+    points, wide = sorted(kinds.intersection(POINTS)), sorted(kinds.difference(POINTS))
+    # Textured glass may be smooth in one texel and rough in another
+    lost = [each for each in glass if is_smooth(each.smoothest)]
+    rough = [each for each in glass if not is_smooth(each.roughest)]
+    noisy = [*rough, *(each for each in mirrors if each not in glass)]
+    found = ((bool(wide), "simulated", f"paths from a surface meet {_kinds(wide)} by way of", [*glass, *mirrors]),
+             (bool(points), "noisy", f"{_kinds(points)} without extent, found only through the narrow lobes of", noisy),
+             (bool(points), "not simulated", f"{_kinds(points)} without extent, which no path meets by way of", lost))
+    return [Decision(effect="caustics", choice=choice, reason=f"{what} {names([each.name for each in things])}")
+            for there, choice, what, things in found if there and things]
+
+
+def _kinds(kinds: Sequence[str]) -> str:
+    return f"{' and '.join(kinds)} light"
+
+
+def _normals(use: SceneUse) -> Decision:
+    if not use.smooth:
+        return Decision(effect="normals", choice="flat", reason="every edge in the scene is a crease or in a plane")
+    flat = f"; flat: {names(use.flat)}" if use.flat else ""
+    return Decision(effect="normals", choice="smooth", reason=f"curved: {names(use.smooth)}{flat}")
+
+
+def _left_out(use: SceneUse) -> list[Decision]:
+    return [Decision(effect="mesh file", choice="left out", reason=about) for about in use.left_out]

@@ -1,0 +1,87 @@
+"""How long paths have to be: a geometric bound on the light that longer ones would bring.
+
+Radiance is L = E + T L with emission E and transport T; paths of at most n edges add up E + T E + ... + T^(n-1) E. What
+they leave out of the light that arrives at the first surface is T^(n-1) L, at most a^(n-1) of all light, where a bounds
+what one scattering event leaves (J. Arvo, K. Torrance, B. Smits, "A Framework for the Analysis of Error in Global
+Illumination Algorithms", SIGGRAPH 1994). Here a is the largest reflectance of any material in the scene, for light from
+everywhere, in its brightest channel and texel. The bound is one of energy over the scene, not of each pixel.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import ceil, exp, log
+
+from dataset_builder.assets.glass_kinds import is_pane, is_solid
+from dataset_builder.planning.effects.materials_used import MaterialUse, is_smooth
+from dataset_builder.planning.example_plan import FogPlan
+
+LEAST, MOST = 3, 64
+SOLID_CROSSINGS, PANE_CROSSINGS = 8, 4
+"""Edges added for glass, which takes next to nothing of what passes: two bodies (in and out) or two rough panes behind
+each other, both on the way to a surface and on the way from it to the light. Smooth panes bend no path and add no
+edge."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PathDepth:
+    """Longest path of a pass in edges, what it keeps, and why.
+
+    left_out: largest share of the light arriving at a surface that longer paths would bring. reason: in words.
+    """
+
+    depth: int
+    left_out: float
+    reason: str
+
+
+def with_fog(share: float, fog: FogPlan, diagonal: float) -> float:
+    """Largest share that one event leaves where light may also be scattered by fog, over ways up to `diagonal` metres.
+
+    An event is in the fog with a probability p of at most 1 - exp(-extinction diagonal): p albedo + (1 - p) share.
+    """
+    in_fog = 1 - exp(-fog.extinction * diagonal)
+    return max(share, share + in_fog * (fog.albedo - share))
+
+
+def needed_depth(share: float, bias: float) -> int:
+    """Least number of edges n >= 2 with share^(n-1) <= bias; no more than one beyond MOST."""
+    if share <= bias:
+        return 2
+    if share >= 1:
+        return MOST + 1
+    depth = min(ceil(log(bias) / log(share)) + 1, MOST + 1)
+    # Logarithms round
+    return depth + 1 if depth <= MOST and share ** (depth - 1) > bias else depth
+
+
+def crossings(materials: Sequence[MaterialUse]) -> int:
+    """Edges that paths need beyond the bound, to get through glass."""
+    solid = any(is_solid(use.material) for use in materials)
+    panes = any(is_pane(use.material) and not is_smooth(use.roughest) for use in materials)
+    return SOLID_CROSSINGS * solid + PANE_CROSSINGS * panes
+
+
+def path_depth(asked: int | str, bias: float, materials: Sequence[MaterialUse], fog: FogPlan,
+               diagonal: float) -> PathDepth:
+    """The depth of a pass in which `materials` stand. asked: edges, or `auto` for what `bias` needs.
+
+    diagonal: longest way in the fog, metres.
+    """
+    brightest = max(materials, key=lambda use: use.scattered)
+    share, extra = with_fog(brightest.scattered, fog, diagonal), crossings(materials)
+    through = f"; {extra} edges more lead through glass" if extra else ""
+    event = f"{brightest.name} scatters at most {brightest.scattered:.3g} of the light"
+    if share > brightest.scattered:
+        event += f" and the fog {fog.albedo:.3g}, together {share:.3g}"
+    if asked != "auto":
+        depth = int(asked)
+        left = min(share ** max(depth - 1 - extra, 0), 1.0)
+        return PathDepth(depth=depth, left_out=left, reason=f"asked for; {event}, so that longer paths would bring at "
+                         f"most {left:.2g} of what arrives at a surface{through}")
+    needed = max(needed_depth(share, bias), LEAST)
+    depth = min(needed + extra, MOST)
+    left = share ** (depth - 1 - extra)
+    said = f"{event}, so that longer paths would bring at most {left:.2g} of what arrives at a surface{through}"
+    if needed + extra > MOST:
+        said += f"; cut at {MOST}, a bias of {bias:g} would need longer ones"
+    return PathDepth(depth=depth, left_out=left, reason=said)

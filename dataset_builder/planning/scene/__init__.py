@@ -1,0 +1,1 @@
+"""What stands where: contents of a split, layout of a room, and the assets that a plan names."""

@@ -1,0 +1,186 @@
+"""What a split holds: its objects and its scenes, every parameter drawn; no two splits share one."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import PurePosixPath
+from posixpath import normpath
+from typing import Any
+
+from dataset_builder.assets.procedural.furniture import FINISHES
+from dataset_builder.digest import digest
+from dataset_builder.errors import PlanError, Problem
+from dataset_builder.planning.example_plan import FogPlan, ObjectPlan, Param, RoomPlan
+from dataset_builder.planning.scene.layout import Place
+from dataset_builder.planning.scene.material_changes import drawn_changes, require_roles
+from dataset_builder.seeding import derive_seed, rng
+from dataset_builder.spec.dataset import SplitSpec
+from dataset_builder.spec.families import FAMILIES, FamilyParam
+from dataset_builder.spec.loaded import LoadedSpec
+from dataset_builder.spec.numbers import AnyNumber, draw
+from dataset_builder.spec.scene import FogSpec, ObjectSpec, RoomSpec
+
+Path = tuple[str | int, ...]
+CLEAR_AIR = FogPlan()
+
+
+@dataclass(frozen=True, kw_only=True)
+class PiecePlan:
+    """A piece of furniture of a scene: what it is, how it is placed, and its number (entry of the scene, copy)."""
+
+    object: ObjectPlan
+    place: Place
+    number: tuple[int, int]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScenePlan:
+    """A room and what stands in it, not yet placed: where things stand depends on the target among them."""
+
+    room: RoomPlan
+    furniture: tuple[PiecePlan, ...]
+    target: Place
+    fog: FogPlan = CLEAR_AIR
+
+
+@dataclass(frozen=True, kw_only=True)
+class SplitContents:
+    """The objects and scenes of one split, by index."""
+
+    objects: tuple[ObjectPlan, ...]
+    scenes: tuple[ScenePlan, ...]
+
+
+def _parameter(param: FamilyParam, given: AnyNumber | None, seed: int, path: Path) -> Param:
+    value = draw(param.default if given is None else given, rng(seed, *path, "param", param.name))
+    value = min(max(value, param.low), param.high)
+    return Param(name=param.name, value=float(round(value)) if param.integer else value)
+
+
+def object_plan(loaded: LoadedSpec, key: str, split: str, path: Path, number: int, role: str) -> ObjectPlan:
+    """Draw the object of file `key`, whose numbers come from `path`, as `<split>-[<role>-]<category>-<number>`.
+
+    Raises PlanError where it changes materials that its family never has.
+    """
+    spec, seed = loaded.objects[key], loaded.dataset.seed
+    category = spec.category or (FAMILIES[spec.family].category if spec.family else "object")
+    name = "-".join(filter(None, (split, role, category, f"{number:02d}")))
+    shared: dict[str, Any] = {"name": name, "category": category, "licence": spec.licence,
+                              "seed": str(derive_seed(seed, *path, "material")),
+                              "materials": drawn_changes(spec.materials, seed, (*path, "materials"))}
+    if spec.family is not None:
+        require_roles(spec.materials, FINISHES[spec.family], key)
+        params = tuple(_parameter(param, spec.params.get(param.name), seed, path)
+                       for param in FAMILIES[spec.family].params)
+        return ObjectPlan(kind="procedural", source=spec.family, source_sha256="", params=params, scale=1.0, up="z",
+                          **shared)
+    return _file_plan(loaded, spec, key, shared)
+
+
+def _file_plan(loaded: LoadedSpec, spec: ObjectSpec, key: str, shared: dict[str, Any]) -> ObjectPlan:
+    """A mesh file is named relative to the folder of the dataset file, as every file of the spec."""
+    source = normpath(PurePosixPath(key).parent / PurePosixPath(str(spec.file)))
+    return ObjectPlan(kind="file", source=source, source_sha256=loaded.meshes[key].digest, params=(), scale=spec.scale,
+                      up=spec.up, **shared)
+
+
+def room_plan(spec: RoomSpec, name: str, seed: int, path: Path) -> RoomPlan:
+    """Draw a room."""
+
+    def number(key: str) -> float:
+        return draw(getattr(spec, key), rng(seed, *path, key))
+
+    return RoomPlan(name=name, seed=str(derive_seed(seed, *path, "material")), width=number("width"),
+                    depth=number("depth"), height=number("height"), ceiling=spec.ceiling, glazing=spec.glazing,
+                    windows=round(number("windows")), skirting=number("skirting"))
+
+
+def fog_plan(spec: FogSpec | None, seed: int, path: Path) -> FogPlan:
+    """Draw the fog of a scene; clear air where the spec has none."""
+    if spec is None:
+        return CLEAR_AIR
+    return FogPlan(**{key: draw(getattr(spec, key), rng(seed, *path, key)) for key in FogPlan.model_fields})
+
+
+def _scene_plan(loaded: LoadedSpec, split: str, index: int, key: str) -> ScenePlan:
+    spec, seed, path = loaded.scenes[key], loaded.dataset.seed, (split, "scene", index)
+    pieces = list[PiecePlan]()
+    for entry, furniture in enumerate(spec.furniture):
+        for copy in range(round(draw(furniture.count, rng(seed, *path, "furniture", entry, "count")))):
+            plan = object_plan(loaded, furniture.object, split, (*path, "furniture", entry, copy), len(pieces),
+                               f"scene{index:02d}")
+            pieces.append(PiecePlan(object=plan, place=furniture.place, number=(entry, copy)))
+    room = room_plan(loaded.rooms[spec.room], f"{split}-room-{index:02d}", seed, (*path, "room"))
+    return ScenePlan(room=room, furniture=tuple(pieces), target=spec.target,
+                     fog=fog_plan(spec.fog, seed, (*path, "fog")))
+
+
+def _in_turn(files: tuple[str, ...], count: int) -> list[str]:
+    return [files[index % len(files)] for index in range(count)]
+
+
+def split_contents(loaded: LoadedSpec, split: SplitSpec) -> SplitContents:
+    """Draw the objects and scenes of a split; each depends on its own index only."""
+    objects = tuple(object_plan(loaded, key, split.name, (split.name, "object", index), index, "")
+                    for index, key in enumerate(_in_turn(split.objects.source, split.objects.count)))
+    scenes = tuple(_scene_plan(loaded, split.name, index, key)
+                   for index, key in enumerate(_in_turn(split.scenes.source, split.scenes.count)))
+    return SplitContents(objects=objects, scenes=scenes)
+
+
+def shape_digest(plan: ObjectPlan) -> str:
+    """Digest of an object's geometry: two that differ in name and material only share it.
+
+    A mesh file counts with all that it names, its textures included.
+    """
+    own = plan.model_dump(include={"kind", "params", "scale", "up"})
+    return digest({**own, "source": plan.source_sha256 or plan.source})
+
+
+def _object_digest(plan: ObjectPlan) -> str:
+    materials = [change.model_dump() for change in plan.materials]
+    return digest([shape_digest(plan), plan.seed if plan.kind == "procedural" else "", materials])
+
+
+def _scene_digest(plan: ScenePlan) -> str:
+    room = plan.room.model_dump(exclude={"name"})
+    return digest([room, sorted(_object_digest(piece.object) for piece in plan.furniture)])
+
+
+def _clashes(named: Iterable[tuple[str, str]], path: str, hint: str) -> list[Problem]:
+    """One problem for every content (digest) that a second name has."""
+    first, problems = dict[str, str](), list[Problem]()
+    for name, content in named:
+        if content in first:
+            problems.append(Problem(where="", path=path, hint=hint,
+                                    rule=f"expected {name} to differ from {first[content]}, got the same content"))
+        first.setdefault(content, name)
+    return problems
+
+
+def contents(loaded: LoadedSpec) -> dict[str, SplitContents]:
+    """Objects and scenes of every split, by its name.
+
+    Raises PlanError where two objects or two scenes of a split are the same, or where splits share an object's shape
+    or a scene; every clash is named.
+    """
+    drawn = {split.name: split_contents(loaded, split) for split in loaded.dataset.splits}
+    problems = list[Problem]()
+    for name, split in drawn.items():
+        problems += _clashes(((plan.name, _object_digest(plan)) for plan in split.objects), f"splits[{name}].objects",
+                             "list more files, or lower the count")
+    problems += _across(drawn, lambda split: [(plan.name, shape_digest(plan)) for plan in split.objects], "objects",
+                        "give each split its own files, or draw parameters from distributions")
+    problems += _across(drawn, lambda split: [(plan.room.name, _scene_digest(plan)) for plan in split.scenes], "scenes",
+                        "give each split its own scene files")
+    if problems:
+        raise PlanError(problems)
+    return drawn
+
+
+def _across(drawn: dict[str, SplitContents], named: Callable[[SplitContents], list[tuple[str, str]]], path: str,
+            hint: str) -> list[Problem]:
+    """Clashes between splits; repetitions within a split count once, under the first name."""
+    once = list[tuple[str, str]]()
+    for split in drawn.values():
+        once += {content: (name, content) for name, content in reversed(named(split))}.values()
+    return _clashes(once, path, hint)

@@ -1,0 +1,1 @@
+"""What one view sees and what lights it: cameras, lights, daylight, colours."""

@@ -1,0 +1,192 @@
+"""Random viewpoints that really see the object: in the room, clear of surfaces, at the coverage asked for."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import radians, sqrt, tan
+from typing import Literal
+
+import numpy as np
+
+from dataset_builder.errors import PlanError, Problem
+from dataset_builder.planning.example_plan import CameraPlan, Vector
+from dataset_builder.planning.scene.arrangement import Stage
+from dataset_builder.planning.view.visibility import Frame, Sight, look, silhouette_area
+from dataset_builder.spec.camera import CameraSpec
+from dataset_builder.spec.numbers import draw
+from dataset_builder.spec.render import ImageSpec
+
+AIM_JITTER = 0.1
+"""Largest offset of the aimed point from the object's centre along each axis, in bounding-sphere radii."""
+LEAST_COVERAGE = 1e-3
+"""What a drawn coverage of 0 is taken as, to have a finite distance."""
+DIRECTIONS = 8
+"""Directions per draw that are looked along for depth of room, which costs little."""
+Reason = Literal["room", "clearance", "coverage", "hidden"]
+_SAID: dict[Reason, str] = {
+    "room": "outside the room at any coverage (distances needed: {low:.2f} to {high:.2f} m)",
+    "clearance": "in a wall or too near a surface (largest distance: {high:.2f} m)",
+    "coverage": "off in coverage (measured: {low:.3f} to {high:.3f})",
+    "hidden": "hidden or cut by the frame (best visibility: {high:.2f})",
+}
+_HINT: dict[Reason, str] = {
+    "room": "widen `fov`, raise `coverage`, or make the room larger",
+    "clearance": "lower `camera.clearance`, widen `azimuth` and `elevation`, or make the room larger",
+    "coverage": "widen `camera.coverage`",
+    "hidden": "lower `camera.visibility` or the largest coverage, widen `azimuth` and `elevation`, or thin furniture",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """A camera, what it sees of the target, and how it was found."""
+
+    camera: CameraPlan
+    sight: Sight
+    note: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Miss:
+    """Why a draw will not do, with the figure that failed."""
+
+    reason: Reason
+    figure: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Draw:
+    """One drawn camera before its distance is known. direction (3,) leads from the object's centre to the camera."""
+
+    direction: np.ndarray
+    aim: np.ndarray
+    fov: float
+    aspect: float
+    area: float
+    """Of the object's silhouette from far along `direction`, square metres."""
+    wanted: float
+    """Coverage."""
+
+    @property
+    def distance(self) -> float:
+        """Where the silhouette covers as much of the frame as wanted, perspective aside."""
+        return sqrt(self.area / (self.wanted * 4 * tan(radians(self.fov) / 2) ** 2 * self.aspect))
+
+
+def _tally(misses: Sequence[_Miss]) -> tuple[str, str]:
+    """What failed how often, most often first, and what to change about the first."""
+    counts = Counter(miss.reason for miss in misses).most_common()
+    if not counts:
+        return "", ""
+    said = []
+    for reason, count in counts:
+        figures = [miss.figure for miss in misses if miss.reason == reason]
+        said.append(f"{count} {_SAID[reason].format(low=min(figures), high=max(figures))}")
+    return "; ".join(said), _HINT[counts[0][0]]
+
+
+def towards(azimuth: float, elevation: float) -> np.ndarray:
+    """(3,) unit vector at `elevation` degrees above the horizon; azimuth 0 is -Y, 90 is +X."""
+    a, e = radians(azimuth), radians(elevation)
+    return np.array([np.sin(a) * np.cos(e), -np.cos(a) * np.cos(e), np.sin(e)])
+
+
+def vector(array: np.ndarray) -> Vector:
+    """Three floats of an array (3,)."""
+    x, y, z = (float(value) for value in array)
+    return x, y, z
+
+
+def inside(stage: Stage, point: np.ndarray, margin: float) -> bool:
+    """Whether a point keeps `margin` metres from the planes that bound the room."""
+    low, high = stage.room_bounds
+    return bool((point >= low + margin).all() and (point <= high - margin).all())
+
+
+def _reach(stage: Stage, direction: np.ndarray, margin: float) -> float:
+    """How far from the object's centre along `direction` (3,) a point still keeps `margin` from the room's planes."""
+    low, high = stage.room_bounds
+    bound = np.where(direction > 0, high - margin, low + margin) - stage.centre
+    with np.errstate(divide="ignore", invalid="ignore"):
+        steps = np.where(direction == 0, np.inf, bound / direction)
+    return float(steps.min())
+
+
+def _draw(stage: Stage, spec: CameraSpec, image: ImageSpec, rng: np.random.Generator) -> _Draw | _Miss:
+    """A direction and a lens, and a coverage among those of the spec that the room has the distance for."""
+    fov, share = draw(spec.fov, rng), float(rng.uniform())
+    direction = towards(stage.target.yaw + draw(spec.azimuth, rng), draw(spec.elevation, rng))
+    aim = stage.centre + rng.uniform(-1, 1, 3) * AIM_JITTER * stage.radius
+    low, high = (max(bound, LEAST_COVERAGE) for bound in spec.coverage)
+    nearest = _Draw(direction=direction, aim=aim, fov=fov, aspect=image.height / image.width,
+                    area=silhouette_area(stage, direction), wanted=high)
+    reach = _reach(stage, direction, spec.clearance)
+    if nearest.distance > reach:
+        return _Miss(reason="room", figure=nearest.distance)
+    low = max(low, high * (nearest.distance / reach) ** 2)
+    return replace(nearest, wanted=low + share * (high - low))
+
+
+def _draw_in_room(stage: Stage, spec: CameraSpec, image: ImageSpec, rng: np.random.Generator) -> _Draw | _Miss:
+    """The first of a few drawn directions in which the room is deep enough, or the last miss."""
+    drawn = _draw(stage, spec, image, rng)
+    for _ in range(DIRECTIONS - 1):
+        if isinstance(drawn, _Draw):
+            break
+        drawn = _draw(stage, spec, image, rng)
+    return drawn
+
+
+def _frame(stage: Stage, spec: CameraSpec, drawn: _Draw) -> Frame | _Miss:
+    """The drawn camera at the distance where the object's silhouette has the wanted size; must be in the room."""
+
+    def at(distance: float) -> Frame:
+        return Frame(position=stage.centre + drawn.direction * distance, target=drawn.aim, fov=drawn.fov,
+                     aspect=drawn.aspect)
+
+    distance = drawn.distance
+    distance *= sqrt(min(max(look(stage, at(distance)).solid / drawn.wanted, 0.25), 4.0))
+    frame = at(distance)
+    return frame if inside(stage, frame.position, spec.clearance) else _Miss(reason="room", figure=distance)
+
+
+def _judge(spec: CameraSpec, sight: Sight, clear: float) -> _Miss | None:
+    """What is wrong with a frame, or None."""
+    low, high = spec.coverage
+    if clear < spec.clearance:
+        return _Miss(reason="clearance", figure=clear)
+    unseen = not len(sight.points) or sight.coverage < low <= sight.solid
+    if unseen or sight.visibility < spec.visibility:
+        return _Miss(reason="hidden", figure=sight.visibility)
+    return None if low <= sight.coverage <= high else _Miss(reason="coverage", figure=sight.coverage)
+
+
+def _try(stage: Stage, spec: CameraSpec, drawn: _Draw | _Miss) -> tuple[CameraPlan, Sight] | _Miss:
+    frame = drawn if isinstance(drawn, _Miss) else _frame(stage, spec, drawn)
+    if isinstance(frame, _Miss):
+        return frame
+    sight = look(stage, frame)
+    if miss := _judge(spec, sight, float(stage.everything.distance(frame.position[None])[0])):
+        return miss
+    return CameraPlan(position=vector(frame.position), target=vector(frame.target), up=(0.0, 0.0, 1.0), fov=frame.fov,
+                      coverage=sight.coverage, visibility=sight.visibility), sight
+
+
+def place_camera(stage: Stage, spec: CameraSpec, image: ImageSpec, rng: np.random.Generator, where: str) -> View:
+    """The first of at most `spec.attempts` drawn cameras that sees the target as the spec asks.
+
+    The distance follows from the drawn coverage (orthographic silhouette area, then one correction for perspective);
+    coverages that would need a larger room are not drawn.
+    Raises PlanError, naming `where`, with what failed how often and what to change.
+    """
+    misses = list[_Miss]()
+    for attempt in range(spec.attempts):
+        found = _try(stage, spec, _draw_in_room(stage, spec, image, rng))
+        if not isinstance(found, _Miss):
+            note = f"camera: draw {attempt + 1} of at most {spec.attempts}; {_tally(misses)[0]}".rstrip("; ")
+            return View(camera=found[0], sight=found[1], note=note)
+        misses.append(found)
+    (low, high), (said, hint) = spec.coverage, _tally(misses)
+    rule = (f"expected a camera that sees the object on {low:g} to {high:g} of the frame with visibility >= "
+            f"{spec.visibility:g} and clearance >= {spec.clearance:g} m, got none in {spec.attempts} draws: {said}")
+    raise PlanError([Problem(where=where, path="camera", rule=rule, hint=hint)])

@@ -1,0 +1,226 @@
+"""Illumination of a view: the plain source, and target lights that neither miss the object nor blow it out."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dataset_builder.errors import PlanError, Problem
+from dataset_builder.planning.example_plan import CameraPlan, IlluminationPlan, LightPlan
+from dataset_builder.planning.scene.arrangement import Stage
+from dataset_builder.planning.view.blackbody import LUMINANCE, colour
+from dataset_builder.planning.view.cameras import inside, towards, vector
+from dataset_builder.planning.view.daylight import (
+    LIFT,
+    ORIGIN,
+    Stream,
+    image_of,
+    outside,
+    sky_share,
+    spaced,
+    sunlit,
+    weighed,
+)
+from dataset_builder.planning.view.irradiance import direct_irradiance, facing_irradiance
+from dataset_builder.planning.view.visibility import Sight
+from dataset_builder.spec.light import SourceSpec, TargetSpec
+from dataset_builder.spec.numbers import draw
+
+__all__ = ["Exposure", "LitView", "expose", "sky_share", "source_light", "target_light", "unit_irradiance"]
+
+LIT_SHARE = 0.5
+"""Least share of the visible points that must get direct light from a target light."""
+LEAST_CLEARANCE = 0.02
+"""Metres between surfaces and a light without extent."""
+MOST_POINTS = 192
+
+
+@dataclass(frozen=True, kw_only=True)
+class Exposure:
+    """How target light meets the visible part of the object.
+
+    mean: direct irradiance (luminance, mean over visible points) in units of the source's; lit: share of these points
+    that any light reaches.
+    """
+
+    mean: float
+    lit: float
+
+
+def source_light(spec: SourceSpec, stream: Stream, root: Path = Path()) -> IlluminationPlan:
+    """The source illumination: dome and optional sun, with what blocks them left out of the pass. root: folder of the
+    dataset file.
+
+    Raises PlanError where both are drawn as 0, or where the image of the sky cannot be read.
+    """
+    lights = outside(spec, stream, root, "source")
+    if not lights:
+        raise PlanError([Problem(where="", path="source", rule="expected a dome or a sun above 0, got neither",
+                                 hint="set source.dome")])
+    return IlluminationPlan(lights=tuple(lights), open=spec.open)
+
+
+def unit_irradiance(source: IlluminationPlan) -> float:
+    """Irradiance that strengths are measured in: the source dome's, or the sun's where there is no dome."""
+    return source.lights[0].weight
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Emitter:
+    """What one emitter is, and the generator of where it stands."""
+
+    kind: str
+    temperature: float
+    image: dict[str, str]
+    rng: np.random.Generator
+
+
+def _candidate(stage: Stage, spec: TargetSpec, emitter: _Emitter, irradiance: float) -> LightPlan:
+    """One draw of an emitter; `irradiance` is what strength 1 sends to the object's centre, facing it, as luminance."""
+    rng = emitter.rng
+    direction = towards(float(rng.uniform(-180, 180)), draw(spec.elevation, rng))
+    distance, size = draw(spec.distance, rng), draw(spec.size, rng)
+    strength, cutoff = draw(spec.strength, rng), draw(spec.cutoff, rng)
+    sized, aimed = emitter.kind in ("area", "sphere"), emitter.kind in ("area", "spot")
+    tint = np.array(colour(emitter.temperature))
+    radiance = strength * irradiance / facing_irradiance(emitter.kind, size, distance)
+    return LightPlan.model_validate({
+        "kind": emitter.kind, "position": vector(stage.centre + distance * direction),
+        "direction": vector(-direction) if aimed else ORIGIN, "size": size if sized else 0.0,
+        "cutoff": cutoff if emitter.kind == "spot" else 0.0, "radiance": vector(radiance * tint),
+        "temperature": emitter.temperature, "weight": float(strength * irradiance * tint.mean()),
+        **emitter.image})
+
+
+def _in_the_way(light: LightPlan, camera: np.ndarray, points: np.ndarray) -> bool:
+    """Whether an emitter with an extent comes between the camera and points (N, 3) that it should see."""
+    along, to_light = points - camera, np.asarray(light.position) - camera
+    share = np.clip(along @ to_light / np.einsum("ij,ij->i", along, along), 0, 1)
+    return bool((np.linalg.norm(to_light - share[:, None] * along, axis=1) < light.size).any())
+
+
+def _stands_free(stage: Stage, light: LightPlan, camera: np.ndarray, points: np.ndarray) -> bool:
+    """Whether an emitter is in the room, clear of surfaces by its size, and not in the camera's way."""
+    position, clearance = np.asarray(light.position), max(light.size, LEAST_CLEARANCE)
+    if not inside(stage, position, clearance) or _in_the_way(light, camera, points):
+        return False
+    return float(stage.everything.distance(position[None])[0]) >= clearance
+
+
+def expose(stage: Stage, sight: Sight, lights: Sequence[LightPlan], unit: float, sky: float) -> Exposure:
+    """How the visible part of the object is lit directly; `sky` is its `sky_share`, `unit` the source's irradiance."""
+    pick = spaced(len(sight.points), MOST_POINTS)
+    normals = sight.normals[pick]
+    points = sight.points[pick] + LIFT * normals
+    total, reached = np.zeros(len(points)), np.zeros(len(points), dtype=bool)
+    for light in lights:
+        if light.kind == "dome":
+            total += facing_irradiance("dome", 0.0, 1.0) * (light.radiance @ LUMINANCE) * sky
+            continue
+        sent = direct_irradiance(light, points, normals) @ LUMINANCE
+        open_way = (sent > 0) & _unhindered(stage, light, points)
+        total += sent * open_way
+        reached |= open_way
+    return Exposure(mean=float(total.mean()) / unit, lit=float(reached.mean()))
+
+
+def _unhindered(stage: Stage, light: LightPlan, points: np.ndarray) -> np.ndarray:
+    """(N,) bool: whether nothing stands between points (N, 3) and a light's centre."""
+    if light.kind == "sun":
+        return sunlit(stage, light, points)
+    return ~stage.everything.occluded(points, np.broadcast_to(light.position, points.shape))
+
+
+def _reaching(stage: Stage, sight: Sight, light: LightPlan, sky: float) -> LightPlan:
+    """A light outside, weighed by what of it reaches the visible part of the object."""
+    if light.kind == "dome":
+        return weighed(light, sky)
+    found = expose(stage, sight, [light], max(light.radiance), sky)
+    return weighed(light, found.mean)
+
+
+def _place_all(stage: Stage, spec: TargetSpec, emitters: Sequence[_Emitter], irradiance: float,
+               camera: np.ndarray, points: np.ndarray) -> list[LightPlan] | None:
+    lights = []
+    for emitter in emitters:
+        draws = (_candidate(stage, spec, emitter, irradiance) for _ in range(spec.attempts))
+        if (found := next((light for light in draws if _stands_free(stage, light, camera, points)), None)) is None:
+            return None
+        lights.append(found)
+    return lights
+
+
+def _emitters(spec: TargetSpec, count: int, stream: Stream, root: Path) -> list[_Emitter]:
+    kinds = [spec.kinds[stream(i, "kind").integers(len(spec.kinds))] for i in range(count)]
+    return [_Emitter(kind=kind, temperature=draw(spec.temperature, stream(i, "temperature")),
+                     image=_texture(spec, stream(i, "texture"), root) if kind == "area" else {},
+                     rng=stream(i, "position"))
+            for i, kind in enumerate(kinds)]
+
+
+def _texture(spec: TargetSpec, rng: np.random.Generator, root: Path) -> dict[str, str]:
+    """Fields of an area light that shows one of the spec's images, if it has any."""
+    if not spec.textures:
+        return {}
+    return image_of(root, spec.textures[rng.integers(len(spec.textures))], "target.textures")
+
+
+def _refuse(where: str, rule: str, hint: str) -> PlanError:
+    return PlanError([Problem(where=where, path="target", rule=rule, hint=hint)])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LitView:
+    """What target lights are planned for: a stage, its camera and what that sees, and the source's irradiance."""
+
+    stage: Stage
+    camera: CameraPlan
+    sight: Sight
+    unit: float
+    sky: float
+
+
+def target_light(view: LitView, spec: TargetSpec, stream: Stream, where: str,
+                 root: Path = Path()) -> tuple[IlluminationPlan, str]:
+    """Target lights for a view, and a note on how they were found. root: folder of the dataset file.
+
+    Each of n lights sends 1/n of its drawn strength, so that energy does not grow with their number. Positions are
+    redrawn, at most `spec.attempts` times, until the mean direct irradiance on the visible part is within
+    `spec.brightness` and at least LIT_SHARE of it is reached. Light from outside counts where it gets in, and is
+    weighed by that. Raises PlanError where no draw is right, no light is drawn, or an image cannot be read.
+    """
+    count = round(draw(spec.lights, stream("count")))
+    if count < 1:
+        raise _refuse(where, f"expected at least one target light, got {count}", "set target.lights >= 1")
+    others = [_reaching(view.stage, view.sight, light, view.sky) for light in outside(spec, stream, root, "target")]
+    emitters = _emitters(spec, count, stream, root)
+    means, lits = list[float](), list[float]()
+    for attempt in range(spec.attempts):
+        lights = _place_all(view.stage, spec, emitters, view.unit / count, np.asarray(view.camera.position),
+                            view.sight.points)
+        if lights is None:
+            break
+        shown = expose(view.stage, view.sight, (*lights, *others), view.unit, view.sky)
+        if spec.brightness[0] <= shown.mean <= spec.brightness[1] and shown.lit >= LIT_SHARE:
+            note = f"target light: draw {attempt + 1}, direct irradiance {shown.mean:.2f}, reaches {shown.lit:.0%}"
+            return IlluminationPlan(lights=(*lights, *others), open=()), note
+        means.append(shown.mean)
+        lits.append(shown.lit)
+    raise _refuse(where, *_why_not(spec, count, means, lits))
+
+
+def _why_not(spec: TargetSpec, count: int, means: list[float], lits: list[float]) -> tuple[str, str]:
+    """Rule and hint for lights that could not be placed, or that left the object black or blown out."""
+    if not means:
+        return (f"expected room for a light within target.distance, got none in {spec.attempts} draws that is in the "
+                "room, clear of surfaces by its size and out of the camera's way",
+                "lower target.distance or target.size, or widen target.elevation")
+    low, high = spec.brightness
+    if min(means) > high:
+        return (f"expected a mean direct irradiance of at most {high:g} on the visible part of the object, got at "
+                f"least {min(means):.3g} in {len(means)} draws: it would be blown out", "lower target.strength")
+    rule = (f"expected a mean direct irradiance in [{low:g}, {high:g}] on the visible part of the object and light on "
+            f"{LIT_SHARE:.0%} of it, got at most {max(means):.3g} and {max(lits):.0%} in {len(means)} draws with "
+            f"{count} lights: it would stay black")
+    return rule, "raise target.strength, raise target.lights, or widen target.distance and target.elevation"

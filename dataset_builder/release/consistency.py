@@ -1,0 +1,73 @@
+"""Do the layers of a dataset belong together? What ranges and hashes cannot see: statistics over examples.
+
+`identities.py` holds every example against rules that are exact. A layer under a gamma, a mask beside its object or S'
+of another example break none of them. Physics leaves traces that hundreds of noisy cells together show clearly; each
+check here is a statistic over the whole dataset with bounds that honest datasets keep with room to spare.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dataset_builder.layers import PAPER_LAYERS
+from dataset_builder.release import light_checks, outline_checks, surface_checks
+from dataset_builder.release.cells import Cells, cells_of
+from dataset_builder.release.dataset_check import Check, Rule
+from dataset_builder.release.outline_checks import Outline, outline_of
+from dataset_builder.release.surface_checks import Surface, surface_of
+from dataset_builder.shards.reader import load_manifest, open_dataset
+
+HELPFUL = ("mask_rough", "air", "depth", "normal")
+"""Layers that checks use where a dataset has them."""
+EXAMPLES = 512
+"""Most examples that statistics are taken over; more would not make them surer."""
+RULES: tuple[Rule, ...] = (*light_checks.RULES, *outline_checks.RULES, *surface_checks.RULES)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Facts:
+    """What is kept of one example."""
+
+    cells: Cells
+    outline: Outline
+    surface: Surface
+
+
+def facts(example: Mapping[str, Any]) -> Facts:
+    """An example as `open_dataset` gives it, reduced to what the checks need."""
+    label = example["meta"]
+    layers = {name: array for name, array in example.items() if name != "meta"}
+    key, fog = label["key"], label["plan"]["fog"]["extinction"] > 0
+    return Facts(cells=cells_of(key, layers, fog=fog), outline=outline_of(key, layers),
+                 surface=surface_of(key, layers, label))
+
+
+def check_facts(found: Iterable[Facts]) -> list[Check]:
+    """Every rule, in the order of `RULES`, over the facts of a dataset's examples.
+
+    Examples in fog without the layer `air` count for outlines and surfaces alone: their light cannot be told apart.
+    """
+    found = list(found)
+    return [*light_checks.light_checks([one.cells for one in found]),
+            *outline_checks.outline_checks([one.outline for one in found]),
+            *surface_checks.surface_checks([one.surface for one in found])]
+
+
+def consistency(folder: Path, examples: int = EXAMPLES) -> list[Check]:
+    """Every rule over at most `examples` examples of a finished dataset, spread evenly over its splits.
+
+    Raises ShardError where the dataset cannot be read or misses a layer of the paper's tuple.
+    """
+    return check_facts(read_facts(folder, examples))
+
+
+def read_facts(folder: Path, examples: int = EXAMPLES) -> Iterator[Facts]:
+    """Facts of examples, one after the other; no more than one example's pixels are in memory at a time."""
+    known = {layer.name for layer in load_manifest(folder).layers}
+    dataset = open_dataset(folder, layers=[*PAPER_LAYERS, *(name for name in HELPFUL if name in known)])
+    keys = [key for split in dataset.splits.values() for key in split]
+    for place in np.unique(np.linspace(0, len(keys) - 1, min(examples, len(keys))).round().astype(int)):
+        yield facts(dataset[keys[place]])

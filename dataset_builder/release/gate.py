@@ -1,0 +1,146 @@
+"""The release gate: is a dataset fit to be given away? Four parts, cheap ones first, each a list of checks.
+
+files        every file, hash, label and identity (`shards.verify`)
+consistency  layers that belong together (`shards.consistency`)
+loader       what training reads of it (`lightnet.gate_loader`)
+training     LighTNet from scratch against predictions that learn nothing (`lightnet.gate_training`)
+"""
+
+from collections.abc import Callable, Generator, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+
+from dataset_builder.errors import UserError
+from dataset_builder.lightnet.results.evaluate import Row
+from dataset_builder.lightnet.settings import TrainingSpec
+from dataset_builder.lightnet.training.events import Event
+from dataset_builder.release.consistency import EXAMPLES, Facts, check_facts, read_facts
+from dataset_builder.release.dataset_check import Check, Rule
+from dataset_builder.release.loader_checks import loader_checks
+from dataset_builder.release.training_checks import COPY_MARGIN, MARGIN, Contest, training_checks
+from dataset_builder.shards.verify import verify
+
+LISTED = 3
+"""Problems that a check names; a report has all."""
+
+FILES = Rule(name="files", high=0, why="none, by the definition of the format",
+             statement="problems that `dataset-builder verify` finds")
+READS = Rule(name="reads", high=0, why="what cannot be read cannot be trained on",
+             statement="problems that ended this part before its end")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gate:
+    """What to ask of which dataset. parts: some of `PARTS`; spec: of the training; margin, copy_margin: see
+    `gate_training`; examples: most that consistency looks at; stop: whether parts after one that failed are left out;
+    out: folder that the training may use."""
+
+    dataset: Path
+    out: Path
+    spec: TrainingSpec
+    parts: tuple[str, ...]
+    margin: float = MARGIN
+    copy_margin: float = COPY_MARGIN
+    examples: int = EXAMPLES
+    device: str = "auto"
+    vgg_weights: Path | None = None
+    stop: bool = True
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Found:
+    """What a part found. problems: sentences, all of them; facts, rows: what figures are made from."""
+
+    checks: tuple[Check, ...]
+    problems: tuple[str, ...] = ()
+    facts: tuple[Facts, ...] = ()
+    rows: tuple[Row, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Begun:
+    """News: a part begins."""
+
+    part: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Done:
+    """News: a part is done, after so many seconds."""
+
+    part: str
+    found: Found
+    seconds: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether every check of the part holds."""
+        return all(check.holds for check in self.found.checks)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeftOut:
+    """News: parts that were asked for are not run, since one before them failed."""
+
+    parts: tuple[str, ...]
+
+
+News = Begun | Done | LeftOut | Event
+
+
+def run(gate: Gate) -> Iterator[News]:
+    """Run the parts asked for, in the order of `PARTS`, with news of the training in between.
+
+    A UserError inside a part is a check that fails: a dataset that cannot be read is no dataset to release.
+    """
+    wanted = [name for name in PARTS if name in gate.parts]
+    for number, name in enumerate(wanted, start=1):
+        yield Begun(part=name)
+        start = perf_counter()
+        try:
+            found = yield from PARTS[name](gate)
+        except UserError as error:
+            found = _problems(READS, [str(problem) for problem in error.problems])
+        done = Done(part=name, found=found, seconds=perf_counter() - start)
+        yield done
+        if gate.stop and not done.holds and wanted[number:]:
+            yield LeftOut(parts=tuple(wanted[number:]))
+            return
+
+
+Part = Generator[Event, None, Found]
+
+
+def _files(gate: Gate) -> Part:
+    yield from ()
+    return _problems(FILES, [str(problem) for problem in verify(gate.dataset)])
+
+
+def _consistency(gate: Gate) -> Part:
+    yield from ()
+    facts = tuple(read_facts(gate.dataset, gate.examples))
+    return Found(checks=tuple(check_facts(facts)), facts=facts)
+
+
+def _loader(gate: Gate) -> Part:
+    yield from ()
+    return Found(checks=tuple(loader_checks(gate.dataset, gate.spec.data)))
+
+
+def _training(gate: Gate) -> Part:
+    contest = Contest(dataset=gate.dataset, out=gate.out / "training", spec=gate.spec, device=gate.device,
+                      vgg_weights=gate.vgg_weights, margin=gate.margin, copy_margin=gate.copy_margin)
+    checks, rows = yield from training_checks(contest)
+    return Found(checks=tuple(checks), rows=tuple(rows))
+
+
+PARTS: dict[str, Callable[[Gate], Part]] = {
+    "files": _files, "consistency": _consistency, "loader": _loader, "training": _training,
+}
+"""By name, in the order they are run in."""
+
+
+def _problems(rule: Rule, sentences: list[str]) -> Found:
+    more = f"; and {len(sentences) - LISTED} more" if len(sentences) > LISTED else ""
+    return Found(checks=(rule.judge(len(sentences), "; ".join(sentences[:LISTED]) + more),), problems=tuple(sentences))

@@ -1,0 +1,57 @@
+"""The light about an object as spherical harmonics: radiance that arrives at a point in the air from all directions.
+
+Lights are sampled from the point and directions uniformly over the sphere, combined by multiple importance sampling,
+as fog does it where it scatters evenly (`integrator`): so lamps without a size count, which no direction would meet.
+"""
+
+from collections.abc import Sequence
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from dataset_builder.geometry.harmonics import COUNT, basis
+from dataset_builder.rendering.sampling.estimate import Integrand, Samplers, estimate
+from dataset_builder.rendering.sampling.moments import Estimate
+from dataset_builder.rendering.scene.open_scene import Stage
+from dataset_builder.rendering.transport.light_sampling import World, balance, in_air, sample_light
+from dataset_builder.rendering.transport.path_tracer import Start, follow
+
+DIRECTIONS, BATCHES = 1 << 15, 32
+"""Uniform directions behind each set of coefficients, each with a light sample beside it, and independent batches of
+them, each stratified in itself."""
+
+CHANNELS = 3 * COUNT
+"""Of the estimate: red, green and blue of one function after the other."""
+
+
+def lighting(stage: Stage, *, max_depth: int, rr_depth: int, seed: int, at: Sequence[float] = (0.0, 0.0, 0.0),
+             directions: int = DIRECTIONS) -> Estimate:
+    """(1, 27) coefficients of the radiance that arrives at a point, and their standard errors.
+
+    at: in the stage's frame. max_depth, rr_depth: as in `integrator.trace`, an edge from a camera to the point counted,
+    so that a surface there would be lit by paths of the same length. seed: 64 bits.
+    """
+    longest, roulette = (dr.opaque(mi.UInt32, depth) for depth in (max_depth, rr_depth))
+    point = mi.Point3f(*(dr.opaque(mi.Float, float(value)) for value in at))
+    world = World(stage.scene, longest, roulette, stage.features, stage.fog)
+    # One pixel, whose area is the sphere
+    return estimate(_integrand(world, point), np.zeros(1, dtype=np.int64), width=1, height=1, spp=directions,
+                    batches=BATCHES, seed=seed)
+
+
+def _integrand(world: World, at: mi.Point3f) -> Integrand:
+    def integrand(samplers: Samplers, position: mi.Vector2f) -> list[mi.Float]:
+        direction = mi.warp.square_to_uniform_sphere(mi.Point2f(position))
+        point = in_air(mi.Ray3f(at, direction), mi.Float(0))
+        lit = mi.Bool(world.max_depth > 1)
+        ds, em_weight = sample_light(world, point, samplers.strata.next_2d(lit), lit)
+        mis = dr.select(ds.delta, 1, balance(ds.pdf, mi.Float(dr.inv_four_pi)))
+        direct = dr.select(lit & (ds.pdf != 0), em_weight * mis, 0)
+        start = Start(point=point, direction=direction, density=mi.Float(dr.inv_four_pi), delta=mi.Bool(False),
+                      edges=mi.UInt32(1), scale=mi.Float(1), carried=mi.Float(0))
+        later = 4 * dr.pi * follow(world, samplers.rest, start, lit)
+        functions = zip(basis(*ds.d), basis(*direction), strict=True)
+        return [channel for one, other in functions for channel in direct * one + later * other]
+
+    return integrand

@@ -1,0 +1,1 @@
+"""Monte Carlo means with honest errors, and where further samples go."""

@@ -1,0 +1,148 @@
+"""Sampling in rounds: every pixel a little, then more where the noise is, until each layer is as good as was asked.
+
+Samples that decide how many follow must not be averaged with those: a pixel that looks dark by chance would be left
+dark, and a picture whose rare bright paths have not come yet would be taken for finished. So there are two halves with
+random numbers of their own, and each is told by the other where to go on and when to stop: how often a half asks a
+pixel is independent of what it finds there. The result is their plain average.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from math import sqrt
+from time import perf_counter
+from typing import Literal
+
+import numpy as np
+
+from dataset_builder.rendering.sampling.allocation import deviations, expected_error, wanted
+from dataset_builder.rendering.sampling.moments import Estimate, averaged, gathered, pooled
+from dataset_builder.rendering.sampling.neighbours import moderated
+from dataset_builder.seeding import derive_seed
+
+Stop = Literal["spp", "error", "cap", "time"]
+"""Why sampling of a layer ended: it had a fixed spp, or one of the three ends of a goal."""
+
+BATCH_SIZES = (4, 16, 64, 256, 1024)
+"""Samples per batch in later rounds: each size is a kernel of its own."""
+
+GROWTH = 8.0
+"""After a round, a pixel has at most this many times the samples it had: errors are noisy themselves."""
+
+AIM = 0.97
+"""Share of the error asked for that rounds aim at, to arrive rather than come close again and again."""
+
+SLACK = 0.02
+"""A pixel that lacks this share of its samples at most is there."""
+
+LEAST_BATCHES = 2
+"""Independent batches in a half: fewer have no error."""
+
+Sample = Callable[[np.ndarray, int, int, int], Estimate]
+"""(pixels, spp, batches, seed) -> their estimate."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Goal:
+    """How good one layer is to be.
+
+    channels: of the pass, that the layer takes. inside: (P,) pixels that count. error, seconds: 0 where not asked for.
+    cap: most spp of any pixel.
+    """
+
+    layer: str
+    channels: slice
+    inside: np.ndarray
+    error: float
+    seconds: float
+    cap: int
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Refined:
+    """What sampling in rounds found, why it ended for each layer that had a goal, and how many rounds it took."""
+
+    found: Estimate
+    stopped: Mapping[str, Stop]
+    rounds: int
+
+
+def refine(sample: Sample, pixels: np.ndarray, width: int, *, first: int, batches: int, goals: Sequence[Goal],
+           seed: int, clock: Callable[[], float] = perf_counter) -> Refined:
+    """Sample pixels until every goal is reached, capped or out of time; without goals, `first` samples each.
+
+    pixels: (P,) indices row * width + column, rising. batches: independent ones in every round. seed: 64 bits.
+    """
+    if not goals:
+        return Refined(found=moderated(sample(pixels, first, batches, seed), pixels, width), stopped={}, rounds=1)
+    start, each = clock(), max(LEAST_BATCHES, batches // 2)
+    halves = [[sample(pixels, max(each, first // 2), each, derive_seed(seed, "half", k))] for k in (0, 1)]
+    while True:
+        found = [pooled(half) for half in halves]
+        known = [moderated(half, pixels, width) for half in found]
+        extras = [{goal.layer: _extra(goal, found[k], known[1 - k], each * BATCH_SIZES[0]) for goal in goals}
+                  for k in (0, 1)]
+        stopped = {goal.layer: _stop(goal, found, known, [extra[goal.layer] for extra in extras], clock() - start)
+                   for goal in goals}
+        open_goals = [goal for goal in goals if not stopped[goal.layer]]
+        if not open_goals:
+            break
+        for k, half in enumerate(halves):
+            spent = clock() - start
+            extra = np.max([_within(goal, found[k], extras[k][goal.layer], spent) for goal in open_goals], axis=0)
+            if extra.any():
+                half.append(_more(sample, pixels, extra, each, derive_seed(seed, "round", k, len(half))))
+    ended = {layer: stop for layer, stop in stopped.items() if stop}
+    return Refined(found=moderated(averaged(found), pixels, width), stopped=ended, rounds=max(map(len, halves)))
+
+
+def _error_of_a_half(goal: Goal) -> float:
+    """What each half's error is to be, for the average of both to have the one asked for."""
+    return sqrt(2) * goal.error
+
+
+def _extra(goal: Goal, own: Estimate, other: Estimate, smallest: int) -> np.ndarray:
+    """(P,) samples that a half lacks for one goal, by what the other half knows; a round can take no fewer than
+    `smallest` of a pixel. 0 for pixels that are there, or at the cap."""
+    wish = np.where(goal.inside, GROWTH * own.spp, 0)
+    if goal.error:
+        deviation = deviations(other, goal.channels, goal.inside)
+        if expected_error(deviation, own.spp) <= _error_of_a_half(goal):
+            return np.zeros(len(own.spp))
+        wish = wanted(deviation, AIM * _error_of_a_half(goal))
+    lacking = np.minimum(wish, GROWTH * own.spp) - own.spp
+    room = goal.cap // 2 - own.spp
+    return np.where((lacking > SLACK * own.spp) & (room >= smallest), np.minimum(lacking, room), 0)
+
+
+def _stop(goal: Goal, found: Sequence[Estimate], known: Sequence[Estimate], extras: Sequence[np.ndarray],
+          spent: float) -> Stop | None:
+    """Why a goal is done with, if it is."""
+    if goal.seconds and spent >= goal.seconds:
+        return "time"
+    if any(extra.any() for extra in extras):
+        return None
+    reached = [expected_error(deviations(known[1 - k], goal.channels, goal.inside), found[k].spp) for k in (0, 1)]
+    return "error" if goal.error and max(reached) <= _error_of_a_half(goal) else "cap"
+
+
+def _within(goal: Goal, found: Estimate, extra: np.ndarray, spent: float) -> np.ndarray:
+    """(P,) as many of the samples lacking as the goal's time may still allow, at the rate so far."""
+    if not goal.seconds or not extra.any():
+        return extra
+    left = max(goal.seconds - spent, 0) / max(spent, 1e-3)
+    return extra * min(1.0, left * float(found.spp.sum()) / float(extra.sum()))
+
+
+def _more(sample: Sample, pixels: np.ndarray, extra: np.ndarray, batches: int, seed: int) -> Estimate:
+    """About `extra` (P,) further samples, at least one batch of the smallest size where it is not 0: pixels that need
+    much get large batches, several if need be."""
+    sizes = batches * np.array(BATCH_SIZES)
+    chosen = np.searchsorted(sizes, np.maximum(extra, sizes[0]), side="right") - 1
+    times = np.where(extra > 0, np.maximum(extra // sizes[chosen], 1), 0).astype(np.int64)
+    parts = []
+    for kind, size in enumerate(sizes.tolist()):
+        if len(here := np.flatnonzero((chosen == kind) & (times > 0))):
+            entries = np.repeat(here, times[here])
+            part = sample(pixels[entries], size, batches, derive_seed(seed, size))
+            parts.append(gathered(part, entries, len(pixels)))
+    return pooled(parts)

@@ -1,0 +1,105 @@
+"""Monte Carlo means and standard errors on a list of pixels.
+
+A pixel's samples are split into independent batches, each stratified by Mitsuba's `multijitter` (Kensler, "Correlated
+multi-jittered sampling", Pixar technical memo 13-01, 2013). Samples within a batch are correlated on purpose, batches
+are not: the spread of their means gives an unbiased standard error, which the spread of the samples would overstate.
+Sums run over contiguous samples in a fixed order, so that a repetition gives the same bits; no float32 sum runs over
+more than one batch, so that none drifts.
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from dataset_builder.rendering.buffers import owned
+from dataset_builder.rendering.sampling.moments import Estimate, of_batches, pooled
+from dataset_builder.seeding import derive_seed
+
+LANES = 1 << 21
+"""Samples traced at once: bounds memory, and keeps the device busy."""
+
+LARGEST_BATCH = 1 << 10
+"""Samples in a batch at most; more are taken in repetitions."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Samplers:
+    """Random numbers of every lane. strata: for what comes first in a path, stratified within the lane's batch. rest:
+    for what comes after, independent: beyond some dozen dimensions strata gain nothing, and cost a tenth of the time.
+    """
+
+    strata: mi.Sampler
+    rest: mi.Sampler
+
+
+Integrand = Callable[[Samplers, mi.Vector2f], list[mi.Float]]
+"""Samplers and film position in [0, 1]^2 of every lane -> C channels."""
+
+
+def stratified(spp: int, batches: int) -> tuple[int, int, int]:
+    """(repetitions, batches in each, samples per batch) that are used for `spp`: a batch is a full grid of strata, so
+    spp may grow a little."""
+    batches = min(batches, spp)
+    repetitions = math.ceil(spp / (batches * LARGEST_BATCH))
+    sampler = mi.load_dict({"type": "multijitter",
+                            "sample_count": max(1, math.ceil(spp / batches / repetitions))})
+    return repetitions, batches, sampler.sample_count()
+
+
+def estimate(integrand: Integrand, pixels: np.ndarray, *, width: int, height: int, spp: int, batches: int,
+             seed: int) -> Estimate:
+    """Means of an integrand over the areas of pixels. pixels: (P,) indices row * width + column, which may repeat, each
+    time with its own random numbers; seed: 64 bits."""
+    repetitions, batches, per_batch = stratified(spp, batches)
+    seeds = [seed, *(derive_seed(seed, "more", k) for k in range(1, repetitions))]
+    found = [_once(integrand, pixels, width, height, batches, per_batch, own) for own in seeds]
+    return found[0] if repetitions == 1 else pooled(found)
+
+
+def _once(integrand: Integrand, pixels: np.ndarray, width: int, height: int, batches: int, per_batch: int,
+          seed: int) -> Estimate:
+    lanes = batches * per_batch
+    parts = [_batch_means(integrand, chunk, width, height, batches, per_batch, derive_seed(seed, number, int(chunk[0])))
+             for number, chunk in enumerate(_chunks(pixels, max(1, LANES // lanes)))]
+    return of_batches(np.concatenate(parts), lanes)
+
+
+def _chunks(pixels: np.ndarray, size: int) -> Iterator[np.ndarray]:
+    for first in range(0, len(pixels), size):
+        yield pixels[first:first + size]
+
+
+def _batch_means(integrand: Integrand, pixels: np.ndarray, width: int, height: int, batches: int, per_batch: int,
+                 seed: int) -> np.ndarray:
+    """(P, batches, C) float64."""
+    count = len(pixels) * batches * per_batch
+    samplers = _samplers(per_batch, count, seed)
+    slot = dr.arange(mi.UInt32, count) // dr.opaque(mi.UInt32, batches * per_batch)
+    pixel = dr.gather(mi.UInt32, owned(mi.UInt32, pixels.astype(np.uint32)), slot)
+    size = dr.opaque(mi.Float, width), dr.opaque(mi.Float, height)
+    row = pixel // dr.opaque(mi.UInt32, width)
+    column = pixel - row * dr.opaque(mi.UInt32, width)
+    position = (mi.Vector2f(mi.Float(column), mi.Float(row)) + samplers.strata.next_2d()) / mi.Vector2f(*size)
+    sums = [dr.block_sum(channel, per_batch, mode="evaluated") for channel in _evaluated(integrand(samplers, position))]
+    dr.eval(sums)
+    stacked = np.stack([np.array(channel, dtype=np.float64) for channel in sums], axis=-1)
+    return stacked.reshape(len(pixels), batches, -1) / per_batch
+
+
+def _samplers(per_batch: int, lanes: int, seed: int) -> Samplers:
+    strata = mi.load_dict({"type": "multijitter", "sample_count": per_batch})
+    strata.set_samples_per_wavefront(per_batch)
+    strata.seed(seed & 0xFFFFFFFF, lanes)
+    rest = mi.load_dict({"type": "independent"})
+    rest.seed(seed >> 32, lanes)
+    return Samplers(strata=strata, rest=rest)
+
+
+def _evaluated(channels: list[mi.Float]) -> list[mi.Float]:
+    """All channels computed by one kernel, before they are summed one by one."""
+    dr.eval(channels)
+    return channels

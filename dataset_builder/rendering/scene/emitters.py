@@ -1,0 +1,167 @@
+"""Lights of a plan -> Mitsuba emitters, padded to constant slots.
+
+Dr.Jit compiles a kernel per scene structure, so every scene holds a dome, a sun and at least one light of each other
+kind. The spare ones are dark, tiny, under the floor, and never sampled. Images of lights make other kernels, one for
+domes of each size and one for area lights, all of which show an image as soon as one does.
+
+A dome's image is latitude and longitude: its upper edge is the zenith, its middle column lies towards +X, and a quarter
+of its width further left towards +Y; `turn` degrees carry it about +Z from +X to +Y.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from dataset_builder.errors import PlanError
+from dataset_builder.planning.example_plan import IlluminationPlan, LightPlan
+from dataset_builder.planning.view.irradiance import BEAM_SHARE
+from dataset_builder.rendering.scene.images import LAMP_SIDE, environment, lamp_texture, read_image
+from dataset_builder.rendering.scene.small_spheres import bead, is_bead
+from dataset_builder.spec.image_source import ENVIRONMENT_SUFFIXES, TEXTURE_SUFFIXES
+
+SPARE_DEPTH = -240.0
+"""Height of spare lights: far below any floor, within the cube that `shapes` pads scenes to."""
+
+SPARE_SIZE = 1e-4
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Images:
+    """Where images of lights are found, and whether area lights show any."""
+
+    root: Path | None
+    on_lamps: bool
+
+    def of(self, light: LightPlan) -> np.ndarray:
+        """The image of a light that has one."""
+        if self.root is None:
+            raise PlanError(f"lights: expected the folder of the image {light.image}, got none")
+        suffixes = ENVIRONMENT_SUFFIXES if light.kind == "dome" else TEXTURE_SUFFIXES
+        return read_image(self.root / light.image, light.image_sha256, suffixes)
+
+
+def emitters(illumination: IlluminationPlan, image_root: Path | None = None) -> dict[str, Any]:
+    """Entries of a Mitsuba scene dict; images of lights are found below `image_root`.
+
+    Lights are sampled in proportion to their weight, what they send to the target object. Raises PlanError for more
+    than one dome or sun, no light at all, or an image that cannot be shown.
+    """
+    entries: dict[str, Any] = {}
+    lamps = (light for light in illumination.lights if light.kind == "area")
+    images = _Images(root=image_root, on_lamps=any(light.image for light in lamps))
+    for kind, (make, slots) in _KINDS.items():
+        lights = [light for light in illumination.lights if light.kind == kind and not is_bead(light)]
+        if slots and len(lights) > slots:
+            raise PlanError(f"lights: expected at most {slots} of kind {kind}, got {len(lights)}")
+        spares = [_spare(kind)] * ((slots or _power_of_two(len(lights))) - len(lights))
+        for index, light in enumerate([*lights, *spares]):
+            entries[f"{kind}_{index}"] = make(light, images)
+    for index, light in enumerate(filter(is_bead, illumination.lights)):
+        entries[f"bead_{index}"] = bead(light, _black(), _surface_emitter(light))
+    if not any(light.weight > 0 and any(light.radiance) for light in illumination.lights):
+        raise PlanError("lights: expected at least one that shines, got none")
+    return entries
+
+
+def _power_of_two(count: int) -> int:
+    """Slots for `count` lights of a kind: few different numbers make few different kernels."""
+    return 1 << max(count - 1, 0).bit_length()
+
+
+def _spare(kind: str) -> LightPlan:
+    return LightPlan(kind=kind, position=(0, 0, SPARE_DEPTH), direction=(0, 0, -1), size=SPARE_SIZE, cutoff=30,  # type: ignore[arg-type]
+                     radiance=(0, 0, 0), temperature=0, weight=0)
+
+
+def _dome(light: LightPlan, images: _Images) -> dict[str, Any]:
+    if not light.image:
+        return {"type": "constant", "radiance": _rgb(light), "sampling_weight": light.weight}
+    texels = environment(images.of(light))
+    return {"type": "envmap", "bitmap": mi.Bitmap(texels * np.array(light.radiance, dtype=np.float32)),
+            "to_world": mi.ScalarTransform4f().rotate([0, 0, 1], light.turn) @ _upright(),
+            "sampling_weight": light.weight}
+
+
+def _upright() -> mi.ScalarTransform4f:
+    """Mitsuba's image of the sky has its zenith along +Y and its middle along +Z; ours +Z and +X."""
+    return mi.ScalarTransform4f([[0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
+
+
+def _sun(light: LightPlan, _: _Images) -> dict[str, Any]:
+    return {"type": "directional", "direction": light.direction, "irradiance": _rgb(light),
+            "sampling_weight": light.weight}
+
+
+def _area(light: LightPlan, images: _Images) -> mi.Shape:
+    half = light.size / 2
+    to_world = _facing(light) @ mi.ScalarTransform4f().scale([half, half, 1])
+    area = mi.load_dict({"type": "rectangle", "bsdf": _black(),
+                         "emitter": _screen(light, images) if images.on_lamps else _surface_emitter(light)})
+    return _with_opaque(area, to_world=mi.AffineTransform4f(to_world))
+
+
+def _sphere(light: LightPlan, _: _Images) -> dict[str, Any]:
+    return {"type": "sphere", "center": light.position, "radius": light.size, "bsdf": _black(),
+            "emitter": _surface_emitter(light)}
+
+
+def _point(light: LightPlan, _: _Images) -> dict[str, Any]:
+    return {"type": "point", "position": light.position, "intensity": _rgb(light), "sampling_weight": light.weight}
+
+
+def _spot(light: LightPlan, _: _Images) -> mi.Emitter:
+    spot = mi.load_dict({"type": "spot", "to_world": _facing(light), "intensity": _rgb(light),
+                         "sampling_weight": light.weight})
+    return _with_opaque(spot, cutoff_angle=mi.Float(light.cutoff), beam_width=mi.Float(BEAM_SHARE * light.cutoff))
+
+
+def _with_opaque(plugin: mi.Object, **values: Any) -> Any:
+    """The plugin with some of its parameters as device values; given in its dict they would be literals of the
+    kernel."""
+    params = mi.traverse(plugin)
+    for name, value in values.items():
+        dr.make_opaque(value)
+        params[name] = value
+    params.update()
+    return plugin
+
+
+def _facing(light: LightPlan) -> mi.ScalarTransform4f:
+    """Transform whose +Z is the light's direction."""
+    position, direction = np.array(light.position), np.array(light.direction)
+    up = [1.0, 0.0, 0.0] if abs(direction[2]) > 0.9 * np.linalg.norm(direction) else [0.0, 0.0, 1.0]
+    return mi.ScalarTransform4f().look_at(list(position), list(position + direction), up)
+
+
+def _surface_emitter(light: LightPlan) -> dict[str, Any]:
+    return {"type": "area", "radiance": _rgb(light), "sampling_weight": light.weight}
+
+
+def _screen(light: LightPlan, images: _Images) -> dict[str, Any]:
+    """An area emitter that shows an image, or an even one where the light has none."""
+    even = np.ones((LAMP_SIDE, LAMP_SIDE, 3), dtype=np.float32)
+    shown = lamp_texture(images.of(light)) if light.image else even
+    # A black image could not be sampled, which Mitsuba refuses even for a spare light
+    texels = np.maximum(shown * np.array(light.radiance, dtype=np.float32), np.finfo(np.float32).tiny)
+    return {"type": "area", "radiance": {"type": "bitmap", "bitmap": mi.Bitmap(texels), "raw": True},
+            "sampling_weight": light.weight}
+
+
+def _black() -> dict[str, Any]:
+    return {"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.0, 0.0, 0.0]}}
+
+
+def _rgb(light: LightPlan) -> dict[str, Any]:
+    return {"type": "rgb", "value": list(light.radiance)}
+
+
+_KINDS: dict[str, tuple[Callable[[LightPlan, _Images], Any], int]] = {
+    "dome": (_dome, 1), "sun": (_sun, 1), "area": (_area, 0), "sphere": (_sphere, 0), "point": (_point, 0),
+    "spot": (_spot, 0),
+}
+"""Maker of each kind, and its number of slots; 0 is as many as needed."""

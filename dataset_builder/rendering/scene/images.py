@@ -1,0 +1,89 @@
+"""Images that lights show: read, checked, and brought to the few sizes that kernels are compiled for."""
+
+from functools import lru_cache
+from pathlib import Path
+
+import mitsuba as mi
+import numpy as np
+
+from dataset_builder.assets.texture_maps import resized
+from dataset_builder.digest import sha256_file
+from dataset_builder.errors import PlanError, Problem
+from dataset_builder.planning.view.blackbody import LUMINANCE
+from dataset_builder.rendering.scene.exr_image import read_exr
+
+KEPT = 4
+"""Images kept in memory: those of the lights of one view."""
+LAMP_SIDE = 256
+"""Texels along a side of what a lamp shows: one size, one kernel."""
+LEAST_WIDTH, MOST_WIDTH = 64, 4096
+"""Texels around the horizon of an environment."""
+
+
+@lru_cache(maxsize=KEPT)
+def read_image(path: Path, sha256: str, suffixes: tuple[str, ...]) -> np.ndarray:
+    """(H, W, 3) float32 linear Rec.709 of an OpenEXR, Radiance or PNG file (sRGB), not to be written to.
+
+    suffixes: those that its use allows. Raises PlanError where the file has another one, is missing, is not the one
+    that was planned, cannot be read, is black, or holds values that are not finite or below 0.
+    """
+    if path.suffix.lower() not in suffixes:
+        raise _refused(path, f"expected a file of kind {' '.join(suffixes)}, got {path.suffix or 'none'}", "convert it")
+    try:
+        found = sha256_file(path)
+    except OSError as error:
+        raise _refused(path, f"expected a readable file, got: {error.strerror}", "put it back") from error
+    if found != sha256:
+        raise _refused(path, f"expected content of SHA-256 {sha256}, got {found}",
+                       "the file changed after planning; plan again")
+    image = _decoded(path)
+    bad = image[~(np.isfinite(image) & (image >= 0))]
+    if len(bad):
+        raise _refused(path, f"expected finite values of at least 0, got {bad[0]:g} in {len(bad)} places", "mend it")
+    # What underflows when it is brought to mean 1 is as good as black
+    if image.mean(dtype=np.float64) < np.finfo(np.float32).tiny:
+        raise _refused(path, "expected an image with light in it, got a black one", "leave it out, or mend it")
+    image.flags.writeable = False
+    return image
+
+
+def _decoded(path: Path) -> np.ndarray:
+    try:
+        if path.suffix.lower() == ".exr":
+            return read_exr(path)
+        bitmap = mi.Bitmap(str(path)).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, srgb_gamma=False)
+    except (RuntimeError, ValueError) as error:
+        reason = str(error).strip().splitlines()[-1]
+        raise _refused(path, f"expected an image of colours, got: {reason}", "save it again") from error
+    return np.array(bitmap, dtype=np.float32)
+
+
+def lamp_texture(image: np.ndarray) -> np.ndarray:
+    """(LAMP_SIDE, LAMP_SIDE, 3) float32 of mean luminance 1, of an image that is not black."""
+    texels = resized(image, (LAMP_SIDE, LAMP_SIDE))
+    return (texels / float(texels.mean(axis=(0, 1), dtype=np.float64) @ LUMINANCE)).astype(np.float32)
+
+
+def environment(image: np.ndarray) -> np.ndarray:
+    """(W/2, W, 3) float32 of mean luminance 1 over the sphere, of an image that is not black; the width is a power of
+    two, the next one to the image's."""
+    width = int(np.clip(1 << (image.shape[1] - 1).bit_length(), LEAST_WIDTH, MOST_WIDTH))
+    texels = resized(image, (width, width // 2))
+    return (texels / mean_luminance(texels)).astype(np.float32)
+
+
+def mean_luminance(image: np.ndarray) -> float:
+    """Mean luminance over the sphere of a latitude-longitude image as Mitsuba shows it.
+
+    Its first and last rows are the poles, and between two rows it is linear in the polar angle t: row i weighs the
+    integral of its hat function times sin t.
+    """
+    step = np.pi / (len(image) - 1)
+    weights = 2 * np.sin(step * np.arange(len(image))) * (1 - np.cos(step)) / step
+    weights[[0, -1]] = 1 - np.sin(step) / step
+    rows = (image @ LUMINANCE).mean(axis=1, dtype=np.float64)
+    return float(np.average(rows, weights=weights))
+
+
+def _refused(path: Path, rule: str, hint: str) -> PlanError:
+    return PlanError([Problem(where=str(path), path="", rule=rule, hint=hint)])

@@ -1,0 +1,70 @@
+"""The frame that a view is rendered in: the target object at the origin, about one unit large.
+
+Single precision resolves a ten-millionth of a coordinate, and Mitsuba starts rays a ten-thousandth of one above a
+surface. Around an object of a millimetre, or a kilometre from the origin, both are as large as the object; so plans,
+in metres and double precision, are moved and scaled before anything is uploaded. The unit is a power of two, which
+leaves mantissas as they are.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dataset_builder.planning.example_plan import CameraPlan, FogPlan, IlluminationPlan, LightPlan, Vector
+from dataset_builder.rendering.scene.triangle_soup import Soup
+
+INTENSITIES = ("point", "spot")
+"""Lights whose natural unit is radiant intensity, W/sr: it holds a squared length."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Frame:
+    """origin: in the world, metres. unit: metres per unit of the frame."""
+
+    origin: Vector = (0.0, 0.0, 0.0)
+    unit: float = 1.0
+
+    @classmethod
+    def of(cls, corners: np.ndarray) -> "Frame":
+        """The frame of an object's (..., 3) points: its middle, and the power of two next to its radius."""
+        points = corners.reshape(-1, 3)
+        low, high = points.min(axis=0), points.max(axis=0)
+        radius = float(np.linalg.norm(high - low) / 2)
+        unit = 2.0 ** round(math.log2(radius)) if radius > 0 else 1.0
+        return cls(origin=_vector((low + high) / 2), unit=unit)
+
+    def points(self, world: np.ndarray) -> np.ndarray:
+        """(..., 3) points of the world, in this frame."""
+        return (world - np.array(self.origin)) / self.unit
+
+    def soup(self, soup: Soup) -> Soup:
+        """Triangles of the world, in this frame."""
+        return replace(soup, corners=self.points(soup.corners))
+
+    def camera(self, camera: CameraPlan) -> CameraPlan:
+        """The camera, in this frame."""
+        return camera.model_copy(update={"position": self._point(camera.position),
+                                         "target": self._point(camera.target)})
+
+    def illumination(self, illumination: IlluminationPlan) -> IlluminationPlan:
+        """The lights, in this frame: they send the same radiance to the same surfaces."""
+        return illumination.model_copy(update={"lights": tuple(map(self._light, illumination.lights))})
+
+    def fog(self, fog: FogPlan) -> FogPlan:
+        """The medium, in this frame: extinction is per unit."""
+        return fog.model_copy(update={"extinction": fog.extinction * self.unit})
+
+    def _light(self, light: LightPlan) -> LightPlan:
+        changed: dict[str, object] = {"position": self._point(light.position), "size": light.size / self.unit}
+        if light.kind in INTENSITIES:
+            changed["radiance"] = tuple(value / self.unit**2 for value in light.radiance)
+        return light.model_copy(update=changed)
+
+    def _point(self, point: Vector) -> Vector:
+        return _vector(self.points(np.array(point)))
+
+
+def _vector(values: np.ndarray) -> Vector:
+    x, y, z = values.tolist()
+    return x, y, z

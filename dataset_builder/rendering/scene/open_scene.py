@@ -1,0 +1,108 @@
+"""Triangles, lights and a camera -> a Mitsuba scene of constant structure, one at a time.
+
+Dr.Jit compiles a call of a method for every object that is alive, so the kernel of one scene is the kernel of the next
+only if nothing of another scene is about: bodies are kept as bare arrays, and a scene lives as long as its pass.
+"""
+
+import gc
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+
+from dataset_builder.planning.example_plan import CameraPlan, IlluminationPlan
+from dataset_builder.rendering.buffers import owned
+from dataset_builder.rendering.scene.emitters import emitters
+from dataset_builder.rendering.scene.shapes import Triangles, mesh_of, upload
+from dataset_builder.rendering.scene.triangle_soup import Soup
+from dataset_builder.rendering.surface import bsdf
+from dataset_builder.rendering.surface.bsdf import FEATURES, MaterialTable, Surface, Textures
+from dataset_builder.rendering.transport.fog import Fog
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Body:
+    """Geometry and materials on the device.
+
+    instance: value in the `instance` layer of each face. features: what its kernels can do, see
+    `example_plan.Feature`; None is everything.
+    """
+
+    triangles: Triangles
+    materials: MaterialTable
+    instance: mi.UInt32
+    features: frozenset[str] | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Stage:
+    """A scene that can be traced, the body in it, the shape that the body is, and the fog about it."""
+
+    scene: mi.Scene
+    body: Body
+    shape: mi.Mesh
+    fog: Fog | None = None
+
+    @property
+    def features(self) -> frozenset[str]:
+        """What its kernels can do."""
+        return FEATURES if self.body.features is None else self.body.features
+
+
+def body_of(soup: Soup, textures: Textures | None = None, features: frozenset[str] | None = None) -> Body:
+    """Upload a soup; `textures` are its materials where they are on the device already."""
+    return Body(triangles=upload(soup.corners, soup.normals, soup.uvs),
+                materials=MaterialTable(textures=textures or Textures.upload(soup.materials),
+                                        face_material=owned(mi.UInt32, soup.material.astype(np.uint32))),
+                instance=owned(mi.UInt32, soup.instance.astype(np.uint32)), features=features)
+
+
+@contextmanager
+def staged(body: Body, illumination: IlluminationPlan | None, fog: Fog | None = None,
+           image_root: Path | None = None) -> Iterator[Stage]:
+    """A scene of one body under an illumination, or without any light. Nothing of it may be kept.
+
+    image_root: folder that images of lights are found below.
+
+    Garbage is not collected meanwhile: an object that died during tracing would renumber those that are called.
+    """
+    lights = emitters(illumination, image_root) if illumination is not None else {}
+    surface_plugin = _surface(mi.variant())
+    surface_plugin.bind(body.materials, body.features)
+    shape = mesh_of(body.triangles, surface_plugin)
+    collecting = gc.isenabled()
+    gc.disable()
+    try:
+        # Loading in parallel would number the objects anew each time.
+        scene = mi.load_dict({"type": "scene", **_tight(), "body": shape, **lights}, parallel=False)
+        yield Stage(scene=scene, body=body, shape=shape, fog=fog)
+    finally:
+        del lights
+        if collecting:
+            gc.enable()
+
+
+def _tight() -> dict[str, Any]:
+    """Rays that slip between neighbouring triangles are worth a little time; only Embree has the choice."""
+    return {"embree_use_robust_intersections": True} if mi.variant().startswith("llvm") else {}
+
+
+@cache
+def _surface(variant: str) -> Surface:
+    """The one surface of the process: it is bound to each body in turn."""
+    return mi.load_dict({"type": bsdf.PLUGIN})
+
+
+def sensor_of(camera: CameraPlan, width: int, height: int) -> mi.Sensor:
+    """A perspective sensor; film of width x height pixels with a box filter."""
+    film = {"type": "hdrfilm", "width": width, "height": height, "rfilter": {"type": "box"}, "pixel_format": "rgb",
+            "component_format": "float32"}
+    sensor: dict[str, Any] = {"type": "perspective", "fov": camera.fov, "fov_axis": "x", "film": film,
+                              "near_clip": 1e-3, "far_clip": 1e7,
+                              "to_world": mi.ScalarTransform4f().look_at(camera.position, camera.target, camera.up)}
+    return mi.load_dict(sensor)

@@ -1,0 +1,100 @@
+"""A scene as one heap of triangles with materials: what the renderer is given, still without a renderer."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from dataset_builder.assets.asset import Asset, Material
+from dataset_builder.geometry.mesh import TriangleMesh
+from dataset_builder.geometry.normals import corner_normals
+from dataset_builder.planning.example_plan import ExamplePlan, ObjectPlan, PlacedObject, RoomPlan
+from dataset_builder.planning.scene.arrangement import ROOM_INSTANCE
+from dataset_builder.planning.scene.assets_of_plan import KEPT_ROOMS, asset_of, room_parts, world_from_object
+
+KEPT_NORMALS = 256
+PARTS = ("furniture", "floor", "walls", "ceiling")
+"""What a triangle belongs to: an object, or a part of the room."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Soup:
+    """F triangles in world space.
+
+    corners, normals: (F, 3, 3), metres and unit vectors. uvs: (F, 3, 2). material: (F,) index into `materials`.
+    instance: (F,) value in the `instance` layer. part: (F,) index into `PARTS` of what may be taken out of a light's
+    way.
+    """
+
+    corners: np.ndarray
+    normals: np.ndarray
+    uvs: np.ndarray
+    material: np.ndarray
+    instance: np.ndarray
+    part: np.ndarray
+    materials: tuple[Material, ...]
+
+    def without(self, parts: Sequence[str]) -> "Soup":
+        """The triangles that belong to none of `parts`; materials stay as they are."""
+        return self.only(~np.isin(self.part, [PARTS.index(name) for name in parts]))
+
+    def only(self, keep: np.ndarray) -> "Soup":
+        """The triangles for which (F,) `keep` is true; materials stay as they are."""
+        return Soup(corners=self.corners[keep], normals=self.normals[keep], uvs=self.uvs[keep],
+                    material=self.material[keep], instance=self.instance[keep], part=self.part[keep],
+                    materials=self.materials)
+
+
+def soup_of(mesh: TriangleMesh, normals: np.ndarray, materials: tuple[Material, ...], world: np.ndarray,
+            instance: int) -> Soup:
+    """The triangles of one object, moved by a rigid (4, 4) `world` transform. normals: (F, 3, 3) in the object's
+    frame."""
+    rotation, offset = world[:3, :3], world[:3, 3]
+    return Soup(corners=mesh.corners @ rotation.T + offset, normals=normals @ rotation.T, uvs=mesh.uvs,
+                material=mesh.material, instance=np.full(len(mesh.faces), instance),
+                part=np.zeros(len(mesh.faces), dtype=int), materials=materials)
+
+
+def merge(soups: Sequence[Soup]) -> Soup:
+    """One soup of several, in order."""
+    firsts = np.cumsum([0, *(len(soup.materials) for soup in soups)])
+    return Soup(
+        corners=np.concatenate([soup.corners for soup in soups]),
+        normals=np.concatenate([soup.normals for soup in soups]),
+        uvs=np.concatenate([soup.uvs for soup in soups]),
+        material=np.concatenate([soup.material + first for soup, first in zip(soups, firsts, strict=False)]),
+        instance=np.concatenate([soup.instance for soup in soups]),
+        part=np.concatenate([soup.part for soup in soups]),
+        materials=tuple(material for soup in soups for material in soup.materials),
+    )
+
+
+def surroundings(plan: ExamplePlan, mesh_root: Path) -> Soup:
+    """Everything but the target object."""
+    return merge([_room(plan.room), *(clean(placed, mesh_root) for placed in plan.furniture)])
+
+
+@lru_cache(maxsize=KEPT_ROOMS)
+def _room(plan: RoomPlan) -> Soup:
+    return merge([replace(soup_of(asset.mesh, _normals(asset), asset.materials, np.eye(4), ROOM_INSTANCE),
+                          part=np.full(len(asset.mesh.faces), PARTS.index(name)))
+                  for name, asset in room_parts(plan).items()])
+
+
+def clean(placed: PlacedObject, mesh_root: Path) -> Soup:
+    """A placed object as its 3DM."""
+    asset = asset_of(placed.object, mesh_root)
+    normals = clean_normals(placed.object, mesh_root)
+    return soup_of(asset.mesh, normals, asset.materials, world_from_object(placed), placed.instance)
+
+
+@lru_cache(maxsize=KEPT_NORMALS)
+def clean_normals(plan: ObjectPlan, mesh_root: Path) -> np.ndarray:
+    """(F, 3, 3) shading normals of an object's 3DM, in its own frame."""
+    return _normals(asset_of(plan, mesh_root))
+
+
+def _normals(asset: Asset) -> np.ndarray:
+    return corner_normals(asset.mesh)

@@ -1,0 +1,140 @@
+"""The surface of everything in a scene: one Mitsuba BSDF plugin that looks its material up by triangle.
+
+A scene is one mesh with one BSDF, whatever it holds: face -> material row -> texels. The kernel that Dr.Jit compiles
+for it is therefore the same for every scene that calls for the same features, so it is compiled once and found in the
+cache ever after (`docs/design.md`). What the surface is, is told in `docs/materials.md`: `layering` says what each
+layer weighs, `lobes`, `glass` and `sheen` what it does, `material_table` where its numbers come from.
+"""
+
+import drjit as dr
+import mitsuba as mi
+
+from dataset_builder.rendering.buffers import owned
+from dataset_builder.rendering.surface import lobes as scattering
+from dataset_builder.rendering.surface.first_hit import FirstHit, cosine_direction, white_lambert
+from dataset_builder.rendering.surface.layering import Reflectances, lobes_of
+from dataset_builder.rendering.surface.lobes import Lobes
+from dataset_builder.rendering.surface.lookups import interpolated
+from dataset_builder.rendering.surface.material_table import MaterialTable, Textures, look_up
+from dataset_builder.rendering.surface.reflectance import split_sum_table
+from dataset_builder.rendering.surface.sheen import sheen_table
+
+__all__ = ["FEATURES", "PLUGIN", "MaterialTable", "Surface", "Textures", "register"]
+
+PLUGIN = "threedf_surface"
+FEATURES = frozenset({"textures", "specular", "coat", "sheen", "glass", "thin", "dispersion"})
+"""Everything a surface can be compiled with."""
+
+
+class Surface(mi.BSDF):
+    """Two-sided surfaces of one merged mesh; `bind` the arrays before use."""
+
+    def __init__(self, props: mi.Properties):
+        mi.BSDF.__init__(self, props)
+        self.split_sum = owned(mi.Float, split_sum_table())
+        self.sheen = owned(mi.Float, sheen_table())
+        self._declare(FEATURES)
+
+    def bind(self, table: MaterialTable, features: frozenset[str] | None = None) -> None:
+        """Take the materials of the mesh that is rendered next. features: what is compiled, everything if None; names
+        that mean nothing to a surface are passed over. Raises ValueError where a material needs one that is missing."""
+        if features is not None and not table.textures.needs <= features:
+            raise ValueError(f"surface: materials need {sorted(table.textures.needs - features)}, which the kernel "
+                             f"would leave out; features are {sorted(features)}")
+        self.table = table
+        self._declare(FEATURES if features is None else FEATURES & features)
+
+    def _declare(self, features: frozenset[str]) -> None:
+        """Tell Mitsuba what this surface can do; components in the order of `lobes`."""
+        self.features = features
+        flag, sides = mi.BSDFFlags, mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide
+        kinds = [flag.DiffuseReflection, flag.GlossyReflection]
+        if features & {"glass", "thin"}:
+            kinds += [flag.GlossyTransmission, flag.DeltaReflection, flag.DeltaTransmission]
+        if "thin" in features:
+            kinds.append(flag.Null)
+        self.m_components = [kind | sides for kind in kinds]
+        flags = self.m_components[0]
+        for component in self.m_components[1:]:
+            flags |= component
+        self.m_flags = flags
+
+    # Layers of the first hit
+
+    def first_hit(self, si: mi.SurfaceInteraction3f, light: mi.Vector3f, take_cosine: mi.Bool, sample1: mi.Float,
+                  sample2: mi.Point2f, active: mi.Bool) -> FirstHit:
+        """See `first_hit.FirstHit`; one look at the textures."""
+        lobes = self._lobes(si, active)
+        drawn = scattering.scatter(lobes, si, sample1, sample2)
+        wo = dr.select(take_cosine, cosine_direction(lobes.normal, sample2), drawn.wo)
+        em_value, em_density = scattering.evaluate(lobes, si, light)
+        value, density = scattering.evaluate(lobes, si, wo)
+        delta, null = drawn.delta & ~take_cosine, drawn.null & ~take_cosine
+        valid = drawn.valid | take_cosine
+        cosine = white_lambert(lobes.normal, si, wo)
+        return FirstHit(diffuse=lobes.diffuse, em_value=em_value, em_density=em_density,
+                        em_cosine=white_lambert(lobes.normal, si, light), wo=wo,
+                        value=dr.select(valid & ~delta, value, 0), density=dr.select(valid & ~delta, density, 0),
+                        cosine=dr.select(valid, cosine, 0), delta=delta, null=null,
+                        delta_weight=dr.select(delta, drawn.delta_weight, 0))
+
+    def reflectance(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> tuple[mi.Color3f, mi.Color3f, mi.Normal3f]:
+        """(D, R, local shading normal) at a surface point."""
+        lobes = self._lobes(si, active)
+        return lobes.diffuse, scattering.reflectance(lobes, si), lobes.normal
+
+    def eval_diffuse_reflectance(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Color3f:
+        """D: integral of f_d cos over the hemisphere, seen from si.wi."""
+        return dr.select(active, self._lobes(si, active).diffuse, 0)
+
+    def eval_null_transmission(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Color3f:
+        """What a smooth pane passes straight on, tinted once; 0 for everything else."""
+        if "thin" not in self.features:
+            return mi.Color3f(0)
+        return dr.select(active, scattering.transparency(self._lobes(si, active), si), 0)
+
+    # Scattering
+
+    def eval(self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, active: mi.Bool) -> mi.Color3f:
+        """f cos, all lobes but the discrete ones."""
+        return self.eval_pdf(ctx, si, wo, active)[0]
+
+    def pdf(self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, active: mi.Bool) -> mi.Float:
+        """Solid-angle density of `sample`, of all lobes but the discrete ones."""
+        return self.eval_pdf(ctx, si, wo, active)[1]
+
+    def eval_pdf(self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f,
+                 active: mi.Bool) -> tuple[mi.Color3f, mi.Float]:
+        """f cos and the density of `sample`."""
+        value, density = scattering.evaluate(self._lobes(si, active), si, wo)
+        return dr.select(active, value, 0), dr.select(active, density, 0)
+
+    def sample(self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample2: mi.Point2f,
+               active: mi.Bool) -> tuple[mi.BSDFSample3f, mi.Color3f]:
+        """A direction of one of the lobes, picked in proportion to what they reflect or pass."""
+        return scattering.sample(self._lobes(si, active), si, sample1, sample2, active)
+
+    def eval_pdf_sample(self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, sample1: mi.Float,
+                        sample2: mi.Point2f,
+                        active: mi.Bool) -> tuple[mi.Color3f, mi.Float, mi.BSDFSample3f, mi.Color3f]:
+        """`eval_pdf` and `sample` at once, as path integrators ask."""
+        lobes = self._lobes(si, active)
+        value, density = scattering.evaluate(lobes, si, wo)
+        return (dr.select(active, value, 0), dr.select(active, density, 0),
+                *scattering.sample(lobes, si, sample1, sample2, active))
+
+    def _lobes(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> Lobes:
+        """The lobes at a surface point."""
+        tables = Reflectances(
+            split_sum=lambda cosine, roughness: interpolated(mi.Vector2f, self.split_sum, cosine, roughness, active),
+            sheen=lambda cosine, roughness: interpolated(mi.Float, self.sheen, cosine, roughness, active))
+        return lobes_of(look_up(self.table, self.features, si, active), self.features, si, tables)
+
+    def to_string(self) -> str:
+        """One line for logs."""
+        return "Surface[]"
+
+
+def register() -> None:
+    """Make the plugin known to Mitsuba under `PLUGIN`; once per variant."""
+    mi.register_bsdf(PLUGIN, lambda props: Surface(props))

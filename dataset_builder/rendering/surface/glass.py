@@ -1,0 +1,175 @@
+"""Glass at one point: solid or a thin pane, smooth or rough, with one index of refraction or one per colour channel.
+
+Solid glass has the exact Fresnel terms of a dielectric and, where it is rough, the lobes of Walter et al., "Microfacet
+models for refraction through rough surfaces" (EGSR 2007, equations 16 to 21) with visible normals. Seen from outside
+light meets the index n, from inside 1 / n. Refraction scales radiance by the square of the index ratio, which entering
+and leaving cancel (Veach 1997, section 5.2). A pane stands for two parallel faces at once: with F of one face and all
+reflections between both, it reflects 2 F / (1 + F) and passes (1 - F) / (1 + F) straight on, or, where it is rough,
+into the mirror image of the reflected lobe (KHR_materials_transmission).
+
+Directions here are in the frame of the shading normal on the viewer's side, so cos_i > 0.
+"""
+
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+
+from dataset_builder.rendering.surface.reflectance import MIN_ALPHA
+
+MIN_BEND = 0.01
+"""Solid glass whose index is nearer to one than this counts as smooth: it bends light less than facets are resolved."""
+
+ABBE_STEPS = (-0.1138, 0.2212, 0.9160)
+"""(1/l^2 - 1/l_d^2) / (1/l_F^2 - 1/l_C^2) at l = 611, 549 and 464 nm: with Cauchy's formula n = A + B / l^2, how far
+the index of a channel is from that of the d line, in units of the main dispersion n_F - n_C = (n_d - 1) / V."""
+
+QUADRATURE = 128
+"""Facets by which the reflectance of rough glass is found."""
+
+
+@dataclass
+class Glass:
+    """weight: share of the surface that is glass; tint: what a crossing leaves; indices: relative index of refraction
+    for light that goes on from the viewer's side, one or one per channel; spreads: whether these differ; carried: the
+    colour channel that a path is left with, as `transport.carried` counts, or 0."""
+
+    weight: mi.Float
+    tint: mi.Color3f
+    indices: tuple[mi.Float, ...]
+    thin: mi.Bool
+    smooth: mi.Bool
+    alpha: mi.Float
+    spreads: mi.Bool
+    carried: mi.Float
+
+
+@dataclass
+class Crossing:
+    """A direction that glass was asked for. reflected, null: which way it goes; eta: relative index along it; weight:
+    f cos / p, and probability, where it is the discrete choice of smooth glass."""
+
+    wo: mi.Vector3f
+    reflected: mi.Bool
+    null: mi.Bool
+    eta: mi.Float
+    weight: mi.Color3f
+    probability: mi.Float
+
+
+def glass_of(*, weight: mi.Float, base: mi.Color3f, roughness: mi.Float, ior: mi.Float, abbe: mi.Float | None,
+             thin: mi.Bool, outside: mi.Bool, carried: mi.Float) -> Glass:
+    """Glass of a material. A solid is tinted by the root of `base` at each crossing, a pane by all of it: what lies
+    behind either is tinted once. outside: whether the viewer's side is the air."""
+    alpha = dr.square(roughness)
+    channels = [ior] if abbe is None else [_cauchy(ior, abbe, step) for step in ABBE_STEPS]
+    indices = tuple(dr.select(thin, ior, dr.select(outside, index, dr.rcp(index))) for index in channels)
+    return Glass(weight=weight, tint=dr.select(thin, base, dr.sqrt(base)), indices=indices, thin=thin,
+                 smooth=(alpha < MIN_ALPHA) | (~thin & (ior - 1 < MIN_BEND)), alpha=dr.maximum(alpha, MIN_ALPHA),
+                 spreads=mi.Bool(False) if abbe is None else ~thin & (abbe > 0) & (ior > 1), carried=carried)
+
+
+def evaluate(glass: Glass, wi: mi.Vector3f, wo: mi.Vector3f, reflected: mi.Bool) -> tuple[mi.Color3f, mi.Float]:
+    """f cos and density of rough glass; zero where it is smooth. reflected: wo is on the viewer's side."""
+    parts = [_facets(glass, wi, wo, reflected, index) for index in glass.indices]
+    value = _colour([value for value, _ in parts]) * dr.select(reflected, 1, glass.tint) * glass.weight
+    density = sum((density for _, density in parts), mi.Float(0)) / len(parts)
+    valid = ~glass.smooth & (mi.Frame3f.cos_theta(wi) > 0) & ((mi.Frame3f.cos_theta(wo) > 0) == reflected)
+    return dr.select(valid, value, 0), dr.select(valid, density, 0)
+
+
+def scatter(glass: Glass, wi: mi.Vector3f, sample1: mi.Float, sample2: mi.Point2f) -> Crossing:
+    """A channel where they differ, a facet, and by Fresnel's term reflection or transmission."""
+    index, colours, rest = _channel(glass, sample1)
+    facet = dr.select(glass.smooth, mi.Normal3f(0, 0, 1), _ggx(glass).sample(wi, sample2)[0])
+    share = _fresnel(glass, dr.dot(wi, facet), index)
+    _, cos_t, eta, inverse = mi.fresnel(dr.dot(wi, facet), index)
+    mirrored, reflected = mi.reflect(wi, facet), rest < share
+    down = dr.select(glass.thin, _flipped(mirrored), mi.refract(wi, facet, cos_t, inverse))
+    shares = [_fresnel(glass, mi.Frame3f.cos_theta(wi), each) for each in glass.indices]
+    mean = sum(shares, mi.Float(0)) / len(shares)
+    turned, chance = _colour(shares) / mean, dr.select(glass.spreads, mi.Float(1 / 3), 1)
+    if len(shares) > 1:
+        alone = glass.carried > 0
+        turned, mean, chance = dr.select(alone, 1, turned), dr.select(alone, share, mean), dr.select(alone, 1, chance)
+    onward = colours * glass.tint * dr.select(glass.thin, 1, dr.square(inverse))
+    return Crossing(wo=dr.select(reflected, mirrored, down), reflected=reflected,
+                    null=~reflected & glass.thin & glass.smooth, eta=dr.select(reflected | glass.thin, 1, eta),
+                    weight=dr.select(reflected, turned, onward),
+                    probability=dr.select(reflected, mean, (1 - share) * chance))
+
+
+def straight(glass: Glass, wi: mi.Vector3f) -> mi.Color3f:
+    """What smooth panes pass straight on; 0 for all other glass."""
+    passed = 1 - _fresnel(glass, mi.Frame3f.cos_theta(wi), glass.indices[0])
+    return dr.select(glass.thin & glass.smooth, glass.weight * passed * glass.tint, 0)
+
+
+@dr.syntax
+def reflectance(glass: Glass, wi: mi.Vector3f) -> mi.Color3f:
+    """Share of the light that glass of weight one sends back, from all directions: Fresnel's term where it is smooth,
+    else the mean of F G1 over visible normals, which Hammersley's points pick."""
+    smooth = _colour([_fresnel(glass, mi.Frame3f.cos_theta(wi), index) for index in glass.indices])
+    total, i, ggx = mi.Color3f(0), mi.UInt32(0), _ggx(glass)
+    while i < QUADRATURE:
+        point = mi.Point2f((mi.Float(i) + 0.5) / QUADRATURE, mi.Float(dr.brev(i)) * 2.0**-32 + 0.5 / QUADRATURE)
+        facet, _ = ggx.sample(wi, point)
+        wo = mi.reflect(wi, facet)
+        seen = dr.select(mi.Frame3f.cos_theta(wo) > 0, ggx.smith_g1(wo, facet), 0)
+        total += seen * _colour([_fresnel(glass, dr.dot(wi, facet), index) for index in glass.indices])
+        i += 1
+    return dr.select(glass.smooth, smooth, total / QUADRATURE)
+
+
+def _facets(glass: Glass, wi: mi.Vector3f, wo: mi.Vector3f, reflected: mi.Bool,
+            index: mi.Float) -> tuple[mi.Float, mi.Float]:
+    """f cos and density of one channel without tint and weight (Walter et al., equations 20, 21, 38 and 41)."""
+    ggx, mirror = _ggx(glass), reflected | glass.thin
+    wo = dr.select(glass.thin & ~reflected, _flipped(wo), wo)
+    half = dr.normalize(wi + wo * dr.select(mirror, 1, index))
+    half = mi.Normal3f(dr.mulsign(half, mi.Frame3f.cos_theta(half)))
+    cos_i, cos_o = dr.dot(wi, half), dr.dot(wo, half)
+    fresnel = _fresnel(glass, cos_i, index)
+    share = dr.select(reflected, fresnel, 1 - fresnel)
+    bent = dr.square(index) * dr.abs(cos_o) / dr.square(cos_i + index * cos_o)
+    solid_angle = dr.select(mirror, dr.rcp(4 * cos_o), bent)
+    scale = dr.select(mirror, 1, dr.rcp(dr.square(index)))
+    value = share * ggx.eval(half) * ggx.G(wi, wo, half) * cos_i * solid_angle * scale / mi.Frame3f.cos_theta(wi)
+    met = (cos_i > 0) & ((cos_o > 0) == mirror)
+    return dr.select(met, value, 0), dr.select(met, share * ggx.pdf(wi, half) * solid_angle, 0)
+
+
+def _channel(glass: Glass, sample: mi.Float) -> tuple[mi.Float, mi.Color3f, mi.Float]:
+    """The index to follow, the colours that follow it, and what is left of the random number. A path that carries one
+    channel already follows that; any other picks one, and makes up for the two that it gives up."""
+    if len(glass.indices) == 1:
+        return glass.indices[0], mi.Color3f(1), sample
+    picked, alone = dr.minimum(mi.UInt32(3 * sample), 2), glass.carried > 0
+    channel = dr.select(alone, mi.UInt32(dr.maximum(glass.carried - 0.5, 0)), picked)
+    index = dr.select(channel == 0, glass.indices[0], dr.select(channel == 1, glass.indices[1], glass.indices[2]))
+    share = dr.select(alone, mi.Float(1), 3)
+    colours = mi.Color3f(*(dr.select(channel == each, share, 0) for each in range(3)))
+    return index, dr.select(glass.spreads, colours, 1), dr.select(alone, sample, 3 * sample - mi.Float(picked))
+
+
+def _fresnel(glass: Glass, cosine: mi.Float, index: mi.Float) -> mi.Float:
+    """Reflected share of unpolarised light: of one face, or of a pane's two."""
+    face = mi.fresnel(cosine, index)[0]
+    return dr.select(glass.thin, 2 * face / (1 + face), face)
+
+
+def _cauchy(ior: mi.Float, abbe: mi.Float, step: float) -> mi.Float:
+    spread = dr.select(abbe > 0, (ior - 1) * dr.rcp(dr.maximum(abbe, 1e-6)), 0)
+    return dr.maximum(dr.fma(step, spread, ior), 1)
+
+
+def _colour(channels: list[mi.Float]) -> mi.Color3f:
+    return mi.Color3f(channels[0]) if len(channels) == 1 else mi.Color3f(*channels)
+
+
+def _flipped(direction: mi.Vector3f) -> mi.Vector3f:
+    return mi.Vector3f(direction.x, direction.y, -direction.z)
+
+
+def _ggx(glass: Glass) -> mi.MicrofacetDistribution:
+    return mi.MicrofacetDistribution(mi.MicrofacetType.GGX, glass.alpha, sample_visible=True)

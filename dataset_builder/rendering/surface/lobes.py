@@ -1,0 +1,233 @@
+"""All lobes of a surface at one point: evaluated together, and sampled in proportion to what they reflect or pass.
+
+The base reflects f cos = D cos / pi + F D_ggx G / (4 cos_i) + sheen, with visible normals sampled as Heitz (JCGT 2018)
+does; a coat is one more such mirror above it, and glass takes the place of a share of it. A lobe that is None is not
+compiled. `layering` finds D, R and what each lobe weighs.
+"""
+
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+
+from dataset_builder.rendering.surface import glass as glass_lobes
+from dataset_builder.rendering.surface import sheen as sheen_lobe
+from dataset_builder.rendering.surface.glass import Glass
+from dataset_builder.rendering.surface.sheen import Sheen
+
+DIFFUSE, GLOSSY, GLOSSY_TRANSMISSION, DELTA_REFLECTION, DELTA_TRANSMISSION, NULL = range(6)
+"""Components, in the order in which a surface that has them lists them."""
+
+
+@dataclass
+class Mirror:
+    """A GGX lobe: its directional reflectance, Schlick's F0 and F90, alpha."""
+
+    reflectance: mi.Color3f
+    f0: mi.Color3f
+    f90: mi.Float
+    alpha: mi.Float
+
+
+@dataclass
+class Lobes:
+    """At a point: D, the local shading normal turned to the viewer, and the other lobes, each with the weight that the
+    layers above leave it. The coat lies on the surface itself, whatever a normal map tilts below it."""
+
+    diffuse: mi.Color3f
+    normal: mi.Normal3f
+    mirror: Mirror | None = None
+    coat: Mirror | None = None
+    sheen: Sheen | None = None
+    glass: Glass | None = None
+
+    @property
+    def top(self) -> bool:
+        """Whether there is more than the base to choose from."""
+        return self.coat is not None or self.glass is not None
+
+
+@dataclass
+class Scattered:
+    """A direction that was drawn. valid: on the side that its lobe sends light to, since on the other it would be taken
+    for one of another lobe. delta_weight, delta_density: f cos / p and probability of a discrete choice."""
+
+    wo: mi.Vector3f
+    valid: mi.Bool
+    component: mi.UInt32
+    kind: mi.UInt32
+    eta: mi.Float
+    delta: mi.Bool
+    null: mi.Bool
+    delta_weight: mi.Color3f
+    delta_density: mi.Float
+
+
+def reflectance(lobes: Lobes, si: mi.SurfaceInteraction3f) -> mi.Color3f:
+    """R: directional reflectance of everything but the diffuse lobe."""
+    parts = [part.reflectance for part in (lobes.mirror, lobes.coat, lobes.sheen) if part is not None]
+    if lobes.glass is not None:
+        wi = mi.Frame3f(lobes.normal).to_local(si.wi)
+        parts.append(lobes.glass.weight * glass_lobes.reflectance(lobes.glass, wi))
+    return sum(parts, mi.Color3f(0))
+
+
+def transparency(lobes: Lobes, si: mi.SurfaceInteraction3f) -> mi.Color3f:
+    """Share of light that passes straight on, as if the surface were not there."""
+    if lobes.glass is None:
+        return mi.Color3f(0)
+    return glass_lobes.straight(lobes.glass, mi.Frame3f(lobes.normal).to_local(si.wi))
+
+
+def evaluate(lobes: Lobes, si: mi.SurfaceInteraction3f, wo: mi.Vector3f) -> tuple[mi.Color3f, mi.Float]:
+    """f cos and its sampling density, of all lobes but the discrete ones."""
+    frame = mi.Frame3f(lobes.normal)
+    wi, wo_facing = frame.to_local(si.wi), frame.to_local(wo)
+    cos_i, cos_o = mi.Frame3f.cos_theta(wi), mi.Frame3f.cos_theta(wo_facing)
+    above = _above(si, wo)
+    valid = (cos_i > 0) & (cos_o > 0) & above
+    half = dr.normalize(wi + wo_facing)
+    value, density = lobes.diffuse * (cos_o * dr.inv_pi), cos_o * dr.inv_pi
+    if lobes.mirror is not None:
+        mirror, glossy = _mirror(lobes.mirror, wi, wo_facing, half)
+        value, density = value + mirror, dr.lerp(density, glossy, _glossy_share(lobes, lobes.mirror))
+    if lobes.sheen is not None:
+        value += sheen_lobe.evaluate(lobes.sheen, wi, wo_facing, half)
+    value, density = dr.select(valid, value, 0), dr.select(valid, density, 0)
+    return _add_top(lobes, si, wo, above, value, density) if lobes.top else (value, density)
+
+
+def scatter(lobes: Lobes, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample2: mi.Point2f) -> Scattered:
+    """A local direction of one of the lobes, picked in proportion to their reflectance."""
+    frame = mi.Frame3f(lobes.normal)
+    wi = frame.to_local(si.wi)
+    coat_share, glass_share = _top_shares(lobes)
+    top = coat_share + glass_share
+    base_sample = (sample1 - top) / (1 - top) if lobes.top else sample1
+    wo = mi.warp.square_to_cosine_hemisphere(sample2)
+    take_glossy = mi.Bool(False)
+    if lobes.mirror is not None:
+        take_glossy = base_sample < _glossy_share(lobes, lobes.mirror)
+        facet, _ = _ggx(lobes.mirror.alpha).sample(wi, sample2)
+        wo = dr.select(take_glossy, mi.reflect(wi, facet), wo)
+    found = Scattered(wo=frame.to_world(wo), valid=mi.Bool(True),
+                      component=dr.select(take_glossy, mi.UInt32(GLOSSY), mi.UInt32(DIFFUSE)),
+                      kind=dr.select(take_glossy, mi.UInt32(+mi.BSDFFlags.GlossyReflection),
+                                     mi.UInt32(+mi.BSDFFlags.DiffuseReflection)),
+                      eta=mi.Float(1), delta=mi.Bool(False), null=mi.Bool(False), delta_weight=mi.Color3f(0),
+                      delta_density=mi.Float(0))
+    if lobes.top:
+        found.valid = _above(si, found.wo) & (mi.Frame3f.cos_theta(wo) > 0)
+    if lobes.coat is not None:
+        _scatter_coat(found, lobes.coat, si, sample2, sample1 < coat_share)
+    if lobes.glass is not None:
+        crossing = glass_lobes.scatter(lobes.glass, wi, (sample1 - coat_share) / glass_share, sample2)
+        _scatter_glass(found, lobes.glass, crossing, frame, si, glass_share, (sample1 >= coat_share) & (sample1 < top))
+    return found
+
+
+def sample(lobes: Lobes, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample2: mi.Point2f,
+           active: mi.Bool) -> tuple[mi.BSDFSample3f, mi.Color3f]:
+    """A local direction of one of the lobes, and its weight."""
+    found = scatter(lobes, si, sample1, sample2)
+    bs = dr.zeros(mi.BSDFSample3f)
+    bs.wo, bs.eta, bs.sampled_component, bs.sampled_type = found.wo, found.eta, found.component, found.kind
+    value, density = evaluate(lobes, si, bs.wo)
+    active = active & found.valid & (density > 0)
+    weight = dr.select(active, value / density, 0)
+    bs.pdf = dr.select(active, density, 0)
+    if lobes.glass is not None:
+        bs.pdf = dr.select(found.delta, found.delta_density, bs.pdf)
+        weight = dr.select(found.delta, found.delta_weight, weight)
+    return bs, weight
+
+
+def _add_top(lobes: Lobes, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, above: mi.Bool, value: mi.Color3f,
+             density: mi.Float) -> tuple[mi.Color3f, mi.Float]:
+    """The base's value and density with those of coat and glass."""
+    coat_share, glass_share = _top_shares(lobes)
+    density = density * (1 - coat_share - glass_share)
+    if lobes.coat is not None:
+        wi_up, wo_up = _upright(si, si.wi), _upright(si, wo)
+        coat, coat_density = _mirror(lobes.coat, wi_up, wo_up, dr.normalize(wi_up + wo_up))
+        value += dr.select(above, coat, 0)
+        density += dr.select(above, coat_share * coat_density, 0)
+    if lobes.glass is not None:
+        frame = mi.Frame3f(lobes.normal)
+        through, glass_density = glass_lobes.evaluate(lobes.glass, frame.to_local(si.wi), frame.to_local(wo), above)
+        value, density = value + through, density + glass_share * glass_density
+    return value, density
+
+
+def _scatter_coat(found: Scattered, coat: Mirror, si: mi.SurfaceInteraction3f, sample2: mi.Point2f,
+                  taken: mi.Bool) -> None:
+    wi = _upright(si, si.wi)
+    facet, _ = _ggx(coat.alpha).sample(wi, sample2)
+    mirrored = mi.reflect(wi, facet)
+    found.wo = dr.select(taken, _upright(si, mirrored), found.wo)
+    found.valid = dr.select(taken, mi.Frame3f.cos_theta(mirrored) > 0, found.valid)
+    found.component = dr.select(taken, mi.UInt32(GLOSSY), found.component)
+    found.kind = dr.select(taken, mi.UInt32(+mi.BSDFFlags.GlossyReflection), found.kind)
+
+
+def _scatter_glass(found: Scattered, glass: Glass, crossing: glass_lobes.Crossing, frame: mi.Frame3f,
+                   si: mi.SurfaceInteraction3f, share: mi.Float, taken: mi.Bool) -> None:
+    flags, null = mi.BSDFFlags, crossing.null
+    wo = dr.select(null, -si.wi, frame.to_world(crossing.wo))
+    kept = (_above(si, wo) == crossing.reflected) & ((mi.Frame3f.cos_theta(crossing.wo) > 0) == crossing.reflected)
+    found.valid = dr.select(taken, kept, found.valid)
+    found.wo, found.eta = dr.select(taken, wo, found.wo), dr.select(taken, crossing.eta, found.eta)
+    found.delta, found.null = taken & glass.smooth, taken & null
+    found.delta_weight = dr.select(found.delta & kept, crossing.weight * glass.weight / share, 0)
+    found.delta_density = dr.select(found.delta & kept, crossing.probability * share, 0)
+    choices = ((glass.smooth & crossing.reflected, DELTA_REFLECTION, flags.DeltaReflection),
+               (null, NULL, flags.Null), (glass.smooth & ~null & ~crossing.reflected, DELTA_TRANSMISSION,
+                                          flags.DeltaTransmission),
+               (~glass.smooth & crossing.reflected, GLOSSY, flags.GlossyReflection),
+               (~glass.smooth & ~crossing.reflected, GLOSSY_TRANSMISSION, flags.GlossyTransmission))
+    for chosen, component, flag in choices:
+        found.component = dr.select(taken & chosen, mi.UInt32(component), found.component)
+        found.kind = dr.select(taken & chosen, mi.UInt32(+flag), found.kind)
+
+
+def _mirror(mirror: Mirror, wi: mi.Vector3f, wo: mi.Vector3f, half: mi.Normal3f) -> tuple[mi.Color3f, mi.Float]:
+    """f cos and density of a GGX lobe, directions in its frame."""
+    ggx = _ggx(mirror.alpha)
+    schlick = mirror.f0 + (mirror.f90 - mirror.f0) * (dr.maximum(1 - dr.dot(wi, half), 0) ** 5)
+    value = schlick * ggx.eval(half) * ggx.G(wi, wo, half) / (4 * mi.Frame3f.cos_theta(wi))
+    return value, ggx.pdf(wi, half) / (4 * dr.dot(wo, half))
+
+
+def _glossy_share(lobes: Lobes, mirror: Mirror) -> mi.Float:
+    """Probability of the GGX lobe within the base; both lobes keep a share wherever they send light."""
+    diffuse, specular = _matte(lobes), dr.mean(mirror.reflectance)
+    return dr.select(diffuse + specular > 0, specular / (diffuse + specular), 0)
+
+
+def _top_shares(lobes: Lobes) -> tuple[mi.Float, mi.Float]:
+    """Probabilities of the coat and of glass; the base has the rest."""
+    coat = mi.Float(0) if lobes.coat is None else dr.mean(lobes.coat.reflectance)
+    glass = mi.Float(0) if lobes.glass is None else lobes.glass.weight
+    base = _matte(lobes) + (mi.Float(0) if lobes.mirror is None else dr.mean(lobes.mirror.reflectance))
+    total = base + coat + glass
+    return dr.select(total > 0, coat / total, 0), dr.select(total > 0, glass / total, 0)
+
+
+def _matte(lobes: Lobes) -> mi.Float:
+    """What the cosine lobe samples."""
+    diffuse = dr.mean(lobes.diffuse)
+    return diffuse if lobes.sheen is None else diffuse + dr.mean(lobes.sheen.reflectance)
+
+
+def _ggx(alpha: mi.Float) -> mi.MicrofacetDistribution:
+    return mi.MicrofacetDistribution(mi.MicrofacetType.GGX, alpha, sample_visible=True)
+
+
+def _above(si: mi.SurfaceInteraction3f, wo: mi.Vector3f) -> mi.Bool:
+    """Whether a local direction is on the viewer's side of the untilted surface."""
+    return mi.Frame3f.cos_theta(si.wi) * mi.Frame3f.cos_theta(wo) > 0
+
+
+def _upright(si: mi.SurfaceInteraction3f, direction: mi.Vector3f) -> mi.Vector3f:
+    """A local direction as seen from the viewer's side of the untilted surface, and back."""
+    return mi.Vector3f(direction.x, direction.y, dr.mulsign(direction.z, mi.Frame3f.cos_theta(si.wi)))

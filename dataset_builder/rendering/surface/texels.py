@@ -1,0 +1,180 @@
+"""Materials as flat arrays: what the surface plugin gathers from.
+
+What cannot be a surface is refused here, by name, since nothing after it would notice: a base colour above one sends
+back more light than it gets, and half precision turns what is not finite or huge into infinity.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dataset_builder.assets.asset import Material, Texture
+from dataset_builder.assets.glass_kinds import disperses, is_pane, is_solid
+from dataset_builder.errors import PlanError, Problem
+
+CHANNELS = 8
+"""Texel layout: base colour (3), roughness, metallic, normal x, normal y, unused."""
+
+FACTORS = 16
+"""Row layout: base colour (3), roughness | metallic, specular, coat, coat roughness | sheen (3), sheen roughness |
+transmission, index of refraction, thin, Abbe number."""
+
+ROUNDING = 2.0**-11
+"""Relative step of half precision below one: what a texel may be off without meaning anything by it."""
+
+MAX_TEXELS = 2**29 - 1
+"""Texels whose channels 32 bits can count."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MaterialArrays:
+    """The materials of one scene.
+
+    factors: (M, FACTORS) float32. extents: (M, 4) uint32: first texel, width, height, 0. texels: (T, CHANNELS) float16.
+    """
+
+    factors: np.ndarray
+    extents: np.ndarray
+    texels: np.ndarray
+
+
+def pack(materials: Sequence[Material], texture_size: int = 4096) -> MaterialArrays:
+    """Arrays of `materials`; textures that materials share are stored once, with sides of at most `texture_size`.
+
+    Raises PlanError for every factor or texel that is not finite or lies outside its range by more than half precision
+    rounds off, naming the material and how many texels; smaller overshoot is clipped.
+    """
+    check(materials)
+    blocks: dict[int, tuple[int, np.ndarray]] = {}
+    extents, first = [], 0
+    for material in materials:
+        key = id(material.texture)
+        if key not in blocks:
+            block = pack_texture(material.texture, texture_size)
+            blocks[key] = (first, block)
+            first += block.shape[0] * block.shape[1]
+        start, block = blocks[key]
+        extents.append((start, block.shape[1], block.shape[0], 0))
+    if first > MAX_TEXELS:
+        raise PlanError(f"textures: expected at most {MAX_TEXELS} texels in a scene, got {first}; lower texture_size")
+    return MaterialArrays(factors=np.array([_row(m) for m in materials], dtype=np.float32).reshape(-1, FACTORS),
+                          extents=np.array(extents, dtype=np.uint32).reshape(-1, 4),
+                          texels=np.concatenate([block.reshape(-1, CHANNELS) for _, block in blocks.values()]))
+
+
+def pack_texture(texture: Texture | None, texture_size: int = 4096) -> np.ndarray:
+    """(H, W, CHANNELS) float16 texels of a texture with sides of at most `texture_size`; one white texel for none.
+
+    Larger textures are averaged over boxes, in linear values; of normals, which are averaged as vectors, x and y of
+    the mean direction are kept.
+    """
+    if texture is None:
+        return _layout(Texture(base_color=np.ones((1, 1, 3), dtype=np.float32)))
+    height, width = texture.base_color.shape[:2]
+    factor = texture_size / max(height, width)
+    if factor >= 1:
+        return _layout(texture)
+    size = max(1, round(height * factor)), max(1, round(width * factor))
+    maps = {name: averaged(values, size) for name, values in _maps(texture).items()}
+    if "normal" in maps:
+        maps["normal"] /= np.maximum(np.linalg.norm(maps["normal"], axis=2, keepdims=True), 1e-6)
+    return _layout(Texture(**maps))
+
+
+def averaged(values: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """(H, W) or (H, W, C) values as means over the boxes of a smaller grid of `size` (height, width); a value that two
+    boxes share counts in each by its part. Keeps the mean of all values. float32."""
+    rows = _averaged_rows(np.asarray(values, dtype=np.float32), size[0])
+    return np.swapaxes(_averaged_rows(np.swapaxes(rows, 0, 1), size[1]), 0, 1)
+
+
+def check(materials: Sequence[Material]) -> None:
+    """Raise PlanError with everything about `materials` that no surface can have."""
+    problems = [problem for material in materials for problem in _problems(material)]
+    if problems:
+        raise PlanError(problems)
+
+
+def needs(materials: Sequence[Material]) -> frozenset[str]:
+    """Features without which a surface of these materials would not be what they say; see `surface.FEATURES`."""
+    return frozenset(feature for material in materials for feature in _needs(material))
+
+
+def _needs(m: Material) -> set[str]:
+    calls = {"textures": m.texture is not None, "specular": m.metallic > 0 or (m.specular > 0 and m.transmission < 1),
+             "coat": m.coat > 0, "sheen": max(m.sheen) > 0, "glass": is_solid(m), "thin": is_pane(m),
+             "dispersion": disperses(m)}
+    return {feature for feature, called in calls.items() if called}
+
+
+def _row(m: Material) -> tuple[float, ...]:
+    return (*m.base_color, m.roughness, m.metallic, m.specular, m.coat, m.coat_roughness, *m.sheen, m.sheen_roughness,
+            m.transmission, m.ior, float(m.thin), m.abbe)
+
+
+def _layout(texture: Texture) -> np.ndarray:
+    block = np.zeros((*texture.base_color.shape[:2], CHANNELS), dtype=np.float16)
+    block[..., :3] = np.clip(texture.base_color, 0, 1)
+    block[..., 3] = 1 if texture.roughness is None else np.clip(texture.roughness, 0, 1)
+    block[..., 4] = 1 if texture.metallic is None else np.clip(texture.metallic, 0, 1)
+    if texture.normal is not None:
+        block[..., 5:7] = texture.normal[..., :2]
+    return block
+
+
+def _maps(texture: Texture) -> dict[str, np.ndarray]:
+    maps = {"base_color": texture.base_color, "roughness": texture.roughness, "metallic": texture.metallic,
+            "normal": texture.normal}
+    return {name: values for name, values in maps.items() if values is not None}
+
+
+def _averaged_rows(values: np.ndarray, count: int) -> np.ndarray:
+    """Means over `count` equal stretches of the first axis."""
+    length = values.shape[0]
+    if count == length:
+        return values
+    means = np.empty((count, *values.shape[1:]), dtype=np.float32)
+    for i in range(count):
+        low, high = i * length / count, (i + 1) * length / count
+        first, last = int(low), min(int(np.ceil(high)), length)
+        index = np.arange(first, last)
+        covered = np.minimum(index + 1, high) - np.maximum(index, low)
+        means[i] = np.tensordot((covered / covered.sum()).astype(np.float32), values[first:last], axes=1)
+    return means
+
+
+def _problems(material: Material) -> list[Problem]:
+    found = [Problem(where=f"material {material.name!r}", path=name, rule=f"expected {rule}, got {value!r}")
+             for name, rule, value, good in _factors(material) if not good]
+    if material.texture is not None:
+        found += [Problem(where=f"material {material.name!r}", path=f"texture.{name}", rule=rule,
+                          hint="mend the texture; nothing is clipped silently")
+                  for name, values in _maps(material.texture).items() if (rule := _broken(name, values))]
+    return found
+
+
+def _factors(m: Material) -> list[tuple[str, str, object, bool]]:
+    """(name, rule, value, whether it holds) of every factor; NaN holds nowhere."""
+    shares = {"roughness": m.roughness, "metallic": m.metallic, "specular": m.specular, "coat": m.coat,
+              "coat_roughness": m.coat_roughness, "sheen_roughness": m.sheen_roughness, "transmission": m.transmission}
+    colours = {"base_color": m.base_color, "sheen": m.sheen}
+    return [*((name, "a share in [0, 1]", value, 0 <= value <= 1) for name, value in shares.items()),
+            *((name, "shares in [0, 1]", value, all(0 <= v <= 1 for v in value)) for name, value in colours.items()),
+            ("ior", "a finite index of refraction >= 1", m.ior, 1 <= m.ior < np.inf),
+            ("abbe", "a finite Abbe number >= 0", m.abbe, 0 <= m.abbe < np.inf)]
+
+
+def _broken(name: str, values: np.ndarray) -> str:
+    """What is wrong with a map, with the count of texels; empty where nothing is."""
+    low, rule = (-1, "unit vectors") if name == "normal" else (0, "values in [0, 1]")
+    # Comparing so that NaN counts as broken.
+    good = (values >= low - ROUNDING) & (values <= 1 + ROUNDING)
+    if name == "normal":
+        good[..., 0] &= np.sum(np.square(values[..., :2]), axis=-1) <= 1 + 4 * ROUNDING
+    bad = ~good if good.ndim == 2 else ~good.all(axis=2)
+    if not bad.any():
+        return ""
+    row, column = np.argwhere(bad)[0]
+    return (f"expected {rule}, got {np.count_nonzero(bad)} of {bad.size} texels that are not, the first "
+            f"{values[row, column].tolist()} in row {row}, column {column}")

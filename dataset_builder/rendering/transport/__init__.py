@@ -1,0 +1,1 @@
+"""Light paths: the integrators, the path tracer, fog, and light samples."""

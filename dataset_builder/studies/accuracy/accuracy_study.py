@@ -1,0 +1,116 @@
+"""The whole study: examples one by one, question by question, then what follows from all rows."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from time import perf_counter
+
+from dataset_builder.files import write_atomic
+from dataset_builder.planning.catalogue import ExampleRef
+from dataset_builder.rendering.backend import activate
+from dataset_builder.studies.accuracy import (
+    accumulation,
+    advise_bounds,
+    advise_sampling,
+    advise_storage,
+    depth,
+    sampling,
+)
+from dataset_builder.studies.accuracy import mesh_resolution
+from dataset_builder.studies.accuracy import storage_formats
+from dataset_builder.studies.accuracy import texture_size
+from dataset_builder.studies.accuracy.advice import Advice
+from dataset_builder.studies.accuracy.budget import BUDGETS
+from dataset_builder.studies.accuracy.progress import Steps, begin, kept_steps
+from dataset_builder.studies.accuracy.rows import Row, write_table
+from dataset_builder.studies.accuracy.workbench import Bench
+from dataset_builder.studies.reference import References, pixel_versions
+from dataset_builder.studies.sampled import StudySpec, chosen_layers
+from dataset_builder.studies.timing import REPEATS
+
+MEASURES: dict[str, Callable[[Bench, ExampleRef], Iterator[Row]]] = {
+    "sampling": sampling.measure, "path depth": depth.measure, "edge length": mesh_resolution.measure,
+    "texture size": texture_size.measure, "storage": storage_formats.measure, "accumulation": accumulation.measure,
+}
+"""Groups of questions by what the terminal calls them."""
+
+GROUPS = {**dict.fromkeys(sampling.QUESTIONS, "sampling"), depth.DEPTH: "path depth", mesh_resolution.EDGES: "edge length",
+          texture_size.TEXTURES: "texture size", storage_formats.CODECS: "storage", accumulation.ACCUMULATION: "accumulation"}
+"""The group of every question."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AccuracyStudy:
+    """What to study. examples: how many. layers: those among them that the dataset holds. out: the study's folder.
+    budget: a key of `BUDGETS`."""
+
+    spec: StudySpec
+    out: Path
+    examples: int
+    layers: tuple[str, ...]
+    budget: str
+    backend: str
+
+    @property
+    def table(self) -> Path:
+        """Where the rows go."""
+        return self.out / "results.csv"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """One group of questions on one example: done of `steps`, its rows, and the seconds that it took. kept: whether an
+    earlier run had measured it."""
+
+    number: int
+    steps: int
+    example: str
+    group: str
+    rows: tuple[Row, ...]
+    seconds: float
+    kept: bool = False
+
+
+def run(study: AccuracyStudy) -> Iterator[Step]:
+    """Measure; the table is written after every step, and a study that was interrupted goes on where it ended.
+
+    Raises UserError where the spec, its plans or the output folder do not allow it.
+    """
+    activate(study.backend)
+    refs, bench = study.spec.sample(study.examples), bench_of(study)
+    work = [(ref, group) for ref in refs for group in MEASURES]
+    done = _done(study, bench, [(ref.key, group) for ref, group in work])
+    for number, (ref, group) in enumerate(work, start=1):
+        start, step = perf_counter(), (ref.key, group)
+        if not (kept := step in done):
+            done[step] = tuple(MEASURES[group](bench, ref))
+            write_table([row for rows in done.values() for row in rows], study.table)
+        yield Step(number=number, steps=len(work), example=ref.key, group=group, rows=done[step], kept=kept,
+                   seconds=perf_counter() - start)
+
+
+def _done(study: AccuracyStudy, bench: Bench, work: Sequence[tuple[str, str]]) -> Steps:
+    """Steps of this study that an earlier run with the same spec, settings and versions has measured."""
+    about = {"spec": study.spec.planner().loaded.spec_digest, "budget": asdict(bench.budget), "repeats": bench.repeats,
+             "layers": dict(bench.extents), "versions": bench.references.made_by}
+    begin(study.out, about, study.table)
+    done = kept_steps(study.table, GROUPS)
+    return {step: done[step] for step in work if step in done}
+
+
+def bench_of(study: AccuracyStudy) -> Bench:
+    """What the questions work with. Raises UserError where the dataset holds none of the layers."""
+    references = References(folder=study.out / "references", made_by=pixel_versions(study.backend))
+    return Bench(spec=study.spec, budget=BUDGETS[study.budget], references=references,
+                 extents=chosen_layers(study.spec.dataset, study.layers),
+                 repeats=REPEATS if study.budget == "full" else 1)
+
+
+def conclude(study: AccuracyStudy, rows: Sequence[Row]) -> Advice:
+    """What all rows say; the settings are written to `recommended.txt`, one option of the command line per line."""
+    advice, dataset = Advice(), study.spec.dataset
+    advise_sampling.advise(advice, rows, dataset, BUDGETS[study.budget])
+    advise_bounds.advise(advice, rows, dataset)
+    advise_storage.advise(advice, rows, dataset)
+    write_atomic(study.out / "recommended.txt", advice.lines().encode())
+    return advice

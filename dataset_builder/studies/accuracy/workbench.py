@@ -1,0 +1,83 @@
+"""What all questions work with: the spec, the budget, the references, and rows out of rendered examples."""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dataset_builder.planning.catalogue import ExampleRef
+from dataset_builder.planning.example_plan import ExamplePlan
+from dataset_builder.studies.accuracy.budget import REFERENCE_DEPTH, Budget
+from dataset_builder.studies.accuracy.rows import Row
+from dataset_builder.studies.image_errors import flip, psnr, relative_mse, relative_variance
+from dataset_builder.studies.reference import References
+from dataset_builder.studies.sampled import StudySpec, layer_override, reseeded, spp_override
+from dataset_builder.studies.timing import Warm, reached_by, seconds_of, timed, work_of
+
+if TYPE_CHECKING:
+    from dataset_builder.rendering.examples import Rendered
+
+PLAIN = ("render.accuracy={}", "render.denoise={}", "storage.standard_errors=false")
+"""Fixed spp, nothing denoised: what every setting starts from."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Bench:
+    """extents: the layers under study. repeats: how often what is short is timed."""
+
+    spec: StudySpec
+    budget: Budget
+    extents: Mapping[str, str]
+    references: References
+    repeats: int
+    warm: Warm = field(default_factory=Warm)
+
+    def plan(self, ref: ExampleRef, *settings: str, layers: Mapping[str, str] | None = None) -> ExamplePlan:
+        """One example under `settings`, with these layers (default: those under study) and the mask."""
+        wanted = {**(self.extents if layers is None else layers), "mask": "object"}
+        return self.spec.plan(ref, *PLAIN, layer_override(wanted), *settings)
+
+    def spp(self, spp: int) -> str:
+        """The override for `spp`, or the next multiple of batches, in every pass with light."""
+        dataset = self.spec.dataset
+        return spp_override(dataset, math.ceil(spp / dataset.render.batches) * dataset.render.batches)
+
+    def timed(self, setting: str, plan: ExamplePlan, repeats: int | None = None) -> "Rendered":
+        """One example, timed with its kernels compiled before."""
+        self.warm.up(setting, plan, self.spec.mesh_root)
+        return timed(plan, self.spec.mesh_root, self.repeats if repeats is None else repeats)
+
+    def converged(self, ref: ExampleRef) -> dict[str, np.ndarray]:
+        """Layers of an example and their standard errors at the reference's spp and depth, from samples of their
+        own."""
+        plan = self.plan(ref, self.spp(self.budget.reference_spp), f"render.max_depth={REFERENCE_DEPTH}",
+                         "storage.standard_errors=true")
+        return self.references.get(reseeded(plan, "reference"), self.spec.mesh_root).layers
+
+    def compared(self, question: str, setting: str, value: float, found: "Rendered",
+                 reference: Mapping[str, np.ndarray], layers: Iterable[str] | None = None) -> list[Row]:
+        """Rows of an example's layers against a reference with standard errors."""
+        return [compare(question, setting, value, found, reference, layer)
+                for layer in (self.extents if layers is None else layers)]
+
+
+def compare(question: str, setting: str, value: float, found: "Rendered", reference: Mapping[str, np.ndarray],
+            layer: str) -> Row:
+    """One layer against a reference; without its standard error, the reference is taken to be free of noise."""
+    image, truth, keep = found.layers[layer], reference[layer], kept(found, reference, layer)
+    measured = relative_mse(image, truth, keep)
+    noise = relative_variance(reference[f"{layer}_se"], truth, keep) if f"{layer}_se" in reference else 0.0
+    return Row(question=question, setting=setting, value=value, example=found.plan.key, layer=layer,
+               seconds=seconds_of(layer, found), relmse=max(measured - noise, 0.0), relmse_measured=measured,
+               relmse_reference=noise, floor=noise, psnr=psnr(image, truth, keep), flip=flip(image, truth, keep),
+               reached=reached_by(layer, found.record), **work_of(layer, found.record))
+
+
+def kept(found: "Rendered", reference: Mapping[str, np.ndarray], layer: str) -> np.ndarray:
+    """(H, W) pixels that count: the frame, or those that the object covers a share of in both pictures."""
+    mask = found.layers["mask"][..., 0]
+    if dict(found.plan.render.layers)[layer] == "frame":
+        return np.ones(mask.shape, dtype=bool)
+    return (mask > 0) & (reference["mask"][..., 0] > 0)

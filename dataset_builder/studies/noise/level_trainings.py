@@ -1,0 +1,142 @@
+"""The trainings of the study, and what they come to on the examples that every level has."""
+
+from collections import Counter, defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+from dataset_builder.digest import digest
+from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
+from dataset_builder.lightnet.methods.checkpoint import load_trained
+from dataset_builder.lightnet.results.evaluate import Contender, Row, contender, evaluate, trivial
+from dataset_builder.lightnet.settings import TrainingSpec
+from dataset_builder.lightnet.training.events import Event
+from dataset_builder.lightnet.training.fit import LAST, Job
+from dataset_builder.planning.catalogue import examples
+from dataset_builder.shards.reader import load_manifest
+from dataset_builder.studies.noise.noise_study import NoiseStudy, level_name
+from dataset_builder.studies.scores import read_scores, write_scores
+from dataset_builder.studies.trainings import SCORES, claim, read_facts, train
+
+MIXED = "mixed"
+"""The training on all levels."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Example:
+    """A held-out example that every level has. index: position in the split; roughness: measured distance of the rough
+    mesh from the clean one, root mean square, in bounding radii."""
+
+    index: int
+    key: str
+    case: tuple[str, int]
+    level: int
+    sigma: float
+    roughness: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeldOut:
+    """The split that is measured on. examples: of the cases (view, light) that every level has, no others; left_out:
+    cases that a gate took some level of."""
+
+    dataset: LightingDataset = field(repr=False)
+    examples: tuple[Example, ...]
+    left_out: int
+
+    @cached_property
+    def cases(self) -> tuple[tuple[str, int], ...]:
+        """Views under their lights, in order."""
+        return tuple(dict.fromkeys(example.case for example in self.examples))
+
+    def of(self, level: int) -> list[Example]:
+        """One level's examples, in the order of `cases`."""
+        own = {example.case: example for example in self.examples if example.level == level}
+        return [own[case] for case in self.cases]
+
+
+@dataclass(frozen=True, kw_only=True)
+class News:
+    """What a training said. number: of `count` trainings, from 1."""
+
+    name: str
+    number: int
+    count: int
+    event: Event
+
+
+def jobs(study: NoiseStudy) -> dict[str, Job]:
+    """The trainings by name: on all levels first, then on each."""
+    found = {MIXED: _job(study, MIXED, study.training, ())}
+    for level in range(len(study.levels)):
+        name = level_name(level)
+        found[name] = _job(study, name, study.per_level, (level,))
+    return found
+
+
+def train_all(study: NoiseStudy) -> Iterator[News]:
+    """Every training, to its end; those that an earlier run finished are kept. Raises UserError as `fit` does."""
+    work = jobs(study)
+    for number, (name, job) in enumerate(work.items(), start=1):
+        for event in train(job):
+            yield News(name=name, number=number, count=len(work), event=event)
+
+
+def held_out(study: NoiseStudy) -> HeldOut:
+    """The held-out split, and what can be compared in it."""
+    data = study.training.data
+    dataset = LightingDataset(study.dataset, data.held_out, data)
+    every = [_example(dataset, index) for index in range(len(dataset))]
+    levels = defaultdict[tuple[str, int], set[int]](set)
+    for example in every:
+        levels[example.case].add(example.level)
+    whole = {case for case, found in levels.items() if len(found) == len(study.levels)}
+    return HeldOut(dataset=dataset, examples=tuple(one for one in every if one.case in whole),
+                   left_out=len(levels) - len(whole))
+
+
+def measure(study: NoiseStudy, split: HeldOut) -> Iterator[Row]:
+    """Every example by every training and by what learns nothing; the table of an earlier run is taken where it is of
+    the same trainings."""
+    folder = study.out / "scores"
+    claim(folder, digest({name: job.identity() for name, job in jobs(study).items()}))
+    if kept := read_scores(folder / SCORES):
+        yield from kept
+        return
+    rows = []
+    for row in evaluate(contenders(study), split.dataset, [example.index for example in split.examples]):
+        rows.append(row)
+        yield row
+    write_scores(rows, folder / SCORES)
+
+
+def contenders(study: NoiseStudy) -> list[Contender]:
+    """The trained ones by name, and what learns nothing. Of a training the last weights, which no measurement chose."""
+    trained = [contender(name, load_trained(job.out / LAST, study.device)) for name, job in jobs(study).items()]
+    return [*trained, *trivial()]
+
+
+def training_counts(study: NoiseStudy) -> dict[str, int]:
+    """Examples that each training had to learn from, by its name."""
+    return {name: int(read_facts(job.out).get("examples", 0)) for name, job in jobs(study).items()}
+
+
+def rejected_by_level(study: NoiseStudy) -> list[int]:
+    """How many examples of each level a gate rejected, over all splits."""
+    level_of = {ref.key: ref.level for ref in examples(study.loaded.dataset)}
+    counts = Counter(level_of[rejected.key] for rejected in load_manifest(study.dataset).rejected)
+    return [counts[level] for level in range(len(study.levels))]
+
+
+def _job(study: NoiseStudy, name: str, spec: TrainingSpec, levels: tuple[int, ...]) -> Job:
+    folder: Path = study.out / "trainings" / name.replace(" ", "-")
+    return Job(dataset=study.dataset, out=folder, spec=spec, vgg_weights=study.vgg_weights, device=study.device,
+               levels=levels)
+
+
+def _example(dataset: LightingDataset, index: int) -> Example:
+    label = dataset.label(index)
+    plan, record = label["plan"], label["record"]
+    return Example(index=index, key=plan["key"], case=(plan["view"], plan["light"]), level=plan["rough"]["level"],
+                   sigma=plan["rough"]["sigma"], roughness=record["roughness_rms"])

@@ -1,0 +1,122 @@
+"""A table from its rows: every row trained with every seed on the same examples, and measured on the held-out split."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from dataset_builder.digest import digest
+from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
+from dataset_builder.lightnet.methods.checkpoint import load_trained
+from dataset_builder.lightnet.methods.vgg import check_file
+from dataset_builder.lightnet.results.evaluate import Contender, Row, contender, evaluate, trivial
+from dataset_builder.lightnet.settings import TrainingSpec
+from dataset_builder.lightnet.training.events import Event
+from dataset_builder.lightnet.training.fit import LAST, Job
+from dataset_builder.shards.reader import load_manifest
+from dataset_builder.studies.derived import changed, settings_of
+from dataset_builder.studies.scores import read_scores, write_scores
+from dataset_builder.studies.tables.result import Result
+from dataset_builder.studies.tables.row import Table, TableRow
+from dataset_builder.studies.trainings import SCORES, about, claim, read_facts, train
+
+
+@dataclass(frozen=True, kw_only=True)
+class TableStudy:
+    """What to measure. base: what the rows were derived from; seeds: trainings of every row, from `base.seed` on; out:
+    the study's folder, with one for each row; device: as `lightnet.device.choose` takes it."""
+
+    table: Table
+    base: TrainingSpec
+    dataset: Path
+    out: Path
+    seeds: int = 1
+    vgg_weights: Path | None = None
+    device: str = "auto"
+
+    @property
+    def sentence(self) -> str:
+        """How the rows are trained, to stand on everything that shows them."""
+        return settings_of(self.base, self.device, self.seeds)
+
+
+@dataclass(frozen=True, kw_only=True)
+class News:
+    """What a training said. number: of `count` trainings, from 1."""
+
+    row: TableRow
+    seed: int
+    number: int
+    count: int
+    event: Event
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measured:
+    """A row with one seed is done; kept: an earlier run had done it."""
+
+    row: TableRow
+    seed: int
+    number: int
+    count: int
+    scores: tuple[Row, ...]
+    facts: dict[str, Any]
+    kept: bool
+
+
+def run(study: TableStudy) -> Iterator[News | Measured]:
+    """Train and measure what is missing, row by row and seed by seed; an interrupted study goes on where it ended.
+
+    Raises UserError as `lightnet.fit.fit` does, and where the dataset lacks what is needed.
+    """
+    if study.vgg_weights:
+        check_file(study.vgg_weights)
+    work = [(row, seed) for row in study.table.rows for seed in seeds_of(study, row)]
+    for number, (row, seed) in enumerate(work, start=1):
+        job = _job(study, row, seed)
+        identity = _identity(study, row, job)
+        if not (kept := about(job.out, identity) and bool(read_scores(job.out / SCORES))):
+            claim(job.out, identity)
+            for event in () if row.spec is None else train(job):
+                yield News(row=row, seed=seed, number=number, count=len(work), event=event)
+            write_scores(_measure(study, row, job), job.out / SCORES)
+        yield Measured(row=row, seed=seed, number=number, count=len(work), scores=read_scores(job.out / SCORES),
+                       facts=read_facts(job.out), kept=kept)
+
+
+def seeds_of(study: TableStudy, row: TableRow) -> tuple[int, ...]:
+    """Seeds that a row is trained with; what learns nothing needs one."""
+    return tuple(study.base.seed + number for number in range(1 if row.spec is None else study.seeds))
+
+
+def results(table: Table, measured: list[Measured]) -> list[Result]:
+    """Rows of which every seed is done, in the table's order."""
+    found = {row.name: [one for one in measured if one.row.name == row.name] for row in table.rows}
+    return [Result(row=table.row(name), scores=tuple(one.scores for one in done), facts=done[-1].facts)
+            for name, done in found.items() if done]
+
+
+def _job(study: TableStudy, row: TableRow, seed: int) -> Job:
+    spec = changed(row.spec or study.base, seed=seed)
+    return Job(dataset=study.dataset, out=study.out / row.name / f"seed-{seed}", spec=spec,
+               vgg_weights=study.vgg_weights, device=study.device)
+
+
+def _identity(study: TableStudy, row: TableRow, job: Job) -> str:
+    """What a row's results depend on."""
+    if row.spec is not None:
+        return job.identity()
+    shards = [shard.sha256 for shard in load_manifest(study.dataset).shards]
+    return digest({"formula": row.name, "data": study.base.data.model_dump(mode="json"), "shards": shards})
+
+
+def _measure(study: TableStudy, row: TableRow, job: Job) -> tuple[Row, ...]:
+    """Every held-out example. The last weights, not the best ones: those were chosen by what is measured here."""
+    held_out = LightingDataset(study.dataset, job.spec.data.held_out, job.spec.data)
+    return tuple(evaluate([_contender(row, job)], held_out, range(len(held_out))))
+
+
+def _contender(row: TableRow, job: Job) -> Contender:
+    if row.spec is None:
+        return next(one for one in trivial() if one.name == row.name)
+    return contender(row.name, load_trained(job.out / LAST, job.device))

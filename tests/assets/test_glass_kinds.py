@@ -1,0 +1,52 @@
+"""What is glass follows from all texels, and planning and rendering agree about it."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from dataset_builder.assets.asset import Material, Texture
+from dataset_builder.assets.glass_kinds import disperses, is_pane, is_solid, metallic_range, roughness_range
+from dataset_builder.planning.effects.features import _CALLS
+from dataset_builder.rendering.surface.texels import needs
+
+
+def textured(**maps: list[float]) -> Texture:
+    made = {name: np.array([values], dtype=np.float32) for name, values in maps.items()}
+    return Texture(base_color=np.ones((1, 2, 3), dtype=np.float32), **made)
+
+
+def material(metallic: float = 1.0, roughness: float = 1.0, **more: object) -> Material:
+    return Material(name="glass", base_color=(1, 1, 1), metallic=metallic, roughness=roughness,
+                    **more)  # type: ignore[arg-type]
+
+
+def test_ranges_are_over_the_texels() -> None:
+    made = material(0.5, 0.8, texture=textured(metallic=[0.25, 1.0], roughness=[0.5, 0.1]))
+    assert metallic_range(made) == pytest.approx((0.125, 0.5))
+    assert roughness_range(made) == pytest.approx((0.08, 0.4))
+    assert metallic_range(material(0.5)) == (0.5, 0.5) and roughness_range(material(roughness=0.3)) == (0.3, 0.3)
+
+
+def test_what_is_not_a_number_counts_as_one() -> None:
+    made = material(texture=textured(metallic=[np.nan, np.nan], roughness=[0.5, np.nan]))
+    assert metallic_range(made) == (1, 1) and roughness_range(made) == (0.5, 1)
+
+
+def test_the_least_metallic_texel_decides() -> None:
+    for texels, glass in (([1.0, 1.0], False), ([1.0, 0.5], True), ([0.0, 0.0], True)):
+        made = material(transmission=1.0, abbe=30.0, texture=textured(metallic=texels))
+        assert (is_solid(made), is_pane(made), disperses(made)) == (glass, False, glass)
+    assert not is_solid(material(transmission=1.0)) and not is_solid(material(metallic=0.0))
+    assert is_pane(material(0.5, transmission=1.0, thin=True))
+
+
+def test_planning_and_rendering_agree_on_all_that_a_material_calls_for() -> None:
+    """Everything that rendering needs is planned."""
+    textures = (None, textured(), *(textured(metallic=texels) for texels in ([1.0, 1.0], [1.0, 0.2])))
+    for metallic, transmission, thin, abbe, texture in itertools.product((0.0, 1.0), (0.0, 1.0), (False, True),
+                                                                         (0.0, 30.0), textures):
+        made = material(metallic, transmission=transmission, thin=thin, abbe=abbe, texture=texture)
+        planned = {feature for feature, (calls, _) in _CALLS.items() if calls(made)}
+        assert needs([made]) <= planned
+        assert {"glass", "thin", "dispersion"} & needs([made]) == {"glass", "thin", "dispersion"} & planned

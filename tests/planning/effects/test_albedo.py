@@ -1,0 +1,75 @@
+"""Bounds on what a material scatters, against the renderer's own table and numbers worked out by hand."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dataset_builder.assets.asset import Material, Texture
+from dataset_builder.planning.effects.albedo import glass_share, mean_schlick, scattered_share
+from dataset_builder.rendering.surface.reflectance import COSINES, split_sum_table
+
+SHARES = st.floats(0, 1)
+COSINE = np.linspace(0, 1, COSINES)
+TABLE = np.trapezoid(split_sum_table() * (2 * COSINE)[:, None], COSINE, axis=1)
+"""(roughnesses, 2) both parts of the split sum, for light from everywhere."""
+MEAN = 1 / 21
+
+
+def material(**more: object) -> Material:
+    return Material(**{"name": "m", "base_color": (0.5, 0.2, 0.1), "specular": 0.0} | more)  # type: ignore[arg-type]
+
+
+def textured(texels: np.ndarray, **maps: np.ndarray) -> Texture:
+    return Texture(base_color=texels.astype(np.float32), **maps)
+
+
+@given(f0=st.tuples(SHARES, SHARES, SHARES))
+def test_no_roughness_reflects_more_than_the_bound(f0: tuple[float, float, float]) -> None:
+    f90 = min(50 * max(f0), 1)
+    for channel, bound in zip(f0, mean_schlick(np.array(f0)), strict=True):
+        assert (TABLE @ (channel, f90)).max() <= bound + 1e-3
+
+
+def test_a_matte_surface_scatters_its_brightest_texel() -> None:
+    texels = np.array([[[0.2, 0.4, 0.1], [0.3, 0.1, 0.1]]])
+    assert scattered_share(material()) == pytest.approx(0.5)
+    assert scattered_share(material(base_color=(1, 1, 1), texture=textured(texels))) == pytest.approx(0.4)
+    assert scattered_share(material(base_color=(0.5, 1, 1), texture=textured(texels))) == pytest.approx(0.4)
+
+
+def test_texels_that_are_no_colours_count_as_white() -> None:
+    texels = np.array([[[np.nan, 0.1, 0.1], [0.2, 1e8, -3.0]]])
+    assert scattered_share(material(base_color=(0.7, 0.8, 0.6), texture=textured(texels))) == pytest.approx(0.8)
+
+
+def test_layers_pass_on_what_they_do_not_reflect() -> None:
+    gloss = 0.04 + 0.96 * MEAN
+    assert scattered_share(material(specular=0.04)) == pytest.approx(gloss + 0.5 * (1 - gloss))
+    assert scattered_share(material(coat=1.0)) == pytest.approx(gloss + 0.5 * (1 - gloss))
+    assert scattered_share(material(sheen=(0.2, 0.0, 0.0))) == pytest.approx(0.2 + 0.5 * 0.8)
+    assert scattered_share(material(metallic=1.0)) == pytest.approx(0.5 + 0.5 * MEAN)
+
+
+def test_metallic_texels_count_where_they_scatter_most() -> None:
+    mixed = textured(np.ones((1, 2, 3)), metallic=np.array([[0.0, 1.0]], dtype=np.float32))
+    both = scattered_share(material(metallic=1.0, texture=mixed, specular=0.0))
+    assert both == max(scattered_share(material(metallic=m, specular=0.0)) for m in (0.0, 1.0))
+
+
+def test_glass_scatters_what_its_faces_reflect() -> None:
+    """0.0918: D. Judd, "Fresnel Reflection of Diffusely Incident Light" (1942), for n = 1.5."""
+    assert glass_share(1.5, thin=False) == pytest.approx(0.0918, abs=5e-4)
+    assert glass_share(1.5, thin=False) < glass_share(1.5, thin=True) < 2 * glass_share(1.5, thin=False)
+    assert glass_share(1.0, thin=True) == pytest.approx(0, abs=1e-12)
+    clear = material(base_color=(1, 1, 1), transmission=1.0)
+    assert scattered_share(clear) == pytest.approx(glass_share(1.5, thin=False))
+    half = material(base_color=(1, 1, 1), transmission=0.5)
+    assert scattered_share(half) == pytest.approx((1 + glass_share(1.5, thin=False)) / 2)
+
+
+@given(base=st.tuples(SHARES, SHARES, SHARES), metallic=SHARES, specular=st.floats(0, 0.16), transmission=SHARES,
+       coat=SHARES, sheen=st.tuples(SHARES, SHARES, SHARES), thin=st.booleans(), ior=st.floats(1, 3))
+def test_no_material_scatters_more_than_all(**figures: object) -> None:
+    figures["base_color"] = figures.pop("base")
+    assert 0 <= scattered_share(material(**figures)) <= 1

@@ -1,0 +1,328 @@
+"""What is decided to be simulated: the figures behind it, and that nothing a scene calls for is lost."""
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+import pytest
+
+from dataset_builder.assets.asset import Material, Texture
+from dataset_builder.errors import PlanError
+from dataset_builder.planning.effects.decisions import PASSES, plan_effects
+from dataset_builder.planning.effects.features import scene_features
+from dataset_builder.planning.effects.materials_used import MaterialUse, SceneUse
+from dataset_builder.planning.example_plan import (
+    EffectsPlan,
+    Feature,
+    FogPlan,
+    IlluminationPlan,
+    LightPlan,
+    MaterialChange,
+    ObjectPlan,
+    Param,
+    PlacedObject,
+    RoomPlan,
+)
+from dataset_builder.planning.plan import Planner, first_plan
+from dataset_builder.planning.precheck import probe
+from dataset_builder.spec.load import load_dataset
+from dataset_builder.spec.loaded import LoadedSpec
+from dataset_builder.spec.render import RenderSpec
+from tests import plans
+
+SPECS = Path(__file__).parents[3] / "scene_specs"
+MATTE = {"specular": 0.0, "base_color.0": 0.5, "base_color.1": 0.5, "base_color.2": 0.5}
+GLASS = {"transmission": 1.0, "roughness": 0.0, "specular": 0.04}
+PAPER = (("i_s", "frame"), ("d", "object"), ("r", "object"), ("i_t", "object"), ("s_prime", "object"),
+         ("mask", "object"))
+
+
+def lamp(kind: str, radiance: float = 1.0) -> LightPlan:
+    return plans.light_plan(kind, (radiance,) * 3)
+
+
+def placed(number: int, **values: float) -> PlacedObject:
+    change = MaterialChange(name="*", values=tuple(Param(name=key, value=value) for key, value in values.items()))
+    plan = ObjectPlan(name=f"box-{number}", kind="procedural", source="chair", source_sha256="", category="chair",
+                      licence="CC0-1.0", seed="0", params=(), materials=(change,), scale=1.0, up="z")
+    return PlacedObject(object=plan, instance=number, position=(0, 0, 0), yaw=0)
+
+
+@pytest.fixture
+def decide(monkeypatch: pytest.MonkeyPatch, room_of: Callable[..., RoomPlan]) -> Callable[..., EffectsPlan]:
+    """Effects of a grey box, changed by figures, in a closed room; everything else on demand."""
+
+    def make(target: dict[str, float] | None = None, others: tuple[dict[str, float], ...] = (), *,
+             room: dict[str, Any] | None = None, lights: tuple[LightPlan, ...] = (lamp("area"),), fog: float = 0.0,
+             layers: tuple[tuple[str, str], ...] = PAPER, opened: tuple[str, ...] = ("ceiling", "walls"),
+             **spec: Any) -> EffectsPlan:
+        render = plans.example_plan(layers=layers).render
+        furniture = tuple(placed(3 + k, **figures) for k, figures in enumerate(others))
+        return plan_effects(
+            spec=RenderSpec.model_validate(spec), room=room_of().model_copy(update=room or {}),
+            target=placed(1, **(target or MATTE)), furniture=furniture,
+            source_light=IlluminationPlan(lights=(lamp("dome"),), open=opened),
+            target_light=IlluminationPlan(lights=lights, open=()), fog=FogPlan(extinction=fog, albedo=0.9),
+            render=render, mesh_root=Path())
+
+    return make
+
+
+def choices(effects: EffectsPlan, effect: str) -> list[str]:
+    return [decision.choice for decision in effects.decisions if decision.effect == effect]
+
+
+def reason(effects: EffectsPlan, effect: str) -> str:
+    return " ".join(decision.reason for decision in effects.decisions if decision.effect == effect)
+
+
+Decide = Callable[..., EffectsPlan]
+
+
+@pytest.mark.parametrize("how", [{}, {"effects": "all"}, {"max_depth": 7}, {"fog": 0.1}])
+def test_every_decision_has_a_reason_and_every_pass_an_entry(decide: Decide, how: dict[str, Any]) -> None:
+    effects = decide(GLASS, (MATTE,), **how)
+    assert all(decision.effect and decision.choice and decision.reason for decision in effects.decisions)
+    assert tuple(entry.name for entry in effects.passes) == PASSES
+
+
+@pytest.mark.parametrize(("figures", "expected"), [
+    ({}, ()),
+    ({"specular": 0.04}, ("specular",)),
+    ({"metallic": 1.0}, ("specular",)),
+    ({"coat": 0.5}, ("specular", "coat")),
+    ({"sheen.0": 0.0, "sheen.1": 0.2, "sheen.2": 0.0}, ("sheen",)),
+    ({"transmission": 0.01}, ("specular", "glass")),
+    ({"transmission": 1.0, "thin": 1.0}, ("specular", "thin")),
+    ({"transmission": 1.0, "abbe": 40.0}, ("specular", "glass", "dispersion")),
+    ({"transmission": 1.0, "abbe": 40.0, "thin": 1.0}, ("specular", "thin")),
+    ({"abbe": 40.0}, ()),
+    ({"transmission": 1.0, "metallic": 1.0}, ("specular",)),
+])
+def test_features_follow_the_materials(decide: Decide, figures: dict[str, float], expected: tuple[str, ...]) -> None:
+    """The room is of grey boxes with some gloss, so that `specular` is on in any case."""
+    everywhere = {*expected, "specular"}
+    for effects in (decide(MATTE | figures), decide(MATTE, (MATTE, MATTE | figures))):
+        assert set(effects.features) == everywhere
+        assert effects.features == tuple(name for name in get_args(Feature) if name in everywhere)
+        for feature in ("coat", "sheen", "glass", "thin", "dispersion", "fog"):
+            assert choices(effects, feature) == ["on" if feature in everywhere else "off"]
+
+
+def test_reasons_name_what_calls_for_an_effect(decide: Decide) -> None:
+    effects = decide(MATTE, (GLASS | {"abbe": 35.0},))
+    assert "grey of box-3" in reason(effects, "glass") and "35" in reason(effects, "dispersion")
+    assert "none of the" in reason(effects, "coat")
+
+
+def test_fog_is_a_feature_with_its_figures(decide: Decide) -> None:
+    assert "fog" not in decide().features
+    effects = decide(fog=0.2)
+    assert "fog" in effects.features and "0.2 per metre" in reason(effects, "fog")
+    assert effects.of("target").max_depth > decide().of("target").max_depth
+
+
+def test_materials_that_no_face_shows_call_for_nothing(decide: Decide, monkeypatch: pytest.MonkeyPatch) -> None:
+    from dataclasses import replace
+
+    from dataset_builder.assets.asset import Material
+    from dataset_builder.planning.scene import assets_of_plan
+
+    make = assets_of_plan.make_furniture
+    unused = Material(name="unused", base_color=(1, 1, 1), transmission=1.0)
+
+    def with_unused(**what: Any) -> Any:
+        asset = make(**what)
+        return replace(asset, materials=(*asset.materials, unused))
+
+    monkeypatch.setattr(assets_of_plan, "make_furniture", with_unused)
+    assert "glass" not in decide({"specular": 0.0}).features
+
+
+def test_the_dome_is_dropped_where_it_finds_no_way_in(decide: Decide) -> None:
+    lights = (lamp("dome"), lamp("area"), lamp("point", 0.0))
+    closed = decide(lights=lights)
+    assert closed.of("target").lights == closed.of("rough").lights == (1,)
+    assert closed.of("source").lights == (0,)
+    assert "no way into a room" in reason(closed, "lights of target")
+    assert decide(lights=lights, room={"windows": 1}).of("target").lights == (0, 1)
+    assert decide(lights=lights, room={"ceiling": False}).of("target").lights == (0, 1)
+
+
+@pytest.mark.parametrize("how", [{}, {"effects": "all"}])
+def test_a_pass_that_runs_in_the_dark_is_refused(decide: Decide, how: dict[str, Any]) -> None:
+    with pytest.raises(PlanError, match=r"source: expected a light .* in the pass source, got none: dome left out: "
+                       r"finds no way into a room with a ceiling and without windows \(take parts of the room away"):
+        decide(opened=(), **how)
+    with pytest.raises(PlanError) as caught:
+        decide(opened=(), lights=(lamp("dome"), lamp("area", 0.0)), **how)
+    assert [problem.path for problem in caught.value.problems] == ["source", "target", "target"]
+    assert decide(opened=(), layers=(("i_t", "object"), ("mask", "object")), **how).of("target").lights == (0,)
+    assert decide(opened=(), room={"windows": 1}, **how).of("source").lights == (0,)
+
+
+def test_a_source_that_finds_no_way_in_is_told_before_anything_is_rendered(load: Callable[..., LoadedSpec],
+                                                                         dataset_data: dict[str, Any]) -> None:
+    dataset_data["source"] = {"open": []}
+    with pytest.raises(PlanError, match=r"train/000000.*source: expected a light"):
+        probe(Planner(load(dataset_data, room={"width": 6, "depth": 5, "height": 2.8, "windows": 0})))
+
+
+def test_passes_that_no_layer_needs_do_not_run(decide: Decide) -> None:
+    effects = decide(layers=(("i_t", "object"), ("mask", "frame")))
+    assert choices(effects, "pass source") == choices(effects, "pass rough") == ["not run"]
+    assert "no layer of it is asked for" in reason(effects, "pass source")
+    assert choices(effects, "pass target") == ["object"]
+    assert choices(effects, "path depth of source") == []
+    assert choices(decide(layers=(("s_prime", "object"),)), "pass first_hit_rough") == ["object"]
+
+
+def test_pixels_are_those_that_a_layer_asks_for(decide: Decide) -> None:
+    effects = decide()
+    assert [effects.of(name).extent for name in PASSES] == ["object", "frame", "object", "object", "object"]
+    assert reason(effects, "pass source").endswith("i_s")
+    assert choices(effects, "light-free layers") == ["3 of 6"]
+
+
+def test_depth_counts_only_what_stands_in_a_pass(decide: Decide) -> None:
+    """The room scatters half, the target a tenth: without walls and ceiling only the floor is left of it."""
+    dark = {"base_color.0": 0.1, "base_color.1": 0.1, "base_color.2": 0.1, "specular": 0.0}
+    bright = {f"base_color.{k}": 0.9 for k in range(3)} | {"specular": 0.0}
+    effects, asked = decide(dark, (dark,), bias=0.01), decide(dark, (bright,), bias=0.01)
+    assert asked.of("source").max_depth > effects.of("source").max_depth == effects.of("target").max_depth
+    assert 0.9 ** (asked.of("target").max_depth - 1) <= 0.01 < 0.9 ** (asked.of("target").max_depth - 2)
+    assert "grey of box-3" in reason(asked, "path depth of target")
+    assert [decide(max_depth=9).of(name).max_depth for name in PASSES] == [1, 9, 9, 1, 9]
+
+
+def test_all_simulates_everything_everywhere(decide: Decide) -> None:
+    effects = decide(effects="all", lights=(lamp("dome"), lamp("area"), lamp("point", 0.0)), max_depth=4)
+    assert effects.features == get_args(Feature)
+    assert {entry.extent for entry in effects.passes} == {"frame"}
+    assert {entry.max_depth for entry in effects.passes} == {64}
+    assert {entry.max_depth for entry in decide(effects="all", max_depth=100).passes} == {100}
+    assert effects.of("rough").lights == (0, 1, 2) and effects.of("source").lights == (0,)
+    assert {decision.reason for decision in effects.decisions} == {"everything on, as asked"}
+
+
+@pytest.mark.parametrize(("figures", "kinds", "expected"), [
+    (MATTE, ("point",), ["none"]),
+    (GLASS, ("area",), ["simulated"]),
+    (GLASS, ("point",), ["simulated", "not simulated"]),
+    (GLASS | {"roughness": 0.3}, ("spot",), ["simulated", "noisy"]),
+    (GLASS | {"thin": 1.0}, ("point",), ["none"]),
+    ({"metallic": 1.0, "roughness": 0.05}, ("point",), ["simulated", "noisy"]),
+    ({"metallic": 1.0, "roughness": 0.6}, ("point",), ["none"]),
+])
+def test_caustics_are_told(decide: Decide, figures: dict[str, float], kinds: tuple[str, ...],
+                           expected: list[str]) -> None:
+    """The source's dome is always met."""
+    effects = decide(figures, lights=tuple(lamp(kind) for kind in kinds))
+    assert choices(effects, "caustics") == expected
+    if "not simulated" in expected:
+        assert "point light" in reason(effects, "caustics") and "grey of box-1" in reason(effects, "caustics")
+
+
+def test_glass_that_is_smooth_in_one_texel_and_rough_in_another_loses_caustics_and_has_noisy_ones() -> None:
+    texels = Texture(base_color=np.ones((1, 2, 3), np.float32), roughness=np.array([[0, 1]], np.float32))
+    glass = Material(name="ice", base_color=(1, 1, 1), transmission=1.0, texture=texels)
+    metal = Material(name="foil", base_color=(1, 1, 1), metallic=1.0, texture=texels)
+    uses = tuple(MaterialUse(owner="vase", part="furniture", material=each, scattered=0.5, smoothest=0, roughest=1)
+                 for each in (glass, metal))
+    use = SceneUse(materials=uses, smooth=(), flat=(), left_out=())
+    told = {decision.choice: decision.reason for decision in scene_features(use, FogPlan(), (lamp("point"),), 64)[1]
+            if decision.effect == "caustics"}
+    assert told.keys() == {"noisy", "not simulated"}
+    assert "ice of vase, foil of vase" in told["noisy"] and told["not simulated"].endswith("ice of vase")
+
+
+def test_what_belongs_to_the_view_does_not_follow_the_target_light(decide: Decide) -> None:
+    one, other = decide(GLASS, lights=(lamp("point"),)), decide(GLASS, lights=(lamp("area"), lamp("dome")))
+    assert one.features == other.features
+    for name in ("first_hit", "source", "first_hit_rough"):
+        assert one.of(name) == other.of(name)
+
+
+# Specs
+
+@pytest.fixture
+def real(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The embedded furniture and rooms instead of boxes."""
+    from dataset_builder.assets.procedural.furniture import make_furniture
+    from dataset_builder.assets.procedural.rooms import make_room
+    from dataset_builder.planning.scene import assets_of_plan
+
+    monkeypatch.setattr(assets_of_plan, "make_furniture", make_furniture)
+    monkeypatch.setattr(assets_of_plan, "make_room", make_room)
+
+
+@pytest.mark.usefixtures("real")
+def test_the_shipped_dataset_of_effects_has_them_all() -> None:
+    planner = Planner(load_dataset(SPECS / "3df-lighting-effects.yaml"))
+    made = [planner.example(ref) for ref in planner.examples]
+    assert {feature for plan in made for feature in plan.effects.features} == set(get_args(Feature))
+    for plan in made:
+        glazed = plan.room.glazing and plan.room.windows > 0
+        assert ("thin" in plan.effects.features) == glazed
+        things = (plan.target, *plan.furniture)
+        transmits = any(param.name == "transmission" for thing in things for change in thing.object.materials
+                        for param in change.values)
+        vases = any(thing.object.source == "vase" and Param(name="finish", value=1) in thing.object.params
+                    for thing in things)
+        assert ("glass" in plan.effects.features) == (transmits or vases)
+        assert ("dispersion" in plan.effects.features) == vases
+        assert ("fog" in plan.effects.features) == (plan.fog.extinction > 0)
+
+
+@pytest.mark.usefixtures("real")
+def test_the_mini_dataset_has_no_use_for_glass() -> None:
+    plan = first_plan(Planner(load_dataset(SPECS / "3df-lighting-mini.yaml")))
+    assert plan is not None and plan.effects.features == ("textures", "specular")
+    assert choices(plan.effects, "normals") == ["smooth"]
+
+
+@pytest.mark.usefixtures("real")
+def test_panes_move_no_camera_and_no_light(load: Callable[..., LoadedSpec]) -> None:
+    room = {"width": 6, "depth": 5, "height": 2.8, "windows": 3}
+    planned = [Planner(load(room=room | {"glazing": glazing})) for glazing in (False, True)]
+    for index in (0, 3):
+        bare, glazed = (planner.example(planner.examples[index]) for planner in planned)
+        assert "thin" in glazed.effects.features and "thin" not in bare.effects.features
+        for name in ("camera", "target", "furniture", "source_light", "target_light", "notes"):
+            assert getattr(bare, name) == getattr(glazed, name)
+
+
+def test_fog_is_drawn_with_the_scene(load: Callable[..., LoadedSpec], scene_data: dict[str, Any]) -> None:
+    scene_data["fog"] = {"extinction": {"uniform": [0.1, 0.2]}, "anisotropy": 0.3}
+    planner, clear = Planner(load(scene=scene_data)), Planner(load())
+    first, other, plain = (each.example(each.examples[index]) for each, index in ((planner, 0), (planner, 1),
+                                                                                 (clear, 0)))
+    assert 0.1 <= first.fog.extinction <= 0.2 and (first.fog.albedo, first.fog.anisotropy) == (0.9, 0.3)
+    assert first.view == other.view and first.fog == other.fog
+    assert plain.fog == FogPlan() and plain.camera == first.camera and plain.target_light == first.target_light
+
+
+def test_the_first_plan_passes_over_what_cannot_be_planned(load: Callable[..., LoadedSpec],
+                                                           monkeypatch: pytest.MonkeyPatch) -> None:
+    planner = Planner(load())
+    whole = planner.example
+
+    def example(ref: Any) -> Any:
+        if ref.index < 2:
+            raise PlanError("not this one")
+        return whole(ref)
+
+    monkeypatch.setattr(planner, "example", example)
+    assert first_plan(planner).index == 2  # type: ignore[union-attr]
+    assert first_plan(planner, most=2) is None
+
+
+def test_planning_does_without_the_renderer() -> None:
+    code = ("import sys\nfrom dataset_builder.planning.plan import plan_example\n"
+            "from dataset_builder.spec.load import load_dataset\n"
+            f"plan = plan_example(load_dataset({str(SPECS / '3df-lighting-effects.yaml')!r}), 0)\n"
+            "assert plan.effects.decisions\nprint('mitsuba' in sys.modules or 'drjit' in sys.modules)")
+    assert subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout == "False\n"

@@ -1,0 +1,95 @@
+"""The geometric bound on paths: it holds, no shorter path keeps it, and what is cut is said."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dataset_builder.assets.asset import Material, Texture
+from dataset_builder.assets.glass_kinds import roughness_range
+from dataset_builder.planning.effects.materials_used import MaterialUse
+from dataset_builder.planning.effects.path_depth import (
+    LEAST,
+    MOST,
+    PANE_CROSSINGS,
+    SOLID_CROSSINGS,
+    crossings,
+    needed_depth,
+    path_depth,
+    with_fog,
+)
+from dataset_builder.planning.example_plan import FogPlan
+
+SHARES, BIASES = st.floats(0, 1), st.floats(1e-6, 0.5)
+CLEAR = FogPlan()
+
+
+def use(scattered: float, **more: object) -> MaterialUse:
+    surface = Material(name="grey", base_color=(scattered,) * 3, **more)  # type: ignore[arg-type]
+    return MaterialUse(owner="chair", part="furniture", material=surface, scattered=scattered,
+                       smoothest=roughness_range(surface)[0], roughest=roughness_range(surface)[1])
+
+
+@given(share=SHARES, bias=BIASES)
+def test_the_bound_holds_and_no_shorter_path_keeps_it(share: float, bias: float) -> None:
+    depth = needed_depth(share, bias)
+    if depth <= MOST:
+        assert share ** (depth - 1) <= bias
+    else:
+        assert share ** (MOST - 1) > bias
+    assert depth == 2 or share ** (min(depth, MOST + 1) - 2) > bias
+
+
+@given(share=SHARES, bias=BIASES)
+def test_planned_depths_keep_the_bias_or_say_that_they_are_cut(share: float, bias: float) -> None:
+    found = path_depth("auto", bias, [use(0.0), use(share)], CLEAR, 5.0)
+    assert LEAST <= found.depth <= MOST
+    assert found.left_out == pytest.approx(share ** (found.depth - 1))
+    assert (found.left_out <= bias) or "cut at 64" in found.reason
+
+
+def test_worked_by_hand() -> None:
+    """0.5^4 = 0.0625, 0.5^5 = 0.03125."""
+    assert path_depth("auto", 0.05, [use(0.5)], CLEAR, 5.0).depth == 6
+    assert path_depth("auto", 0.05, [use(0.01)], CLEAR, 5.0).depth == LEAST
+    assert path_depth("auto", 0.05, [use(1.0)], CLEAR, 5.0).depth == MOST
+
+
+@pytest.mark.parametrize(("glass", "extra"), [
+    ({"transmission": 1.0, "roughness": 0.0}, SOLID_CROSSINGS),
+    ({"transmission": 0.1, "roughness": 0.5}, SOLID_CROSSINGS),
+    ({"transmission": 1.0, "roughness": 0.0, "thin": True}, 0),
+    ({"transmission": 1.0, "roughness": 0.5, "thin": True}, PANE_CROSSINGS),
+    ({"transmission": 1.0, "roughness": 0.0, "metallic": 1.0}, 0)])
+def test_glass_adds_the_edges_that_lead_through_it(glass: dict[str, float], extra: int) -> None:
+    plain = path_depth("auto", 0.01, [use(0.6)], CLEAR, 5.0)
+    found = path_depth("auto", 0.01, [use(0.6), use(0.1, **glass)], CLEAR, 5.0)
+    assert found.depth == plain.depth + extra and found.left_out == plain.left_out
+    assert ("through glass" in found.reason) == bool(extra)
+
+
+def test_textured_glass_counts_where_a_texel_of_it_is_metal_no_more_or_rough() -> None:
+    white = np.ones((1, 2, 3), dtype=np.float32)
+    texels = np.array([[0.0, 1.0]], dtype=np.float32)
+    pane = use(0.1, transmission=1.0, thin=True, texture=Texture(base_color=white, roughness=texels))
+    part = use(0.1, transmission=1.0, metallic=1.0, texture=Texture(base_color=white, metallic=texels))
+    assert crossings([pane]) == PANE_CROSSINGS and crossings([part]) == SOLID_CROSSINGS
+    whole = Texture(base_color=white, metallic=np.ones_like(texels))
+    assert crossings([use(0.1, transmission=1.0, metallic=1.0, texture=whole)]) == 0
+
+
+def test_what_is_asked_for_is_taken_with_the_bound_that_it_keeps() -> None:
+    found = path_depth(5, 0.01, [use(0.5)], CLEAR, 5.0)
+    assert found.depth == 5 and found.left_out == pytest.approx(0.5**4)
+    assert "asked for" in found.reason and "0.062" in found.reason
+    through = path_depth(5, 0.01, [use(0.5), use(0.1, transmission=1.0, roughness=0.0)], CLEAR, 5.0)
+    assert through.depth == 5 and through.left_out == 1
+
+
+@given(share=SHARES, albedo=SHARES, extinction=st.floats(0, 100), diagonal=st.floats(0.1, 50))
+def test_fog_counts_as_often_as_it_may_be_met(share: float, albedo: float, extinction: float, diagonal: float) -> None:
+    fog = FogPlan(extinction=extinction, albedo=albedo)
+    met = 1 - np.exp(-extinction * diagonal)
+    ways = np.linspace(0, met, 20)
+    assert with_fog(share, fog, diagonal) >= (ways * albedo + (1 - ways) * share).max() - 1e-12
+    assert with_fog(share, CLEAR, diagonal) == share

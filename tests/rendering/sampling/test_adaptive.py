@@ -1,0 +1,152 @@
+"""Sampling in rounds: unbiased although it adapts, honest about its error, and it stops when it says it does."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from dataset_builder.rendering.sampling import adaptive
+from dataset_builder.rendering.sampling.adaptive import Goal, Refined, refine
+from dataset_builder.rendering.sampling.moments import Estimate, of_batches
+from dataset_builder.rendering.sampling.neighbours import moderated
+
+WIDTH, BATCHES, FIRST = 16, 4, 16
+PIXELS = np.arange(WIDTH * WIDTH)
+TRUTH = 1.0
+NOISE = np.where(PIXELS % WIDTH < WIDTH // 2, 0.2, 4.0)
+"""Skewness parameter: the right half of the picture is dark with rare bright samples."""
+
+
+def skewed(pixels: np.ndarray, spp: int, batches: int, seed: int) -> Estimate:
+    """Gamma variables of mean 1 whose variance is NOISE: many small values and few large ones, like fireflies."""
+    rng = np.random.default_rng(seed)
+    shape = 1 / NOISE[pixels]
+    sums = rng.gamma(shape[:, None] * spp / batches, 1 / shape[:, None], (len(pixels), batches))
+    return of_batches((sums / (spp / batches))[..., None], spp)
+
+
+def goal(error: float = 0.05, seconds: float = 0.0, cap: int = 100_000, inside=None) -> Goal:
+    inside = np.ones(len(PIXELS), dtype=bool) if inside is None else inside
+    return Goal(layer="i_t", channels=slice(0, 1), inside=inside, error=error, seconds=seconds, cap=cap)
+
+
+def run(*goals: Goal, seed: int = 1, **options) -> Refined:
+    return refine(skewed, PIXELS, WIDTH, first=FIRST, batches=BATCHES, goals=goals, seed=seed, **options)
+
+
+def test_without_goals_spp_is_fixed():
+    done = run()
+    assert (done.found.spp == FIRST).all() and done.rounds == 1 and not done.stopped
+
+
+def test_adaptive_means_are_unbiased():
+    """Over 150 runs the mean of every half of the picture is the truth: |z| < 4.4, one false alarm in 50,000."""
+    runs = [run(goal(0.15), seed=seed).found.mean[:, 0] for seed in range(150)]
+    for half in (PIXELS % WIDTH < WIDTH // 2, PIXELS % WIDTH >= WIDTH // 2):
+        means = np.array([found[half].mean() for found in runs])
+        z = (means.mean() - TRUTH) / (means.std(ddof=1) / np.sqrt(len(means)))
+        assert abs(z) < 4.4
+
+
+def fireflies(pixels: np.ndarray, spp: int, batches: int, seed: int) -> Estimate:
+    """Mean 1: mostly 0.8, and once in a hundred samples 20 more."""
+    hits = np.random.default_rng(seed).binomial(spp // batches, 1e-2, (len(pixels), batches))
+    return of_batches((0.8 + 20 * hits / (spp // batches))[..., None], spp)
+
+
+def deviation_of_fireflies(error: float, runs: int = 60) -> float:
+    """Mean over the picture in many runs that stop by themselves, less the truth, in standard errors."""
+    means = np.array([refine(fireflies, PIXELS, WIDTH, first=FIRST, batches=BATCHES, goals=[goal(error)],
+                             seed=seed).found.mean.mean() for seed in range(runs)])
+    return float((means.mean() - TRUTH) / (means.std(ddof=1) / np.sqrt(runs)))
+
+
+@pytest.mark.parametrize("error", [0.15, 0.1])
+def test_rare_bright_paths_are_not_lost(error):
+    """Pixels that no bright path has met are neither left alone nor taken for finished: |z| < 4.4."""
+    assert abs(deviation_of_fireflies(error)) < 4.4
+
+
+def test_the_test_of_bias_can_fail(monkeypatch):
+    """Halves that go by what they found themselves are wrong, and the same test notices."""
+    extra = adaptive._extra
+    monkeypatch.setattr(adaptive, "_extra", lambda goal, own, other, smallest: extra(
+        goal, own, moderated(own, PIXELS, WIDTH), smallest))
+    assert abs(deviation_of_fireflies(0.1)) > 2 * 4.4
+
+
+def test_most_pixels_reach_the_error_asked_for():
+    asked = 0.05
+    runs = [run(goal(asked), seed=seed) for seed in range(40)]
+    assert all(done.stopped == {"i_t": "error"} for done in runs)
+    errors = np.sqrt(np.mean([(done.found.mean[:, 0] - TRUTH) ** 2 for done in runs], axis=0))
+    # Each is a root mean square of 40: the chi distribution's 99.9% point is 36% above its mean
+    assert np.mean(errors < 1.36 * asked) > 0.94
+    spp = np.mean([done.found.spp for done in runs], axis=0)
+    assert spp[NOISE > 1].mean() > 4 * spp[NOISE < 1].mean()
+
+
+def test_adaptive_intervals_cover():
+    """Pixels of many runs: 95% intervals hold the truth as often as for normal variables, but for the skewness."""
+    covered = []
+    for seed in range(20):
+        found = run(goal(0.05), seed=seed).found
+        covered.append(np.abs(found.mean - TRUTH)[:, 0] <= found.interval()[:, 0])
+    assert 0.93 < np.mean(covered) < 0.97
+
+
+def test_the_cap_holds_and_is_said():
+    done = run(goal(0.001, cap=300))
+    assert done.stopped == {"i_t": "cap"} and done.found.spp.max() <= 300 and done.found.spp.min() > 200
+
+
+def test_time_ends_it_and_is_said():
+    ticks = iter(range(1000))
+    done = run(goal(1e-6, seconds=3.0), clock=lambda: float(next(ticks)))
+    assert done.stopped == {"i_t": "time"} and done.rounds <= 4
+
+
+def test_time_that_runs_out_within_a_round_ends_it():
+    ticks = iter(range(0, 1000, 2))
+    done = run(goal(1e-6, seconds=3.0), clock=lambda: float(next(ticks)))
+    assert done.stopped == {"i_t": "time"} and (done.found.spp == FIRST).all()
+
+
+def test_a_time_budget_alone_is_spent():
+    ticks = iter(range(1000))
+    done = run(goal(0.0, seconds=3.0), clock=lambda: float(next(ticks)))
+    assert done.stopped == {"i_t": "time"} and done.found.spp.min() > FIRST
+
+
+def test_pixels_that_do_not_count_get_the_first_round_only():
+    inside = PIXELS % WIDTH < 4
+    done = run(goal(0.01, inside=inside))
+    assert (done.found.spp[~inside] == FIRST).all() and (done.found.spp[inside] > FIRST).all()
+
+
+def test_two_goals_of_one_pass_both_hold():
+    loose, tight = goal(0.3), Goal(layer="s", channels=slice(0, 1), inside=PIXELS > 100, error=0.05, seconds=0,
+                                   cap=100_000)
+    done = run(loose, tight)
+    assert done.stopped == {"i_t": "error", "s": "error"}
+    assert done.found.spp[PIXELS > 100].mean() > 2 * done.found.spp[PIXELS <= 100].mean()
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_masks_of_a_pixel_or_two_end(count):
+    done = refine(skewed, PIXELS[:count], WIDTH, first=FIRST, batches=BATCHES, seed=5,
+                  goals=[goal(0.05, cap=4096, inside=np.ones(count, dtype=bool))])
+    assert done.stopped["i_t"] in ("error", "cap") and done.found.spp.max() <= 4096
+
+
+def test_a_layer_that_is_black_needs_no_more():
+    def black(pixels: np.ndarray, spp: int, batches: int, seed: int) -> Estimate:
+        return of_batches(np.zeros((len(pixels), batches, 1)), spp)
+
+    done = refine(black, PIXELS, WIDTH, first=FIRST, batches=BATCHES, goals=[goal(0.01)], seed=1)
+    assert done.stopped == {"i_t": "error"} and done.rounds == 1
+
+
+def test_repetitions_give_the_same_bits_and_seeds_do_not():
+    first, again, other = run(goal(), seed=9), run(goal(), seed=9), run(goal(), seed=10)
+    assert np.array_equal(first.found.mean, again.found.mean) and not np.array_equal(first.found.mean, other.found.mean)
+    assert stats.pearsonr(first.found.mean[:, 0], other.found.mean[:, 0]).statistic < 0.5

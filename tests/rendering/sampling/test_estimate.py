@@ -1,0 +1,73 @@
+"""Means and standard errors: honest on integrands whose answer is known."""
+
+import numpy as np
+from scipy import stats
+
+SIZE = 24
+
+
+def run(integrand, spp=64, batches=4, seed=1, pixels=None, size=SIZE):
+    from dataset_builder.rendering.sampling.estimate import estimate
+
+    pixels = np.arange(size * size) if pixels is None else pixels
+    return estimate(integrand, pixels, width=size, height=size, spp=spp, batches=batches, seed=seed)
+
+
+def noisy(samplers, position):
+    """Expectation 1/3 in every pixel, with variance that stratification cannot remove."""
+    import drjit as dr
+
+    return [dr.square(samplers.rest.next_1d())]
+
+
+def ramp(samplers, position):
+    """Film position: its mean over a pixel is the pixel's centre."""
+    return [position.x, position.y]
+
+
+def test_pixels_cover_their_area():
+    found = run(ramp, spp=256)
+    row, column = np.divmod(np.arange(SIZE * SIZE), SIZE)
+    assert np.allclose(found.mean, np.stack([column + 0.5, row + 0.5], axis=1) / SIZE, atol=2e-3 / SIZE)
+
+
+def test_pixel_lists_are_the_frame_where_asked():
+    pixels = np.array([3, 50, 51, 400])
+    found = run(ramp, pixels=pixels)
+    row, column = np.divmod(pixels, SIZE)
+    assert np.allclose(found.mean[:, 0] * SIZE, column + 0.5, atol=0.05)
+    assert np.allclose(found.mean[:, 1] * SIZE, row + 0.5, atol=0.05)
+
+
+def test_standard_errors_cover_the_truth():
+    found = run(noisy, spp=64, batches=16)
+    t = (found.mean[:, 0] - 1 / 3) / found.error[:, 0]
+    inside = np.abs(t) < stats.t.ppf(0.975, df=15)
+    # 95% of 576 pixels, give or take four binomial deviations.
+    assert abs(inside.mean() - 0.95) < 4 * np.sqrt(0.95 * 0.05 / inside.size)
+    total = (found.mean[:, 0].mean() - 1 / 3) / (np.sqrt(np.mean(found.error[:, 0] ** 2)) / SIZE)
+    assert abs(total) < 4
+
+
+def test_errors_do_not_count_what_stratification_removes():
+    found = run(ramp, spp=64, batches=16)
+    plain = 1 / SIZE / np.sqrt(12) / np.sqrt(64)
+    assert found.error.mean() < 0.5 * plain
+
+
+def test_spp_grows_to_a_grid_of_strata():
+    from dataset_builder.rendering.sampling.estimate import stratified
+
+    assert stratified(64, 4) == (1, 4, 16)
+    assert stratified(1, 4) == (1, 1, 1)
+    repetitions, batches, each = stratified(20, 4)
+    assert repetitions * batches * each >= 20
+
+
+def test_chunks_of_a_large_list_differ_and_repeat(monkeypatch):
+    from dataset_builder.rendering.sampling import estimate
+
+    monkeypatch.setattr(estimate, "LANES", 64 * 100)
+    first, second = run(noisy), run(noisy)
+    assert np.array_equal(first.mean, second.mean)
+    assert len(np.unique(first.mean)) > 0.95 * first.mean.size

@@ -1,0 +1,41 @@
+"""Projection against the camera that renders, and windows that hold what they must."""
+
+import numpy as np
+
+from dataset_builder.rendering.scene.window import covered_window, project
+from tests.small_scenes import ball, camera, matte, render_plan
+
+
+def test_projection_is_mitsubas():
+    import mitsuba as mi
+
+    from dataset_builder.rendering.scene.open_scene import sensor_of
+
+    plan, rng = camera((1.0, -3.0, 2.0), (0.2, 0.1, 0.3), 50.0), np.random.default_rng(2)
+    film = rng.uniform(0, 1, (20, 2))
+    ray, _ = sensor_of(plan, 64, 48).sample_ray(0, 0.5, mi.Point2f(film.T), mi.Point2f(0.5))
+    points = (np.array(ray.o) + 2.5 * np.array(ray.d)).T
+    column, row, distance = project(plan, points, 64, 48).T
+    assert np.allclose(column, 64 * film[:, 0], atol=1e-3)
+    assert np.allclose(row, 48 * film[:, 1], atol=1e-3)
+    assert np.all(distance > 0)
+
+
+def test_window_holds_every_covered_pixel_and_little_else():
+    from dataset_builder.rendering import passes
+    from dataset_builder.rendering.scene.open_scene import body_of, staged
+
+    size, soup = 40, ball(matte(), (0.3, 0.2, 0.1), 0.5)
+    view = passes.View(camera=camera(), render=render_plan(size))
+    frame = np.arange(size * size)
+    with staged(body_of(soup), None) as stage:
+        found = passes.first_hit(view, stage, frame, spp=16, seed=3)
+    covered = frame[found.mean[:, 0] > 0]
+    window = covered_window(view.camera, soup.corners.reshape(-1, 3), size, size)
+    assert len(covered) > 0 and set(covered) <= set(window)
+    assert len(window) < 2.5 * len(covered)
+
+
+def test_point_behind_the_camera_asks_for_the_whole_frame():
+    points = np.array([[0.0, 0, 0], [0, -9, 0]])
+    assert len(covered_window(camera(), points, 8, 6)) == 48

@@ -1,0 +1,100 @@
+"""Texels are averaged without moving light about, and what no surface can have is refused by name."""
+
+import numpy as np
+import pytest
+
+from dataset_builder.assets.asset import Material, Texture
+from dataset_builder.errors import PlanError
+from dataset_builder.rendering.surface.texels import CHANNELS, FACTORS, averaged, pack, pack_texture
+
+
+def textured(**maps) -> Material:
+    return Material(name="oak", base_color=(1, 1, 1), texture=Texture(**maps))
+
+
+def grey(*shape: int) -> np.ndarray:
+    return np.full((*shape, 3), 0.5, np.float32)
+
+
+def test_integer_ratios_average_blocks():
+    values = np.random.default_rng(1).random((12, 8, 3)).astype(np.float32)
+    blocks = values.reshape(4, 3, 4, 2, 3).mean(axis=(1, 3))
+    assert np.allclose(averaged(values, (4, 4)), blocks, atol=1e-6)
+
+
+def test_a_value_that_two_boxes_share_counts_in_both():
+    assert np.allclose(averaged(np.array([[3.0], [6.0], [9.0]]), (2, 1)), [[4.0], [8.0]])
+
+
+@pytest.mark.parametrize("size", ((1, 1), (5, 3), (7, 16), (16, 16)))
+def test_averaging_keeps_the_mean(size):
+    values = np.random.default_rng(2).random((16, 16)).astype(np.float32)
+    small = averaged(values, size)
+    assert small.shape == size and np.isclose(small.mean(), values.mean(), rtol=1e-5)
+
+
+def test_every_map_shrinks_and_normals_keep_their_mean_direction():
+    # Two tilts that mirror each other average to upright; one tilt stays what it is.
+    normal = np.zeros((4, 8, 3), np.float32)
+    normal[..., 2] = 0.8
+    normal[:2, ::2, 0], normal[:2, 1::2, 0], normal[2:, :, 1] = 0.6, -0.6, 0.6
+    roughness = np.tile(np.float32([0.2, 0.6]), (4, 4))
+    block = pack_texture(Texture(base_color=grey(4, 8), roughness=roughness, metallic=1 - roughness, normal=normal), 4)
+    assert block.shape == (2, 4, CHANNELS) and block.dtype == np.float16
+    assert np.allclose(block[..., :3], 0.5) and np.allclose(block[..., 3], 0.4, atol=1e-3)
+    assert np.allclose(block[..., 4], 0.6, atol=1e-3)
+    assert np.allclose(block[0, :, 5:7], 0, atol=1e-3) and np.allclose(block[1, :, 5:7], (0, 0.6), atol=1e-3)
+
+
+def test_small_textures_are_left_alone_and_shared_once():
+    texture = Texture(base_color=np.random.default_rng(3).random((3, 5, 3)).astype(np.float32))
+    materials = [Material(name=name, base_color=(1, 1, 1), texture=texture) for name in "ab"]
+    arrays = pack(materials, texture_size=5)
+    assert arrays.texels.shape == (15, CHANNELS) and arrays.factors.shape == (2, FACTORS)
+    assert np.array_equal(arrays.extents, [[0, 5, 3, 0]] * 2)
+    assert np.allclose(arrays.texels[:, :3].reshape(3, 5, 3), texture.base_color, atol=5e-4)
+
+
+def test_rows_hold_every_factor():
+    material = Material(name="m", base_color=(0.1, 0.2, 0.3), roughness=0.4, metallic=0.5, specular=0.06, coat=0.7,
+                        coat_roughness=0.8, sheen=(0.9, 0.11, 0.12), sheen_roughness=0.13, transmission=0.14, ior=1.6,
+                        thin=True, abbe=42.0)
+    row = pack([material]).factors[0]
+    assert np.allclose(row, [0.1, 0.2, 0.3, 0.4, 0.5, 0.06, 0.7, 0.8, 0.9, 0.11, 0.12, 0.13, 0.14, 1.6, 1, 42])
+
+
+@pytest.mark.parametrize("value", (np.nan, np.inf, -np.inf, 1e8, -1.0, 1.01, -0.01))
+@pytest.mark.parametrize("name", ("base_color", "roughness", "metallic"))
+def test_texels_that_no_surface_has_are_counted_and_refused(value, name):
+    maps = {"base_color": grey(4, 4), "roughness": np.ones((4, 4), np.float32), "metallic": np.ones((4, 4), np.float32)}
+    maps[name] = maps[name].copy()
+    maps[name][1, 2] = maps[name][3, 3] = value
+    with pytest.raises(PlanError, match=rf"'oak'.*texture.{name}.*2 of 16 texels.*row 1, column 2"):
+        pack([textured(**maps)])
+
+
+@pytest.mark.parametrize("vector", ((np.nan, 0, 1), (0.9, 0.9, 0.1), (0, 0, 1e8)))
+def test_normals_that_are_none_are_refused(vector):
+    normal = np.tile(np.float32([0, 0, 1]), (2, 2, 1))
+    normal[0, 1] = vector
+    with pytest.raises(PlanError, match=r"texture\.normal.*1 of 4 texels"):
+        pack([textured(base_color=grey(2, 2), normal=normal)])
+
+
+def test_what_half_precision_rounds_off_is_clipped():
+    base = np.float32([[[1.0004, -0.0004, 1.0]]])
+    assert np.array_equal(pack([textured(base_color=base)]).texels[0, :3], [1, 0, 1])
+
+
+@pytest.mark.parametrize("field, value", (("roughness", np.nan), ("base_color", (1.2, 0, 0)), ("sheen", (0, -0.1, 0)),
+                                          ("ior", 0.9), ("ior", np.inf), ("abbe", -1.0), ("coat", 1.5)))
+def test_factors_out_of_range_are_refused_by_name(field, value):
+    with pytest.raises(PlanError, match=f"'wax'.*{field}"):
+        pack([Material(**({"name": "wax", "base_color": (1, 1, 1)} | {field: value}))])
+
+
+def test_all_problems_are_told_at_once():
+    bad = [Material(name=name, base_color=(2, 0, 0), roughness=3.0) for name in "ab"]
+    with pytest.raises(PlanError) as caught:
+        pack(bad)
+    assert len(caught.value.problems) == 4

@@ -1,0 +1,168 @@
+"""The whole accuracy study on two tiny examples: its files, and figures that follow their laws."""
+
+import math
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from dataset_builder.cli.main import main
+from dataset_builder.report.study_figures import sampling_figure
+from dataset_builder.spec.load import load_dataset
+from dataset_builder.studies.accuracy import accuracy_study
+from dataset_builder.studies.accuracy.advice import Advice
+from dataset_builder.studies.accuracy.curves import curve
+from dataset_builder.studies.accuracy.progress import begin, kept_steps
+from dataset_builder.studies.accuracy.rows import COLUMNS, WHOLE, Row, of, read_table, write_table
+from dataset_builder.studies.sampled import StudySpec
+from tests.small_specs import write_spec
+
+TINY = ("--set", "image={width: 16, height: 16}", "--set", "rough.edge_length=0.3", "--backend", "llvm")
+FIGURES = {"uniform", "adaptive", "uniform-denoised", "depth", "edge-length", "texture-size", "codecs", "accumulation"}
+
+
+@pytest.fixture(scope="module")
+def spec(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The small dataset's spec."""
+    return write_spec(tmp_path_factory.mktemp("spec"))
+
+
+@pytest.fixture(scope="module")
+def out(spec: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of a finished study."""
+    folder = tmp_path_factory.mktemp("study")
+    assert main(["study", "accuracy", str(spec), *TINY, "--examples", "1", "--budget", "small", "--layers", "i_t",
+                 "s_prime", "--out", str(folder)]) == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def rows(out: Path) -> list[Row]:
+    """Its table."""
+    return read_table(out / "results.csv")
+
+
+def test_files_are_there(out: Path) -> None:
+    assert {path.stem for path in (out / "figures").glob("*.png")} == FIGURES
+    page = (out / "report.html").read_text()
+    assert page.count("data:image/png;base64,") == len(FIGURES)
+    assert not re.search(r'(?:src|href)="(?!data:)', page)
+    assert (out / "results.csv").read_text().splitlines()[0] == ",".join(COLUMNS)
+
+
+def test_an_interrupted_study_goes_on(out: Path, spec: Path, rows: list[Row], tmp_path: Path,
+                                      capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    measured = []
+    for name in accuracy_study.MEASURES:
+        monkeypatch.setitem(accuracy_study.MEASURES, name, lambda *_, name=name: iter(
+            measured.append(name) or [row for row in rows if accuracy_study.GROUPS[row.question] == name]))
+    (tmp_path / "study.json").write_bytes((out / "study.json").read_bytes())
+    write_table([row for row in rows if accuracy_study.GROUPS[row.question] in ("sampling", "path depth")],
+                tmp_path / "results.csv")
+    words = ["study", "accuracy", str(spec), *TINY, "--examples", "1", "--budget", "small", "--out", str(tmp_path)]
+    assert main([*words, "--layers", "i_t", "s_prime"]) == 0
+    assert measured == ["edge length", "texture size", "storage", "accumulation"]
+    assert capsys.readouterr().out.count("kept from an earlier run") == 2
+    assert (tmp_path / "results.csv").read_text() == (out / "results.csv").read_text()
+    # Other layers are another study: nothing is kept, and nothing of the old one is left in its table
+    measured.clear()
+    assert main([*words, "--layers", "i_t"]) == 0
+    assert measured == list(accuracy_study.MEASURES) and "kept" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("content", [None, "", "question\nnone\n", "question,setting\nuniform,4 spp\n"])
+def test_tables_that_are_damaged_are_measured_anew(tmp_path: Path, content: str | None) -> None:
+    if content is not None:
+        (tmp_path / "results.csv").write_text(content)
+    assert kept_steps(tmp_path / "results.csv", accuracy_study.GROUPS) == {}
+
+
+def test_rows_about_something_else_go(tmp_path: Path) -> None:
+    table = tmp_path / "results.csv"
+    begin(tmp_path, {"spec": "a"}, table)
+    table.write_text("rows")
+    begin(tmp_path, {"spec": "a"}, table)
+    assert table.read_text() == "rows"
+    begin(tmp_path, {"spec": "b"}, table)
+    assert not table.exists() and "b" in (tmp_path / "study.json").read_text()
+
+
+def test_a_star_recommends_no_denoising(rows: list[Row]) -> None:
+    def labels(*questions: str) -> list[str]:
+        figure = sampling_figure(rows, advice, questions, "")
+        return [text for axes in figure.axes for text in axes.get_legend_handles_labels()[1]]
+
+    point = curve(rows, "uniform", "i_t")[1]
+    names = ("uniform", "uniform-denoised", "adaptive-denoised")
+    advice = Advice(marked={(question, layer): point for question in names for layer in ("i_t", "s_prime")})
+    assert "recommended: 16 spp" in labels("uniform") and "knee: 16 spp" not in labels("uniform")
+    smooth = labels("uniform", *names[1:])
+    assert "knee: 16 spp" in smooth and "recommended: 16 spp" not in smooth
+
+
+def test_recommended_options_are_taken_as_they_are(out: Path, spec: Path) -> None:
+    words = shlex.split((out / "recommended.txt").read_text())
+    assert words[::2] == ["--set"] * (len(words) // 2) and len(words) >= 6
+    assert load_dataset(spec, words[1::2]).dataset.name == "small"
+
+
+def test_more_samples_are_better_and_the_reference_is_best(rows: list[Row]) -> None:
+    for layer in ("i_t", "s_prime"):
+        points = curve(rows, "uniform", layer)
+        assert [point.value for point in points] == [4, 16, 64]
+        assert points[0].error > points[1].error > points[2].error
+        own = of(rows, "uniform", layer)
+        assert all(0 < row.relmse_reference < row.relmse_measured and row.paths > 0 for row in own)
+        assert own[0].psnr < own[-1].psnr and own[0].flip > own[-1].flip
+
+
+def test_a_tighter_goal_takes_more_paths_for_less_error(rows: list[Row]) -> None:
+    for layer in ("i_t", "s_prime"):
+        loose, tight = of(rows, "adaptive", layer)
+        assert loose.value > tight.value and loose.paths < tight.paths <= 256 * 16 * 16
+        assert min(loose.reached, tight.reached) > 0 and loose.relmse > tight.relmse
+
+
+def test_longer_paths_miss_less(rows: list[Row]) -> None:
+    for layer in ("i_t", "s_prime"):
+        bias = {row.value: row.bias for row in of(rows, "depth", layer)}
+        assert bias[2] < bias[4] < 0.01 and abs(bias[8]) < abs(bias[2])
+
+
+def test_finer_textures_are_better_and_nothing_else_changes(rows: list[Row]) -> None:
+    coarse, fine = of(rows, "texture-size", "d")
+    assert coarse.value < fine.value and coarse.relmse > fine.relmse > 0
+
+
+def test_half_is_smaller_and_off_by_its_rounding(rows: list[Row]) -> None:
+    size = {row.setting: row.bytes for row in of(rows, "codecs", WHOLE)}
+    assert all(size[f"float16 {codec}"] < size[f"float32 {codec}"] for codec in ("none", "zip", "piz"))
+    assert size["float32 zip"] < size["float32 none"]
+    errors = {(row.setting, row.layer): row.error for row in of(rows, "codecs") if math.isfinite(row.relmse)}
+    assert errors["float32", "i_t"] == 0 and 1e-5 < errors["float16", "i_t"] < 2**-11
+
+
+def test_sums_are_closer_than_their_noise(rows: list[Row]) -> None:
+    drift = {(row.setting, row.value): row.drift for row in of(rows, "accumulation")}
+    assert len({value for _, value in drift}) == 3
+    for (_, count), value in drift.items():
+        assert value <= drift["standard error of the mean", count]
+
+
+def test_edges_are_counted(rows: list[Row]) -> None:
+    own = of(rows, "edge-length")
+    assert [row.setting for row in own] == ["4 x", "2 x"] and own[0].triangles <= own[1].triangles
+
+
+def test_examples_come_from_every_split(spec: Path) -> None:
+    study = StudySpec(path=spec)
+    refs = study.sample(4)
+    assert {ref.view.pair.split for ref in refs} == {"train", "test"} and len(set(refs)) == 4
+    assert study.sample(4) == refs and len(study.sample(1)) == 1
+    assert len(study.sample(99)) == 10
+
+
+def test_a_layer_that_the_dataset_does_not_hold(spec: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["study", "accuracy", str(spec), "--layers", "air", "--out", str(tmp_path), "--backend", "llvm"]) == 2
+    assert "expected some of i_s, i_t" in capsys.readouterr().err
