@@ -7,29 +7,47 @@ import pytest
 from dataset_builder.engine.source import imports_of, inside, read_sources
 
 ORDER = (
-    ("cli", "__main__"), ("cli_evaluate", "cli_stress", "cli_study", "cli_table", "cli_train", "cli_validate"),
-    ("cli_options",), ("report",), ("studies",), ("lightnet",), ("build",),
-    ("engine",), ("shards",),
-    ("rendering",), ("planning",), ("assets",), ("geometry",), ("spec",), ("layers",), ("seeding", "digest", "errors"),
-    ("",),
+    ("__main__",), ("cli.main",), ("cli",), ("cli.options",), ("report",),
+    ("studies.accuracy", "studies.effects", "studies.noise", "studies.stress", "studies.tables"), ("studies",),
+    ("release",),
+    ("lightnet.results", "lightnet.training"), ("lightnet.methods",), ("lightnet.measures",), ("lightnet.data",),
+    ("lightnet",),
+    ("build",), ("engine",), ("shards",),
+    ("rendering",), ("rendering.sampling", "rendering.scene"), ("rendering.transport",), ("rendering.surface",),
+    ("rendering.backend", "rendering.buffers", "rendering.oidn"),
+    ("planning",), ("planning.effects", "planning.view"), ("planning.scene",),
+    ("planning.example_plan", "planning.catalogue"),
+    ("assets.procedural",), ("assets",), ("geometry",), ("spec",),
+    ("lock",), ("files", "layers", "processes", "tonemap"), ("seeding", "digest", "errors"), ("",),
 )
-"""Folders and files of the package, top to bottom; those of one line do not know each other. "" is the package."""
+"""Rooms of the package, top to bottom; those of one line do not know each other. A module belongs to the longest name
+that it begins with; a name stands for what is left of its folder. "" is the package itself."""
+
+STRANGERS = {("lightnet", "build"), ("lightnet", "engine"), ("lightnet", "rendering"), ("shards", "rendering"),
+             ("shards", "planning")}
+"""Stages that do not know what stands below them, either."""
 
 HOMES = {
     "mitsuba": "rendering", "drjit": "rendering", "ruamel": "spec.load", "open3d": "geometry",
-    "OpenEXR": ("shards.exr", "rendering.exr_image"),
+    "OpenEXR": ("shards.exr", "rendering.scene.exr_image"),
     "matplotlib": "report", "pyvista": "report", "trimesh": "assets.mesh_file", "ray": "engine",
-    "torch": "lightnet", "tensorboard": "lightnet", "skimage": "lightnet",
-    "flip_evaluator": "studies.errors", "pyoidn": "rendering.oidn",
+    "torch": ("lightnet", "release"), "tensorboard": "lightnet.training", "skimage": "lightnet.results",
+    "flip_evaluator": "studies.image_errors", "pyoidn": "rendering.oidn",
 }
 """The only folder or module that may import a library."""
 
 Sources = dict[str, str]
 
 
+def room(name: str) -> str | None:
+    """Entry of the order that a module belongs to."""
+    named = [entry for line in ORDER for entry in line if name == entry or (entry and name.startswith(f"{entry}."))]
+    return max(named, key=len, default=None)
+
+
 def rank(name: str) -> int | None:
     """Line of the order that a module stands on, from the top."""
-    return next((line for line, names in enumerate(ORDER) if name.split(".")[0] in names), None)
+    return next((line for line, names in enumerate(ORDER) if room(name) in names), None)
 
 
 def broken_rules(modules: Sources) -> list[str]:
@@ -59,11 +77,11 @@ def homes_of(library: str) -> tuple[str, ...]:
 
 
 def may_import(name: str, target: str) -> bool:
-    """Whether `target` is in the folder of `name` or on a line below."""
-    if name.split(".")[0] == target.split(".")[0]:
-        return True
+    """Whether `target` is in the room of `name` or on a line below, and no stranger to it."""
+    if (name.split(".")[0], target.split(".")[0]) in STRANGERS:
+        return False
     above, below = rank(name), rank(target)
-    return above is not None and below is not None and above < below
+    return room(name) == room(target) or (above is not None and below is not None and above < below)
 
 
 def test_the_package_keeps_the_order() -> None:

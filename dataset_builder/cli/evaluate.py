@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dataset_builder.cli.options import DEVICES, positive
+from dataset_builder.cli.options import Verbs, add_folder, add_networks, add_verb, positive, wide_console
 from dataset_builder.errors import UserError
 
 if TYPE_CHECKING:
@@ -19,23 +19,20 @@ OPTIONAL = {"mask_rough": "--mask-rough"}
 HELP = {"i_s": "the object under plain light, I_s", "s_prime": "raw lighting of its rough mesh in the scene, S'",
         "mask": "share of each pixel that the object covers, M", "background": "frame of the whole scene, I_PBR",
         "mask_rough": "mask of the rough mesh, to know where S' is not of the object"}
-WIDTH = 140
-"""Columns where the output is no terminal."""
 
 
-def add(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add(verbs: Verbs) -> None:
     """Add both verbs."""
     text = "metrics of checkpoints on held-out examples, beside three baselines that learn nothing"
-    verb = verbs.add_parser("evaluate", help=text, description=text)
-    verb.add_argument("folder", type=Path, help="finished dataset")
+    verb = add_verb(verbs, "evaluate", _evaluate, text)
+    add_folder(verb)
     verb.add_argument("--checkpoint", type=Path, action="append", required=True, help="repeat to compare several")
     verb.add_argument("--split", help="split to measure on (default: the one held out in training)")
     verb.add_argument("--examples", type=positive, help="spread evenly over the split (default: all)")
     verb.add_argument("--out", type=Path, help="folder for the results (default: evaluation, beside the checkpoint)")
-    verb.add_argument("--device", choices=DEVICES, default="auto")
-    verb.set_defaults(run=_evaluate)
+    add_networks(verb, trains=False)
     text = "put a predicted object back into a frame of its scene: an example of a dataset, or EXR files of your own"
-    verb = verbs.add_parser("compose", help=text, description=text)
+    verb = add_verb(verbs, "compose", _compose, text)
     verb.add_argument("folder", type=Path, nargs="?", help="finished dataset; left out where files are given")
     verb.add_argument("--checkpoint", type=Path, required=True)
     verb.add_argument("--example", default="", metavar="KEY", help="example to compose, by its key")
@@ -44,12 +41,10 @@ def add(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     for name, option in {**FILES, **OPTIONAL}.items():
         verb.add_argument(option, type=Path, metavar="FILE", dest=name, help=HELP[name])
     verb.add_argument("--out", type=Path, help="folder for the results (default: composite, beside the checkpoint)")
-    verb.add_argument("--device", choices=DEVICES, default="auto")
-    verb.set_defaults(run=_compose)
+    add_networks(verb, trains=False)
 
 
 def _evaluate(options: argparse.Namespace) -> int:
-    from rich.console import Console
 
     from dataset_builder.files import require_writable
     from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
@@ -59,8 +54,7 @@ def _evaluate(options: argparse.Namespace) -> int:
     from dataset_builder.report.evaluation_page import EXAMPLES, Evaluation, console_table, verdict_lines, write_page
     from dataset_builder.report.example_sheet import write_sheet
 
-    console, loaded = Console(), load_all(options.checkpoint, options.device)
-    console = console if console.is_terminal else Console(width=WIDTH)
+    console, loaded = wide_console(), load_all(options.checkpoint, options.device)
     data = next(iter(loaded.values())).spec.data
     dataset = LightingDataset(options.folder, options.split or data.held_out, data)
     out = options.out or options.checkpoint[0].parent / "evaluation"

@@ -1,9 +1,67 @@
-"""What the options of several verbs have in common."""
+"""What the options of several verbs have in common, and the terminal that they print to."""
 
 import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+if TYPE_CHECKING:
+    from rich.console import Console
+
+DATASETS, STUDIES, TRAININGS = Path("datasets"), Path("studies"), Path("trainings")
+"""Where results go unless `--out` says otherwise."""
+
+BACKENDS = ("auto", "cuda", "llvm")
 DEVICES = ("auto", "cpu", "cuda")
 """Where networks run; auto is CUDA where there is one."""
+
+WIDTH = 140
+"""Columns where the output is no terminal."""
+
+Verbs = Any
+"""What `argparse.ArgumentParser.add_subparsers` returns; its type has no public name."""
+
+
+def add_verb(verbs: Verbs, name: str, run: Callable[[argparse.Namespace], int], text: str) -> argparse.ArgumentParser:
+    """A verb that calls `run`; text: what it does, in a line."""
+    verb: argparse.ArgumentParser = verbs.add_parser(name, help=text, description=text)
+    verb.set_defaults(run=run)
+    return verb
+
+
+def add_spec(verb: argparse.ArgumentParser) -> None:
+    """A dataset spec and overrides of it."""
+    verb.add_argument("spec", type=Path, help="dataset spec, a YAML file")
+    add_overrides(verb, "the spec")
+
+
+def add_folder(verb: argparse.ArgumentParser) -> None:
+    """The folder of a finished dataset."""
+    verb.add_argument("folder", type=Path, help="finished dataset")
+
+
+def add_overrides(verb: argparse.ArgumentParser, of: str, option: str = "--set", dest: str = "overrides") -> None:
+    """`--set A.B=C`, as often as wanted."""
+    verb.add_argument(option, action="append", default=[], metavar="A.B=C", dest=dest,
+                      help=f"override a value of {of}; repeat for more")
+
+
+def add_backend(verb: argparse.ArgumentParser) -> None:
+    """What renders."""
+    verb.add_argument("--backend", choices=BACKENDS, default="auto", help="what renders (default: the GPU, if any)")
+
+
+def add_networks(verb: argparse.ArgumentParser, *, trains: bool = True) -> None:
+    """Where networks run and, where they are trained, the weights of the feature loss."""
+    if trains:
+        verb.add_argument("--vgg-weights", type=Path, metavar="FILE",
+                          help="VGG-19 trained on ImageNet, for the feature reconstruction loss; off without it")
+    verb.add_argument("--device", choices=DEVICES, default="auto", help="where networks run (default: the GPU, if any)")
+
+
+def with_steps(overrides: list[str], steps: int | None) -> list[str]:
+    """Overrides of a training with `--steps N`, which is short for `--set steps=N`."""
+    return [*overrides, *([f"steps={steps}"] if steps else [])]
 
 
 def positive(text: str) -> int:
@@ -11,3 +69,11 @@ def positive(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"expected a whole number >= 1, got {text}")
     return int(text)
+
+
+def wide_console() -> "Console":
+    """The terminal, or a wide page where there is none."""
+    from rich.console import Console
+
+    console = Console()
+    return console if console.is_terminal else Console(width=WIDTH)

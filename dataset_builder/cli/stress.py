@@ -4,23 +4,20 @@ import argparse
 from pathlib import Path
 from time import perf_counter
 
-from rich.console import Console
+from dataset_builder.cli.options import Verbs, add_backend, add_verb, wide_console
 
 SIZES = ("small", "full")
-WIDTH = 140
-"""Columns where the output is no terminal."""
 
 
-def add(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add(verbs: Verbs) -> None:
     """Add the verb."""
     text = "render hard cases and hold them against laws and formulas; exit code 1 where one fails"
-    verb = verbs.add_parser("stress", help=text, description=text)
+    verb = add_verb(verbs, "stress", _stress, text)
     verb.add_argument("--only", default="", metavar="PATTERN", help="only cases whose name holds or matches PATTERN")
     verb.add_argument("--size", choices=SIZES, default="full", help="small: fewer pixels, samples and faces")
-    verb.add_argument("--backend", choices=("auto", "cuda", "llvm"), default="auto")
+    add_backend(verb)
     verb.add_argument("--csv", type=Path, metavar="FILE", help="write the table there, too")
     verb.add_argument("--list", action="store_true", help="print the catalogue as a table for pages; run nothing")
-    verb.set_defaults(run=_stress)
 
 
 def _stress(options: argparse.Namespace) -> int:
@@ -35,9 +32,7 @@ def _stress(options: argparse.Namespace) -> int:
     if options.list:
         print(markdown(cases), end="")
         return 0
-    console, start = Console(), perf_counter()
-    if not console.is_terminal:
-        console = Console(width=WIDTH)
+    console, start = wide_console(), perf_counter()
     backend = activate(options.backend)
     from dataset_builder.rendering import plugins
 

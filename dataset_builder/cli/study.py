@@ -1,47 +1,53 @@
 """The verb `study`: what accuracy costs, what leaving effects out saves, and how smooth rough meshes must be."""
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dataset_builder.cli.options import DEVICES, positive
+from dataset_builder.cli.options import (
+    STUDIES,
+    Verbs,
+    add_backend,
+    add_networks,
+    add_overrides,
+    add_spec,
+    add_verb,
+    positive,
+    with_steps,
+)
 
 if TYPE_CHECKING:
     from dataset_builder.studies.noise.noise_study import NoiseStudy
     from dataset_builder.studies.sampled import StudySpec
 
-STUDIES = Path("studies")
 LAYERS = ("i_t", "s_prime", "i_s")
 LEVELS = "0,0.002,0.004,0.008,0.016"
 
 
-def add(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add(verbs: Verbs) -> None:
     """Add the verb and its studies."""
     text = "measure what settings cost and bring, on examples of a dataset"
     kinds = verbs.add_parser("study", help=text, description=text).add_subparsers(required=True, metavar="STUDY")
-    accuracy = _study(kinds, "accuracy", "error against seconds for every setting, and recommended settings")
+    accuracy = _study(kinds, "accuracy", _accuracy, "error against seconds for every setting, and recommended settings")
     accuracy.add_argument("--examples", type=positive, default=4, help="examples to measure on (default: 4)")
     accuracy.add_argument("--budget", choices=("full", "small"), default="full",
                           help="small: coarse references and few settings, to see that it works")
     accuracy.add_argument("--layers", nargs="+", default=LAYERS, metavar="LAYER",
                           help=f"layers with light to measure (default: those of {' '.join(LAYERS)} that there are)")
-    accuracy.set_defaults(run=_accuracy)
-    effects = _study(kinds, "effects", "examples as planned against everything on; exit code 1 where they differ")
+    effects = _study(kinds, "effects", _effects,
+                     "examples as planned against everything on; exit code 1 where they differ")
     effects.add_argument("--examples", type=positive, default=6, help="examples to measure on (default: 6)")
-    effects.set_defaults(run=_effects)
-    noise = _study(kinds, "noise", "LighTNet at several noise levels of a dataset, trained on all of them and on each")
+    noise = _study(kinds, "noise", _noise,
+                   "LighTNet at several noise levels of a dataset, trained on all of them and on each")
     _noise_options(noise)
-    noise.set_defaults(run=_noise)
 
 
-def _study(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]", name: str, text: str) \
-        -> argparse.ArgumentParser:
-    study = kinds.add_parser(name, help=text, description=text)
-    study.add_argument("spec", type=Path, help="dataset spec, a YAML file")
-    study.add_argument("--set", action="append", default=[], metavar="A.B=C", dest="overrides",
-                       help="override a value of the spec; repeat for more")
+def _study(kinds: Verbs, name: str, run: Callable[[argparse.Namespace], int], text: str) -> argparse.ArgumentParser:
+    study = add_verb(kinds, name, run, text)
+    add_spec(study)
     study.add_argument("--out", type=Path, help=f"folder for the results (default: {STUDIES}/NAME-{name})")
-    study.add_argument("--backend", choices=("auto", "cuda", "llvm"), default="auto")
+    add_backend(study)
     return study
 
 
@@ -49,15 +55,12 @@ def _noise_options(noise: argparse.ArgumentParser) -> None:
     noise.add_argument("--levels", default=LEVELS, metavar="A,B,..",
                        help=f"deviations of vertex noise, in bounding radii, rising (default: {LEVELS})")
     noise.add_argument("--config", type=Path, help="how LighTNet is trained, a YAML file (default: its small size)")
-    noise.add_argument("--train-set", action="append", default=[], metavar="A.B=C",
-                       help="override a value of that configuration; repeat for more")
+    add_overrides(noise, "that configuration", "--train-set", "train_set")
     noise.add_argument("--steps", type=positive, help="batches to train on; short for --train-set steps=N")
     noise.add_argument("--per-level-steps", type=positive, metavar="N",
                        help="batches of each training on one level (default: as many as on all of them)")
-    noise.add_argument("--vgg-weights", type=Path, metavar="FILE",
-                       help="VGG-19 trained on ImageNet, for the feature reconstruction loss; off without it")
     noise.add_argument("--workers", type=positive, help="processes that render (default: one per core)")
-    noise.add_argument("--device", choices=DEVICES, default="auto", help="where networks run")
+    add_networks(noise)
 
 
 def _spec(options: argparse.Namespace) -> "StudySpec":
@@ -155,8 +158,7 @@ def _noise_study(options: argparse.Namespace) -> "NoiseStudy":
     from dataset_builder.studies.derived import base_of
     from dataset_builder.studies.noise.noise_study import NoiseStudy, parse_levels
 
-    steps = [f"steps={options.steps}"] if options.steps else []
-    training = base_of(load_training(options.config, [*options.train_set, *steps]))
+    training = base_of(load_training(options.config, with_steps(options.train_set, options.steps)))
     return NoiseStudy(spec=options.spec, overrides=tuple(options.overrides), levels=parse_levels(options.levels),
                       training=training, per_level_steps=options.per_level_steps or training.steps,
                       out=options.out or STUDIES / f"{_spec(options).dataset.name}-noise", backend=options.backend,

@@ -4,14 +4,21 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dataset_builder.cli.options import DEVICES, positive
+from dataset_builder.cli.options import (
+    STUDIES,
+    Verbs,
+    add_folder,
+    add_networks,
+    add_overrides,
+    positive,
+    with_steps,
+)
 
 if TYPE_CHECKING:
     from dataset_builder.lightnet.settings import TrainingSpec
     from dataset_builder.studies.tables.row import Table
     from dataset_builder.studies.tables.table_study import Measured, News
 
-STUDIES = Path("studies")
 KINDS = {
     "methods": "table 1: LighTNet, Pix2Pix, DPR and SSVBRDF, and what learns nothing",
     "objectives": "table 2: LighTNet with the paper's choices of losses",
@@ -20,7 +27,7 @@ KINDS = {
 }
 
 
-def add(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add(verbs: Verbs) -> None:
     """Add the verb and its tables."""
     text = "train the rows of a table of the paper on a dataset; prints them beside the paper's, and if order agrees"
     kinds = verbs.add_parser("table", help=text, description=text).add_subparsers(required=True, metavar="TABLE")
@@ -33,16 +40,13 @@ def add(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
 
 
 def _options(table: argparse.ArgumentParser, name: str) -> None:
-    table.add_argument("folder", type=Path, help="finished dataset")
+    add_folder(table)
     table.add_argument("--config", type=Path, help="how LighTNet is trained, a YAML file; rows are derived from it")
-    table.add_argument("--set", action="append", default=[], metavar="A.B=C", dest="overrides",
-                       help="override a value of the configuration; repeat for more")
+    add_overrides(table, "the configuration")
     table.add_argument("--steps", type=positive, help="batches to train every row on; short for --set steps=N")
     table.add_argument("--seeds", type=positive, default=1, help="trainings of every row (default: 1)")
-    table.add_argument("--vgg-weights", type=Path, metavar="FILE",
-                       help="VGG-19 trained on ImageNet; without it rows are trained without FR and say so")
     table.add_argument("--out", type=Path, help=f"folder for the results (default: {STUDIES}/DATASET-table-{name})")
-    table.add_argument("--device", choices=DEVICES, default="auto")
+    add_networks(table)
 
 
 def _table(options: argparse.Namespace) -> int:
@@ -80,8 +84,7 @@ def _base(options: argparse.Namespace) -> "TrainingSpec":
     from dataset_builder.lightnet.settings import load_training
     from dataset_builder.studies.derived import base_of
 
-    steps = [f"steps={options.steps}"] if options.steps else []
-    return base_of(load_training(options.config, [*options.overrides, *steps]))
+    return base_of(load_training(options.config, with_steps(options.overrides, options.steps)))
 
 
 def _made(options: argparse.Namespace, base: "TrainingSpec") -> "Table":

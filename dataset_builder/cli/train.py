@@ -3,24 +3,18 @@
 import argparse
 from pathlib import Path
 
-from dataset_builder.cli.options import DEVICES
-
-TRAININGS = Path("trainings")
+from dataset_builder.cli.options import TRAININGS, Verbs, add_folder, add_networks, add_overrides, add_verb
 
 
-def add(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add(verbs: Verbs) -> None:
     """Add the verb."""
     text = "train LighTNet, or a baseline, on a dataset; goes on where an earlier run stopped"
-    train = verbs.add_parser("train", help=text, description=text)
-    train.add_argument("folder", type=Path, help="finished dataset")
+    train = add_verb(verbs, "train", _train, text)
+    add_folder(train)
     train.add_argument("--config", type=Path, help="how to train, a YAML file (default: LighTNet at its small size)")
-    train.add_argument("--set", action="append", default=[], metavar="A.B=C", dest="overrides",
-                       help="override a value of the configuration; repeat for more")
+    add_overrides(train, "the configuration")
     train.add_argument("--out", type=Path, help=f"folder for checkpoints (default: {TRAININGS}/DATASET-METHOD)")
-    train.add_argument("--vgg-weights", type=Path, metavar="FILE",
-                       help="VGG-19 trained on ImageNet, for the feature reconstruction loss; off without it")
-    train.add_argument("--device", choices=DEVICES, default="auto")
-    train.set_defaults(run=_train)
+    add_networks(train)
 
 
 def _train(options: argparse.Namespace) -> int:

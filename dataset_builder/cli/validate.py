@@ -4,47 +4,46 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dataset_builder.cli.options import DEVICES, positive
+from dataset_builder.cli.options import (
+    STUDIES,
+    Verbs,
+    add_folder,
+    add_networks,
+    add_overrides,
+    add_verb,
+    positive,
+    wide_console,
+)
 from dataset_builder.errors import UserError
 
 if TYPE_CHECKING:
     from dataset_builder.release.gate import Gate
 
-STUDIES = Path("studies")
 PARTS = ("files", "consistency", "loader", "training")
-WIDTH = 140
-"""Columns where the output is no terminal."""
 
-
-def add(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add(verbs: Verbs) -> None:
     """Add the verb."""
     text = "release gate: files, layers that belong together, and a short training; exit code 1 and the reason if not"
-    verb = verbs.add_parser("validate", help=text, description=text)
-    verb.add_argument("folder", type=Path, help="finished dataset")
+    verb = add_verb(verbs, "validate", _validate, text)
+    add_folder(verb)
     verb.add_argument("--only", default=",".join(PARTS), metavar="A,B", help="parts to run (default: %(default)s)")
     verb.add_argument("--all", action="store_true", help="go on after a part that fails")
     verb.add_argument("--examples", type=positive, help="examples that consistency looks at (default: 512)")
     verb.add_argument("--steps", type=positive, help="batches to train on")
-    verb.add_argument("--set", action="append", default=[], metavar="A.B=C", dest="overrides",
-                      help="override a value of the training; repeat for more")
+    add_overrides(verb, "the training")
     verb.add_argument("--margin", type=float, help="dB that LighTNet must be ahead of each baseline (default: 0.5)")
     verb.add_argument("--copy-margin", type=float, help="dB that it must be ahead of the copy of I_s (default: 3)")
-    verb.add_argument("--vgg-weights", type=Path, metavar="FILE", help="for the feature loss; off without it")
-    verb.add_argument("--device", choices=DEVICES, default="auto")
+    add_networks(verb)
     verb.add_argument("--out", type=Path, help=f"folder for the report (default: {STUDIES}/DATASET-validate)")
-    verb.set_defaults(run=_validate)
 
 
 def _validate(options: argparse.Namespace) -> int:
-    from rich.console import Console
-
     from dataset_builder.files import require_writable
     from dataset_builder.release.gate import Done, LeftOut, run
     from dataset_builder.report.gate_lines import follow
     from dataset_builder.report.gate_page import Report, refusals, write_report
 
-    console, gate = Console(), _gate(options)
-    console = console if console.is_terminal else Console(width=WIDTH)
+    console, gate = wide_console(), _gate(options)
     require_writable(gate.out)
     done, left_out = list[Done](), tuple[str, ...]()
     for news in follow(run(gate), console):

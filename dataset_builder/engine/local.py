@@ -1,9 +1,6 @@
 """Run units on this machine: in this process, or in several. Nobody else knows about processes."""
 
 import multiprocessing
-import os
-import signal
-import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -11,6 +8,7 @@ from itertools import islice
 from typing import TypeVar
 
 from dataset_builder.errors import OutputError
+from dataset_builder.processes import follow_the_parent
 
 Unit = TypeVar("Unit")
 Result = TypeVar("Result")
@@ -19,11 +17,6 @@ PATIENCE = 5.0
 
 AHEAD = 2
 """Units handed out per process before results come back."""
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def run(work: Callable[[Unit], Result], units: Iterable[Unit], *, workers: int) -> Iterator[Result]:
@@ -72,18 +65,3 @@ def _end_children() -> None:
         child.join(PATIENCE)
         if child.is_alive():
             child.kill()
-
-
-def follow_the_parent(number: int = 0) -> None:
-    """Leave Ctrl-C to the parent, which ends its children; end where it was killed. For the start of a process; number:
-    of the process, which whoever starts it may tell."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_the_parent, daemon=True).start()
-
-
-def _end_with_the_parent() -> None:
-    """A pool's processes hold both ends of their queue, so that none would notice that nobody feeds it any more; and
-    those that a server forks for others look for the server, which lives as long as they do."""
-    if parent := multiprocessing.parent_process():
-        parent.join()
-        os._exit(1)

@@ -1,0 +1,1 @@
+"""Functions of arrays: meshes, cameras, rays and fields; nothing here knows materials or files."""

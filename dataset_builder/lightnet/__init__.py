@@ -1,1 +1,1 @@
-"""LighTNet and its rivals: reads finished shards, trains, evaluates, composes. The only folder that imports PyTorch."""
+"""LighTNet and its rivals: reads finished shards, trains, evaluates, composes; PyTorch lives here and in `release`."""

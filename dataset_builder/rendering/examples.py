@@ -13,6 +13,7 @@ from dataset_builder.planning.effects.denoise_guides import guide_extents
 from dataset_builder.planning.example_plan import ExamplePlan
 from dataset_builder.rendering import plugins
 from dataset_builder.rendering.denoise import denoised
+from dataset_builder.rendering.light_probe import CHANNELS
 from dataset_builder.rendering.passes import (
     FIRST_HIT_CHANNELS,
     RADIANCE_CHANNELS,
@@ -21,7 +22,6 @@ from dataset_builder.rendering.passes import (
     first_hit_layers,
 )
 from dataset_builder.rendering.sampling.moments import Estimate, quantile, relative, root_mean_square
-from dataset_builder.rendering.light_probe import CHANNELS
 from dataset_builder.rendering.view_passes import PassResult, ViewPasses, needed_passes, needs_lighting
 
 ERROR_SUFFIX, RAW_SUFFIX = "_se", "_raw"

@@ -16,13 +16,13 @@ import numpy as np
 from dataset_builder.layers import LAYERS, Pass
 from dataset_builder.planning.example_plan import ExamplePlan, GoalPlan, RenderPlan
 from dataset_builder.rendering import passes
+from dataset_builder.rendering.light_probe import lighting
 from dataset_builder.rendering.passes import FIRST_HIT_CHANNELS, RADIANCE_CHANNELS, RADIANCE_LAYERS, View
 from dataset_builder.rendering.sampling.adaptive import Goal, Refined, Stop, refine
 from dataset_builder.rendering.sampling.moments import Estimate
 from dataset_builder.rendering.scene.open_scene import Stage
 from dataset_builder.rendering.scene.triangle_soup import Soup
 from dataset_builder.rendering.scene.window import covered_window
-from dataset_builder.rendering.light_probe import lighting
 from dataset_builder.rendering.view_scenes import ViewScenes
 from dataset_builder.seeding import derive_seed
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import psutil
 
 from dataset_builder import __version__
-from dataset_builder.engine.local import cores
 from dataset_builder.errors import UserError
 from dataset_builder.geometry.raycast import RayScene
+from dataset_builder.processes import cores
 from dataset_builder.rendering import oidn
 from dataset_builder.rendering.backend import INSTALL_LLVM, choose, cuda_available, find_llvm
 

@@ -1,0 +1,1 @@
+"""Layers to files and back: members, shards, manifest, reading and verification."""

@@ -8,7 +8,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from dataset_builder.planning.example_plan import RenderPlan
 from dataset_builder.shards.identities import Violation
 from dataset_builder.spec.dataset import GatesSpec
 
@@ -21,11 +20,11 @@ ROUNDING = 1e-5
 
 
 def check_gates(layers: Mapping[str, np.ndarray], gates: GatesSpec, evidence: Mapping[str, np.ndarray] | None = None,
-                render: RenderPlan | None = None) -> list[Violation]:
+                spp: tuple[int, int] | None = None) -> list[Violation]:
     """Every gate whose layers are there, in `evidence` (what gates need, shipped or not, on the object) or the example.
 
     The radiance split needs i_t, d, s, spec, `sd_d`, `sd_s` and the standard errors of i_t, s and spec, and in fog air
-    and its error; `render` says from how many samples d came in the first-hit pass and in the target pass.
+    and its error; `spp` says from how many samples d came in the first-hit pass and in the target pass.
     """
     # Evidence goes first: it is on the object throughout, where a shipped layer may be on the frame
     known = {**layers, **(evidence or {})}
@@ -35,7 +34,7 @@ def check_gates(layers: Mapping[str, np.ndarray], gates: GatesSpec, evidence: Ma
     if "s_prime" in known:
         found += s_prime_energy(known["s_prime"], known["mask"], gates.s_prime_energy)
     if set(SPLIT_NEEDS) <= set(known):
-        d_se = known["sd_d"] * (sampling_error(render) if render else 0.0)
+        d_se = known["sd_d"] * (sampling_error(*spp) if spp else 0.0)
         error = combined_error(d=known["d"], s=known["s"], d_se=d_se, i_t_se=known["i_t_se"], s_se=known["s_se"],
                                spec_se=known["spec_se"] + known.get("air_se", 0.0))
         found += radiance_split(i_t=known["i_t"] - known.get("air", 0.0), d=known["d"], s=known["s"],
@@ -63,13 +62,13 @@ def s_prime_energy(s_prime: np.ndarray, mask: np.ndarray, bounds: tuple[float, f
     return _within(ENERGY, "mean of s_prime over the mask", mean, bounds)
 
 
-def sampling_error(render: RenderPlan) -> float:
+def sampling_error(first_hit: int, target: int) -> float:
     """Standard error, per unit of deviation inside a pixel, of d in the first-hit pass less d in the target pass.
 
     The passes draw their own camera rays, so that edges and textures fall differently into each: the variance of a
     difference of independent means is sd(d)^2 (1/n + 1/m).
     """
-    return math.sqrt(1 / render.spp_first_hit + 1 / render.spp_target)
+    return math.sqrt(1 / first_hit + 1 / target)
 
 
 def combined_error(*, d: np.ndarray, s: np.ndarray, d_se: np.ndarray, i_t_se: np.ndarray, s_se: np.ndarray,

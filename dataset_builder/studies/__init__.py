@@ -1,0 +1,1 @@
+"""What settings cost and bring, measured with ordinary builds, renderings and trainings."""

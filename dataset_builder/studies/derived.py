@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from typing import Any
 
-from dataset_builder.engine.local import cores
 from dataset_builder.errors import UserError
 from dataset_builder.lightnet.methods.device import choose
 from dataset_builder.lightnet.settings import TrainingSpec
+from dataset_builder.processes import cores
 
 
 def base_of(spec: TrainingSpec) -> TrainingSpec:

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from dataset_builder.engine.local import cores, run
+from dataset_builder.engine.local import run
 from dataset_builder.errors import OutputError, SpecError
+from dataset_builder.processes import cores
 from dataset_builder.spec.load import load_dataset
 
 

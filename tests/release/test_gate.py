@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import torch
 
-from dataset_builder.cli import main
 from dataset_builder.cli import validate
+from dataset_builder.cli.main import main
 from dataset_builder.lightnet.data.batch import Batch, Inputs, Truth
 from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
 from dataset_builder.lightnet.measures.metrics import Metrics
@@ -147,10 +147,10 @@ def test_a_lead_that_is_no_number_is_no_lead() -> None:
 
 def test_the_verb_writes_a_report_and_exits_by_it(dataset: Path, tmp_path: Path,
                                                   capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.main(["validate", str(dataset), "--only", "files,consistency", "--out", str(tmp_path / "good")]) == 0
+    assert main(["validate", str(dataset), "--only", "files,consistency", "--out", str(tmp_path / "good")]) == 0
     assert "yes: files, consistency" in capsys.readouterr().out
     sabotage(dataset, tmp_path / "spoilt", "shift_mask_cut")
-    assert main.main(["validate", str(tmp_path / "spoilt"), "--out", str(tmp_path / "bad")]) == 1
+    assert main(["validate", str(tmp_path / "spoilt"), "--out", str(tmp_path / "bad")]) == 1
     text = capsys.readouterr().out
     assert "no: support: share of pixels" in text and "expected <= 0.01, got" in text and "not run" in text
     report = json.loads((tmp_path / "bad" / "report.json").read_bytes())
@@ -166,18 +166,18 @@ def test_a_whole_run_with_a_training_has_its_figure(dataset: Path, tmp_path: Pat
     arguments = ["validate", str(dataset), "--only", "training", "--out", str(tmp_path), "--margin", "50",
                  *(part for setting in TINY for part in ("--set", setting)), "--device", "cpu"]
     for _ in range(2):
-        assert main.main(arguments) == 1
+        assert main(arguments) == 1
         assert "no: beats_d_s_prime" in capsys.readouterr().out
     assert (tmp_path / "figures" / "training.png").stat().st_size > 1000
     (tmp_path / "training" / "training.json").unlink()
-    assert main.main(arguments) == 1
+    assert main(arguments) == 1
     assert "expected an earlier training or nothing" in capsys.readouterr().out
 
 
 def test_parts_are_known_by_name(dataset: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert tuple(PARTS) == validate.PARTS
     for only in ("files,nonsense", ""):
-        assert main.main(["validate", str(dataset), "--only", only]) == 2
+        assert main(["validate", str(dataset), "--only", only]) == 2
         assert "--only: expected some of files, consistency" in capsys.readouterr().err
     assert load_training(None, [f"steps={STEPS}", *SETTINGS]).steps == STEPS
 

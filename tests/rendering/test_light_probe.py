@@ -30,9 +30,9 @@ def nothing():
 
 def found(soup, *lights, fog=None, **values):
     """(9, 3) coefficients and their standard errors."""
+    from dataset_builder.rendering.light_probe import lighting
     from dataset_builder.rendering.scene.open_scene import body_of, staged
     from dataset_builder.rendering.transport.fog import Fog
-    from dataset_builder.rendering.light_probe import lighting
 
     medium = Fog(**fog) if fog else None
     with staged(body_of(soup), lit_by(*lights), medium) as stage:

@@ -1,0 +1,1 @@
+"""Furniture and rooms made in code, one file for each kind of piece or what pieces share."""

@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from dataset_builder.assets.asset import Asset
-from dataset_builder.assets.procedural import beds, decor, seating, tables, upholstery
-from dataset_builder.assets.procedural import case_goods
+from dataset_builder.assets.procedural import beds, case_goods, decor, seating, tables, upholstery
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.seeding import rng
 from dataset_builder.spec.families import FAMILIES, Family
@@ -18,8 +17,8 @@ MAKERS: dict[str, Maker] = {
     "chair": seating.chair, "armchair": upholstery.armchair, "sofa": upholstery.sofa, "stool": seating.stool,
     "bench": seating.bench, "ottoman": upholstery.ottoman, "dining_table": tables.dining_table,
     "coffee_table": tables.coffee_table, "desk": tables.desk, "cabinet": case_goods.cabinet,
-    "bookshelf": case_goods.bookshelf,
-    "wardrobe": case_goods.wardrobe, "nightstand": case_goods.nightstand, "bed": beds.bed, "floor_lamp": decor.floor_lamp,
+    "bookshelf": case_goods.bookshelf, "wardrobe": case_goods.wardrobe, "nightstand": case_goods.nightstand,
+    "bed": beds.bed, "floor_lamp": decor.floor_lamp,
     "vase": decor.vase, "plant": decor.plant,
 }
 """The function that makes each family of `spec.families.FAMILIES`."""

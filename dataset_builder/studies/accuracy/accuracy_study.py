@@ -14,11 +14,11 @@ from dataset_builder.studies.accuracy import (
     advise_sampling,
     advise_storage,
     depth,
+    mesh_resolution,
     sampling,
+    storage_formats,
+    texture_size,
 )
-from dataset_builder.studies.accuracy import mesh_resolution
-from dataset_builder.studies.accuracy import storage_formats
-from dataset_builder.studies.accuracy import texture_size
 from dataset_builder.studies.accuracy.advice import Advice
 from dataset_builder.studies.accuracy.budget import BUDGETS
 from dataset_builder.studies.accuracy.progress import Steps, begin, kept_steps
@@ -34,8 +34,9 @@ MEASURES: dict[str, Callable[[Bench, ExampleRef], Iterator[Row]]] = {
 }
 """Groups of questions by what the terminal calls them."""
 
-GROUPS = {**dict.fromkeys(sampling.QUESTIONS, "sampling"), depth.DEPTH: "path depth", mesh_resolution.EDGES: "edge length",
-          texture_size.TEXTURES: "texture size", storage_formats.CODECS: "storage", accumulation.ACCUMULATION: "accumulation"}
+GROUPS = {**dict.fromkeys(sampling.QUESTIONS, "sampling"), depth.DEPTH: "path depth",
+          mesh_resolution.EDGES: "edge length", texture_size.TEXTURES: "texture size",
+          storage_formats.CODECS: "storage", accumulation.ACCUMULATION: "accumulation"}
 """The group of every question."""
 
 

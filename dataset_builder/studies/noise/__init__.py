@@ -1,1 +1,1 @@
-"""How smooth a rough mesh must be: one dataset at several noise levels, LighTNet trained on all of them and on each."""
+"""How smooth a rough mesh must be: one dataset at several noise levels, and LighTNet trained on them."""

@@ -6,12 +6,12 @@ from functools import cached_property
 from pathlib import Path
 
 from dataset_builder.build import Event, build
-from dataset_builder.engine.local import cores
 from dataset_builder.engine.unit import Job
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.layers import PAPER_LAYERS
 from dataset_builder.lightnet.methods.vgg import check_file
 from dataset_builder.lightnet.settings import TrainingSpec
+from dataset_builder.processes import cores
 from dataset_builder.rendering.backend import choose
 from dataset_builder.spec.load import load_dataset
 from dataset_builder.spec.loaded import LoadedSpec

@@ -1,0 +1,81 @@
+"""The verbs `plan` and `build`: what a dataset costs, and the dataset."""
+
+import argparse
+import json
+from pathlib import Path
+from time import perf_counter
+
+from rich.console import Console
+
+from dataset_builder.cli.options import DATASETS, Verbs, add_backend, add_spec, add_verb, positive
+from dataset_builder.processes import cores
+
+
+def add(verbs: Verbs) -> None:
+    """Add both verbs."""
+    plan = add_verb(verbs, "plan", _plan, "passes, pixels, paths, time and bytes of a dataset; renders nothing")
+    add_spec(plan)
+    plan.add_argument("--example", type=int, action="append", default=[],
+                      help="print the whole plan of example N as JSON")
+    plan.add_argument("--views", type=positive, default=24, help="views to plan in full; the rest is extrapolated")
+    build = add_verb(verbs, "build", _build, "build a dataset, or go on with an interrupted build")
+    add_spec(build)
+    build.add_argument("--out", type=Path, help=f"output folder (default: {DATASETS}/NAME)")
+    build.add_argument("--workers", type=positive, help="processes (default: one per core, one with a GPU)")
+    add_backend(build)
+    build.add_argument("--example", type=int, action="append", default=[],
+                       help="only stage example N; repeat for more")
+
+
+def _plan(options: argparse.Namespace) -> int:
+    from dataset_builder.planning.cost import estimate
+    from dataset_builder.planning.plan import Planner, first_plan, plan_example
+    from dataset_builder.report.console import decisions_table, estimate_table
+    from dataset_builder.spec.load import load_dataset
+
+    loaded = load_dataset(options.spec, options.overrides)
+    for index in options.example:
+        print(json.dumps(plan_example(loaded, index).model_dump(mode="json"), indent=2))
+    if not options.example:
+        planner = Planner(loaded)
+        Console().print(estimate_table(estimate(planner, views=options.views, cores=cores()), cores()))
+        if first := first_plan(planner):
+            Console().print(decisions_table(first))
+    return 0
+
+
+def _build(options: argparse.Namespace) -> int:
+    from dataset_builder.build import build
+    from dataset_builder.engine.unit import Job, Outcome
+    from dataset_builder.rendering.backend import choose
+    from dataset_builder.report.console import build_table, follow, rejected_lines
+    from dataset_builder.report.contact_sheet import write_contact_sheet
+    from dataset_builder.spec.load import load_dataset
+
+    console, start = Console(), perf_counter()
+    loaded = load_dataset(options.spec, options.overrides)
+    chosen = choose(options.backend)
+    console.print(f"backend: {chosen.summary}", highlight=False)
+    folder = options.out or DATASETS / loaded.dataset.name
+    workers = options.workers or (1 if chosen.variant.startswith("cuda") else cores())
+    threads = max(1, cores() // workers)
+    job = Job(spec_path=options.spec, overrides=tuple(options.overrides), spec_digest=loaded.spec_digest, folder=folder,
+              backend=options.backend, threads=threads)
+    outcomes: list[Outcome] = []
+    manifest = None
+    for event in follow(build(loaded, folder, job, workers=workers, only=options.example), console):
+        outcomes += event.outcomes
+        manifest = event.manifest or manifest
+    rejected = manifest.rejected if manifest else [outcome.rejected for outcome in outcomes if outcome.rejected]
+    for line in rejected_lines(rejected):
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
+    if not manifest:
+        staged, before = len(outcomes) - len(rejected), len(set(options.example)) - len(outcomes)
+        console.print(f"{staged} examples staged in {folder}, {before} published before; build without --example to "
+                      "finish", highlight=False, soft_wrap=True)
+    else:
+        console.print(build_table(manifest, outcomes, perf_counter() - start))
+        sheet = folder / "previews" / "contact_sheet.png"
+        write_contact_sheet(folder, sheet)
+        console.print(f"dataset: {folder}\ncontact sheet: {sheet}", highlight=False, soft_wrap=True)
+    return 0
