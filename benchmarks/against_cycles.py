@@ -41,7 +41,7 @@ LADDERS: Mapping[tuple[str, bool, bool], Sequence[float]] = {
 """Knobs of each side, adaptive, denoise; see `contenders.Setting`."""
 
 MODES = ((False, False), (True, False), (False, True), (True, True))
-LEAST_COLOUR = 0.02
+MIN_COLOUR = 0.02
 """Diffuse colour below which Cycles' passes say nothing about S'."""
 
 
@@ -66,7 +66,7 @@ def measured(contender: Contender, setting: Setting, known: Mapping[str, Referen
 def inside_of(ours: Ours, cycles: Cycles) -> dict[str, np.ndarray]:
     """Pixels that each layer is judged on. S': those that the clean and the rough object cover whole, where Cycles'
     material has a diffuse part."""
-    known = cycles.diffuse_colour().min(axis=-1) > LEAST_COLOUR
+    known = cycles.diffuse_colour().min(axis=-1) > MIN_COLOUR
     frame = np.ones(known.shape, dtype=bool)
     return {"i_s": frame, "i_t": frame, "s_prime": ours.covered() & known}
 

@@ -33,29 +33,29 @@ def path_render(plan: ExamplePlan) -> Callable[[object], np.ndarray]:
     sensor = sensor_of(plan.camera, SIZE, SIZE)
     depth = plan.effects.of("target").max_depth
     path = mi.load_dict({"type": "path", "max_depth": depth, "rr_depth": plan.render.rr_depth})
-    return lambda stage: np.array(mi.render(stage.scene, integrator=path, sensor=sensor, spp=SPP, seed=1))
+    return lambda opened: np.array(mi.render(opened.scene, integrator=path, sensor=sensor, spp=SPP, seed=1))
 
 
 def one_pass(plan: ExamplePlan) -> tuple[float, float]:
     """Seconds of our pass and of `path`, the scene being there."""
     from dataset_builder.rendering import passes
-    from dataset_builder.rendering.scene.open_scene import body_of, staged
+    from dataset_builder.rendering.scene.open_scene import body_of, open_scene
     from dataset_builder.rendering.scene.triangle_soup import clean, merge, surroundings
 
     body = body_of(merge([clean(plan.target, SPECS), surroundings(plan, SPECS)]),
                    features=frozenset(plan.effects.features))
     depth = plan.effects.of("target").max_depth
-    view, pixels = passes.View(camera=plan.camera, render=plan.render), np.arange(SIZE * SIZE)
+    view, pixels = passes.ViewSensor(camera=plan.camera, render=plan.render), np.arange(SIZE * SIZE)
     render = path_render(plan)
-    with staged(body, plan.target_light) as stage:
-        ours, theirs = common.best([lambda: passes.radiance(view, stage, pixels, max_depth=depth, spp=SPP, seed=1),
-                                    lambda: render(stage)])
+    with open_scene(body, plan.target_light) as opened:
+        ours, theirs = common.best([lambda: passes.radiance(view, opened, pixels, max_depth=depth, spp=SPP, seed=1),
+                                    lambda: render(opened)])
     return ours, theirs
 
 
 def three_renders(plan: ExamplePlan, root: Path) -> None:
     """Source light, target light, and the rough mesh under the target light, each on the full frame."""
-    from dataset_builder.rendering.scene.open_scene import body_of, staged
+    from dataset_builder.rendering.scene.open_scene import body_of, open_scene
     from dataset_builder.rendering.scene.rough_mesh import rough_twin
     from dataset_builder.rendering.scene.triangle_soup import clean, merge, surroundings
 
@@ -64,8 +64,8 @@ def three_renders(plan: ExamplePlan, root: Path) -> None:
     rough = rough_twin(plan.target, plan.rough, root).soup
     for parts, light in (([target, opened], plan.source_light), ([target, room], plan.target_light),
                          ([rough, room], plan.target_light)):
-        with staged(body_of(merge(parts), features=frozenset(plan.effects.features)), light) as stage:
-            render(stage)
+        with open_scene(body_of(merge(parts), features=frozenset(plan.effects.features)), light) as opened:
+            render(opened)
         gc.collect()
 
 

@@ -30,7 +30,7 @@ def encode(rendered) -> int:
 
 
 def measure(planner: Planner, indices: range) -> Counter[str]:
-    """Sums over views: seconds by stage and pass, kernel seconds, paths, passes, bytes."""
+    """Sums over views: seconds by step and pass, kernel seconds, paths, passes, bytes."""
     import drjit as dr
 
     from dataset_builder.rendering.examples import render_view

@@ -12,7 +12,7 @@ from dataset_builder.engine import local
 from dataset_builder.engine.calibration import calibrate
 from dataset_builder.engine.rejections import Rejections
 from dataset_builder.engine.timings import Timings
-from dataset_builder.engine.unit import Job, Outcome, remembered, run_unit, versions
+from dataset_builder.engine.unit import BuildJob, Outcome, remembered, run_unit, versions
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.files import require_space
 from dataset_builder.planning.catalogue import ExampleRef
@@ -29,7 +29,7 @@ from dataset_builder.shards.writer import publish_shard, published, remove_other
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.loaded import LoadedSpec
 
-MOST_REASONS = 5
+MAX_REASONS = 5
 """Reasons that are told where every example of a split was rejected."""
 
 
@@ -93,7 +93,8 @@ def _kept(task: ShardTask, index: ShardIndex | None, spec_digest: str, made_by: 
     return index if all(ref.key in there or ref.key in rejected for ref in task.examples) else None
 
 
-def build(loaded: LoadedSpec, folder: Path, job: Job, *, workers: int, only: Sequence[int] = ()) -> Iterator[Event]:
+def build(loaded: LoadedSpec, folder: Path, job: BuildJob, *, workers: int,
+          only: Sequence[int] = ()) -> Iterator[Event]:
     """Build `loaded` into `folder`, yielding news, first of all how many examples there are to make.
 
     `only`: indices of examples to stage, without publishing anything. Raises PlanError where nothing can be planned or
@@ -151,7 +152,7 @@ def _require_space(folder: Path, spec: DatasetSpec, count: int) -> None:
     require_space(folder, max(expected_bytes(spec, count + copies) - Staging(folder).size(), 0))
 
 
-def _outcomes(wanted: Sequence[ExampleRef], job: Job, workers: int,
+def _outcomes(wanted: Sequence[ExampleRef], job: BuildJob, workers: int,
               rejected: Mapping[str, Rejected]) -> Iterator[Sequence[Outcome]]:
     """What is known of the wanted examples, then what becomes of the others, view by view."""
     if known := [remembered(ref, rejected[ref.key]) for ref in wanted if ref.key in rejected]:
@@ -206,5 +207,5 @@ def _nothing_left(split: str, keys: Sequence[str], rejected: Mapping[str, Reject
     """That every example of a split was rejected, and why the first few were."""
     problems = [Problem(where="", path=f"split {split}", hint="change the spec, or widen `gates`",
                         rule=f"expected at least one example that passes all gates, got none of {len(keys)}")]
-    problems += [Problem(where=key, path=rejected[key].gate, rule=rejected[key].reason) for key in keys[:MOST_REASONS]]
+    problems += [Problem(where=key, path=rejected[key].gate, rule=rejected[key].reason) for key in keys[:MAX_REASONS]]
     return PlanError(problems)

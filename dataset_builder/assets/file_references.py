@@ -9,10 +9,10 @@ from typing import Any
 from PIL import Image
 
 from dataset_builder.errors import Problem, UserError
-from dataset_builder.spec.mesh_source import GLTF_SUFFIXES, Reference, gltf_header, references
+from dataset_builder.spec.mesh_source import GLTF_SUFFIXES, FileReference, gltf_header, references
 
 
-def checked_references(path: Path) -> tuple[Reference, ...]:
+def checked_references(path: Path) -> tuple[FileReference, ...]:
     """The files that `path` refers to. Raises UserError that names every one which is not there or unreadable."""
     try:
         found = references(path)
@@ -25,7 +25,7 @@ def checked_references(path: Path) -> tuple[Reference, ...]:
     return found
 
 
-def _problem_of(reference: Reference, file: Path) -> list[Problem]:
+def _problem_of(reference: FileReference, file: Path) -> list[Problem]:
     """What is wrong with a `file` that is referred to, at most one problem; an image has to start like one."""
     where = str(reference.by)
     if not file.is_file():

@@ -18,8 +18,8 @@ PREFIX = "KHR_materials_"
 TAKEN = ("transmission", "volume", "ior", "dispersion", "clearcoat", "sheen", "specular")
 ABBE_OF_ONE = 20.0
 """KHR_materials_dispersion: its factor is this over the Abbe number."""
-LEAST_SHEEN_ROUGHNESS = 0.05
-HIGHEST_SPECULAR = 0.16
+MIN_SHEEN_ROUGHNESS = 0.05
+MAX_SPECULAR = 0.16
 
 Entry = Mapping[str, Any]
 
@@ -69,7 +69,7 @@ def _dielectric(material: Material, found: Entry) -> Material:
         return material
     ior = max(_factor(found, "ior", "ior", 1.5, 0.0, 3.0), 1.0)
     specular = ((ior - 1) / (ior + 1)) ** 2 * _factor(found, "specular", "specularFactor", 1.0)
-    return replace(material, ior=ior, specular=min(specular, HIGHEST_SPECULAR))
+    return replace(material, ior=ior, specular=min(specular, MAX_SPECULAR))
 
 
 def _transmitting(material: Material, found: Entry) -> Material:
@@ -105,7 +105,7 @@ def _coated(material: Material, found: Entry) -> Material:
     return replace(material, coat=_factor(found, "clearcoat", "clearcoatFactor", 0.0),
                    coat_roughness=_factor(found, "clearcoat", "clearcoatRoughnessFactor", 0.0),
                    sheen=(red, green, blue),
-                   sheen_roughness=_factor(found, "sheen", "sheenRoughnessFactor", 0.0, LEAST_SHEEN_ROUGHNESS)
+                   sheen_roughness=_factor(found, "sheen", "sheenRoughnessFactor", 0.0, MIN_SHEEN_ROUGHNESS)
                    if "sheen" in found else material.sheen_roughness)
 
 

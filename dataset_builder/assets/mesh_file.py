@@ -16,7 +16,7 @@ from dataset_builder.assets.gltf_extensions import Extended, extended, material_
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.geometry.mesh import TriangleMesh, concatenate, transform
 from dataset_builder.geometry.repair import RepairReport, repair
-from dataset_builder.spec.mesh_source import Reference
+from dataset_builder.spec.mesh_source import FileReference
 
 Up = Literal["x", "y", "z"]
 Entries = dict[str | None, dict[str, Any]]
@@ -55,7 +55,7 @@ def load_mesh_file(path: Path, *, name: str, category: str, licence: str, scale:
     return Asset(name=name, category=category, mesh=placed, materials=materials, meta=meta)
 
 
-def _scene(path: Path, named: Sequence[Reference], world_from_file: np.ndarray, max_texture: int) \
+def _scene(path: Path, named: Sequence[FileReference], world_from_file: np.ndarray, max_texture: int) \
         -> tuple[TriangleMesh, tuple[Material, ...], RepairReport, str]:
     """Everything in the file as one mended mesh with its materials, and what of these was left out."""
     meshes: list[TriangleMesh] = []
@@ -87,7 +87,7 @@ def _check_file(path: Path) -> None:
         raise _problem(path, "expected an existing file, got none", "paths are relative to the spec that names them")
 
 
-def _read(path: Path, named: Sequence[Reference]) -> trimesh.Scene:
+def _read(path: Path, named: Sequence[FileReference]) -> trimesh.Scene:
     try:
         return trimesh.load_scene(path, process=False, resolver=_Resolver(path, named))
     except READER_ERRORS as error:
@@ -99,7 +99,7 @@ def _read(path: Path, named: Sequence[Reference]) -> trimesh.Scene:
 class _Resolver(trimesh.resolvers.FilePathResolver):
     """Files by what the mesh file says of them: glTF encodes names, and an .mtl counts from its own folder."""
 
-    def __init__(self, path: Path, named: Sequence[Reference]):
+    def __init__(self, path: Path, named: Sequence[FileReference]):
         super().__init__(str(path), allow_anywhere=True)
         # Of two libraries the reader takes the first
         self._names = {reference.written: reference.name for reference in reversed(named)}

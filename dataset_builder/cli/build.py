@@ -46,7 +46,7 @@ def _plan(options: argparse.Namespace) -> int:
 
 def _build(options: argparse.Namespace) -> int:
     from dataset_builder.build import build
-    from dataset_builder.engine.unit import Job, Outcome
+    from dataset_builder.engine.unit import BuildJob, Outcome
     from dataset_builder.rendering.backend import choose
     from dataset_builder.report.console import build_table, follow, rejected_lines
     from dataset_builder.report.contact_sheet import write_contact_sheet
@@ -59,8 +59,8 @@ def _build(options: argparse.Namespace) -> int:
     folder = options.out or DATASETS / loaded.dataset.name
     workers = options.workers or (1 if chosen.variant.startswith("cuda") else cores())
     threads = max(1, cores() // workers)
-    job = Job(spec_path=options.spec, overrides=tuple(options.overrides), spec_digest=loaded.spec_digest, folder=folder,
-              backend=options.backend, threads=threads)
+    job = BuildJob(spec_path=options.spec, overrides=tuple(options.overrides), spec_digest=loaded.spec_digest,
+                   folder=folder, backend=options.backend, threads=threads)
     outcomes: list[Outcome] = []
     manifest = None
     for event in follow(build(loaded, folder, job, workers=workers, only=options.example), console):

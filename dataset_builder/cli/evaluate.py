@@ -11,8 +11,8 @@ from dataset_builder.errors import UserError
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from dataset_builder.lightnet.results.compose_input import Frame
-    from dataset_builder.lightnet.results.evaluate import Row
+    from dataset_builder.lightnet.results.compose_input import ComposeInput
+    from dataset_builder.lightnet.results.evaluate import ScoreRow
 
 FILES = {"i_s": "--i-s", "s_prime": "--s-prime", "mask": "--mask", "background": "--background"}
 OPTIONAL = {"mask_rough": "--mask-rough"}
@@ -77,7 +77,7 @@ def _evaluate(options: argparse.Namespace) -> int:
     return 0
 
 
-def _shown(rows: Iterable["Row"], count: int, console: "Console") -> Iterator["Row"]:
+def _shown(rows: Iterable["ScoreRow"], count: int, console: "Console") -> Iterator["ScoreRow"]:
     from rich.progress import track
 
     yield from track(rows, total=count, description="predictions", console=console)
@@ -99,15 +99,15 @@ def _compose(options: argparse.Namespace) -> int:
     return 0
 
 
-def _frame(options: argparse.Namespace, split: str) -> "Frame":
+def _frame(options: argparse.Namespace, split: str) -> "ComposeInput":
     """The example, or the files; not a mixture."""
-    from dataset_builder.lightnet.results.compose_input import frame_from_dataset, frame_from_files
+    from dataset_builder.lightnet.results.compose_input import input_from_dataset, input_from_files
 
     files = {name: path for name in (*FILES, *OPTIONAL) if (path := getattr(options, name))}
     if options.folder:
         if files:
             raise UserError("expected a dataset or files, got both")
-        return frame_from_dataset(options.folder, key=options.example, split=split, index=options.index)
+        return input_from_dataset(options.folder, key=options.example, split=split, index=options.index)
     if missing := [option for name, option in FILES.items() if name not in files]:
         raise UserError(f"expected a dataset, or files of {', '.join(FILES.values())}: {', '.join(missing)} missing")
-    return frame_from_files(files)
+    return input_from_files(files)

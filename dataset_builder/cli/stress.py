@@ -24,7 +24,7 @@ def _stress(options: argparse.Namespace) -> int:
     from dataset_builder.files import write_atomic
     from dataset_builder.rendering.backend import activate
     from dataset_builder.report.stress_lines import header, show
-    from dataset_builder.studies.stress.case import SIZES, Result, run_all, select
+    from dataset_builder.studies.stress.case import SIZES, CaseResult, run_all, select
     from dataset_builder.studies.stress.cases import CASES
     from dataset_builder.studies.stress.stress_table import comma_separated, markdown, summary
 
@@ -39,7 +39,7 @@ def _stress(options: argparse.Namespace) -> int:
     plugins.register()
     console.print(f"backend: {backend.summary}", highlight=False)
     console.print(header())
-    results: list[Result] = []
+    results: list[CaseResult] = []
     for result in run_all(cases, SIZES[options.size]):
         results.append(result)
         show(result, console)

@@ -73,9 +73,9 @@ def _accuracy(options: argparse.Namespace) -> int:
     from dataset_builder.rendering.backend import choose
     from dataset_builder.report.accuracy_page import write_page
     from dataset_builder.studies.accuracy.accuracy_study import AccuracyStudy, conclude, run
-    from dataset_builder.studies.accuracy.rows import Row
+    from dataset_builder.studies.accuracy.rows import AccuracyRow
 
-    spec, rows = _spec(options), list[Row]()
+    spec, rows = _spec(options), list[AccuracyRow]()
     study = AccuracyStudy(spec=spec, out=options.out or STUDIES / f"{spec.dataset.name}-accuracy",
                           examples=options.examples, layers=tuple(options.layers), budget=options.budget,
                           backend=options.backend)
@@ -118,7 +118,7 @@ def _noise(options: argparse.Namespace) -> int:
 
     from dataset_builder.lightnet.training.events import Finished
     from dataset_builder.report.console import follow, rejected_lines
-    from dataset_builder.report.noise_page import Found, sentences, write_page
+    from dataset_builder.report.noise_page import NoiseResults, sentences, write_page
     from dataset_builder.report.training import lines_of
     from dataset_builder.studies.noise.crops import crops
     from dataset_builder.studies.noise.level_trainings import (
@@ -146,8 +146,8 @@ def _noise(options: argparse.Namespace) -> int:
     split = held_out(study)
     levels = levels_of(study, split, list(measure(study, split)))
     write_table(levels, study.out / "levels.csv")
-    write_page(Found(study=study, levels=levels, passes=passes, crops=list(crops(study, split, levels)),
-                     left_out=split.left_out, rejected=rejected_by_level(study), learnt=training_counts(study)))
+    write_page(NoiseResults(study=study, levels=levels, passes=passes, crops=list(crops(study, split, levels)),
+                            left_out=split.left_out, rejected=rejected_by_level(study), learnt=training_counts(study)))
     print("\n".join([*sentences(levels), f"table: {study.out / 'levels.csv'}",
                      f"report: {study.out / 'report.html'}"]))
     return 0

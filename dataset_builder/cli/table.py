@@ -17,7 +17,7 @@ from dataset_builder.cli.options import (
 if TYPE_CHECKING:
     from dataset_builder.lightnet.settings import TrainingSpec
     from dataset_builder.studies.tables.row import Table
-    from dataset_builder.studies.tables.table_study import Measured, News
+    from dataset_builder.studies.tables.table_study import RowMeasured, RowNews
 
 KINDS = {
     "methods": "table 1: LighTNet, Pix2Pix, DPR and SSVBRDF, and what learns nothing",
@@ -55,7 +55,7 @@ def _table(options: argparse.Namespace) -> int:
     from dataset_builder.studies.tables.rank_order import verdict
     from dataset_builder.studies.tables.result import orders
     from dataset_builder.studies.tables.table_files import write_files
-    from dataset_builder.studies.tables.table_study import Measured, TableStudy, results, run
+    from dataset_builder.studies.tables.table_study import RowMeasured, TableStudy, results, run
 
     base = _base(options)
     table = _made(options, base)
@@ -63,11 +63,11 @@ def _table(options: argparse.Namespace) -> int:
     study = TableStudy(table=table, base=base, dataset=options.folder, out=out, seeds=options.seeds,
                        vgg_weights=options.vgg_weights, device=options.device)
     print(f"{table.number}: {table.question}\n{study.sentence}", flush=True)
-    measured: list[Measured] = []
+    measured: list[RowMeasured] = []
     for news in run(study):
         for line in _lines(news):
             print(line, flush=True)
-        if isinstance(news, Measured):
+        if isinstance(news, RowMeasured):
             measured.append(news)
     found = results(table, measured)
     write_files(table, found, out)
@@ -97,14 +97,14 @@ def _made(options: argparse.Namespace, base: "TrainingSpec") -> "Table":
     return {"objectives": variants.objectives, "formulations": variants.formulations}[options.table](base)
 
 
-def _lines(news: "News | Measured") -> list[str]:
+def _lines(news: "RowNews | RowMeasured") -> list[str]:
     """What is told while rows are trained: sizes, skipped steps, checks, and when a row is done."""
     from dataset_builder.lightnet.training.events import Finished
     from dataset_builder.report.training import lines_of
-    from dataset_builder.studies.tables.table_study import Measured
+    from dataset_builder.studies.tables.table_study import RowMeasured
 
     head = f"{news.number}/{news.count} {news.row.title}, seed {news.seed}"
-    if isinstance(news, Measured):
+    if isinstance(news, RowMeasured):
         how = "kept from an earlier run" if news.kept else "measured"
         return [f"{head}: {len(news.scores)} held-out examples {how}"]
     return [] if isinstance(news.event, Finished) else [f"{head}: {line}" for line in lines_of(news.event)]

@@ -21,13 +21,14 @@ def _train(options: argparse.Namespace) -> int:
     from rich.console import Console
 
     from dataset_builder.lightnet.settings import load_training
-    from dataset_builder.lightnet.training.fit import Job, fit
+    from dataset_builder.lightnet.training.fit import TrainingJob, fit
     from dataset_builder.report.training import follow
     from dataset_builder.shards.reader import load_manifest
 
     spec = load_training(options.config, options.overrides)
     out = options.out or TRAININGS / f"{load_manifest(options.folder).name}-{spec.method}"
-    job = Job(dataset=options.folder, out=out, spec=spec, vgg_weights=options.vgg_weights, device=options.device)
+    job = TrainingJob(dataset=options.folder, out=out, spec=spec, vgg_weights=options.vgg_weights,
+                      device=options.device)
     for _ in follow(fit(job), Console()):
         pass
     return 0

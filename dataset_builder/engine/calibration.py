@@ -14,7 +14,7 @@ import numpy as np
 
 from dataset_builder.digest import canonical_json, digest
 from dataset_builder.engine import local
-from dataset_builder.engine.unit import Job, planner_of
+from dataset_builder.engine.unit import BuildJob, planner_of
 from dataset_builder.errors import OutputError, PlanError, Problem, UserError
 from dataset_builder.files import write_atomic
 from dataset_builder.planning.catalogue import ExampleRef
@@ -49,7 +49,7 @@ class Figures:
     relmse_reference: float
 
 
-def calibrate(loaded: LoadedSpec, job: Job, made_by: Mapping[str, str], *, workers: int) -> tuple[Denoised, ...]:
+def calibrate(loaded: LoadedSpec, job: BuildJob, made_by: Mapping[str, str], *, workers: int) -> tuple[Denoised, ...]:
     """Figures of every layer that the dataset denoises, in the spec's order, the same on every repetition.
 
     Taken from the job's folder where they were measured before, by the same versions. Raises PlanError where no example
@@ -73,7 +73,7 @@ def candidates(planner: Planner, count: int) -> list[ExampleRef]:
     return [*(first[i] for i in spread), *(ref for i, ref in enumerate(first) if i not in spread)]
 
 
-def _measured(refs: Sequence[ExampleRef], count: int, job: Job, workers: int) -> list[dict[str, Figures]]:
+def _measured(refs: Sequence[ExampleRef], count: int, job: BuildJob, workers: int) -> list[dict[str, Figures]]:
     """Figures of the first `count` examples that can be planned and rendered; the first reason where none can."""
     found, failed = dict[int, dict[str, Figures]](), dict[int, tuple[Problem, ...]]()
     while refs and len(found) < count:
@@ -89,7 +89,7 @@ def _measured(refs: Sequence[ExampleRef], count: int, job: Job, workers: int) ->
     return [found[index] for index in sorted(found)]
 
 
-def measure(job: Job, ref: ExampleRef) -> tuple[int, dict[str, Figures], tuple[Problem, ...]]:
+def measure(job: BuildJob, ref: ExampleRef) -> tuple[int, dict[str, Figures], tuple[Problem, ...]]:
     """Index of an example and the figures of its denoised layers, or why it cannot be planned or rendered."""
     activate(job.backend, job.threads)
     planner = planner_of(job)

@@ -11,11 +11,11 @@ from dataset_builder.engine.unit import Outcome
 from dataset_builder.files import write_atomic
 from dataset_builder.shards.folder import SECONDS
 
-HEADER = ("key", "stage", "seconds")
+HEADER = ("key", "step", "seconds")
 
 
 class Timings:
-    """Seconds by example and stage: `plan`, a pass, `denoise`, `encode`. What a stage made for several examples of a
+    """Seconds by example and step: `plan`, a pass, `denoise`, `encode`. What a step made for several examples of a
     view counts for the first of them. An earlier run's figures stay where nothing was rendered again."""
 
     def __init__(self, folder: Path):
@@ -27,14 +27,14 @@ class Timings:
         for outcome in outcomes:
             if outcome.seconds and not outcome.kept:
                 self._known = {pair: value for pair, value in self._known.items() if pair[0] != outcome.ref.key}
-                self._known |= {(outcome.ref.key, stage): f"{value:.4f}" for stage, value in outcome.seconds.items()}
+                self._known |= {(outcome.ref.key, step): f"{value:.4f}" for step, value in outcome.seconds.items()}
 
     def write(self) -> None:
         """Write all of them, by key. Raises OutputError where that cannot be done."""
         text = StringIO()
         rows = csv.writer(text, lineterminator="\n")
         rows.writerow(HEADER)
-        rows.writerows((key, stage, value) for (key, stage), value in sorted(self._known.items()))
+        rows.writerows((key, step, value) for (key, step), value in sorted(self._known.items()))
         write_atomic(self._path, text.getvalue().encode())
 
     def _load(self) -> dict[tuple[str, str], str]:

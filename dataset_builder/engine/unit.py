@@ -41,7 +41,7 @@ RENDERING = "rendering"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Job:
+class BuildJob:
     """What a worker needs to know to find the spec and the output; the same for every unit of a build.
 
     spec_digest: of the spec that the build began with; another one found at `spec_path` later is refused. denoised:
@@ -61,7 +61,7 @@ class Job:
 class Outcome:
     """What became of one example: digest it is staged under (empty where it was not planned), or why it is rejected.
 
-    seconds: by pass and by stage (`plan`, `encode`); kept: True where that was known already and nothing was rendered.
+    seconds: by pass and by step (`plan`, `encode`); kept: True where that was known already and nothing was rendered.
     """
 
     ref: ExampleRef
@@ -91,7 +91,7 @@ def plan_digest(plan: ExamplePlan, spec: DatasetSpec, made_by: dict[str, str],
                    "denoised": _plain(denoised)})
 
 
-def run_unit(job: Job, unit: ViewUnit) -> list[Outcome]:
+def run_unit(job: BuildJob, unit: ViewUnit) -> list[Outcome]:
     """Make the examples of one view; those that are staged already are kept. One outcome per example, in order.
 
     Raises SpecError where the spec is no longer the one that the build began with.
@@ -117,7 +117,7 @@ def remembered(ref: ExampleRef, rejected: Rejected) -> Outcome:
     return _outcome(ref, rejected=rejected, kept=True)
 
 
-def _make(planned: Sequence[tuple[ExampleRef, ExamplePlan]], loaded: LoadedSpec, job: Job) -> Iterator[Outcome]:
+def _make(planned: Sequence[tuple[ExampleRef, ExamplePlan]], loaded: LoadedSpec, job: BuildJob) -> Iterator[Outcome]:
     from dataset_builder.rendering.examples import render_view
 
     made_by = versions(job.backend, bool(loaded.dataset.render.denoise.layers))
@@ -191,7 +191,7 @@ def _outcome(ref: ExampleRef, *, digest: str = "", rejected: Rejected | None = N
 
 
 @lru_cache(maxsize=2)
-def planner_of(job: Job) -> Planner:
+def planner_of(job: BuildJob) -> Planner:
     """The planner of a job, kept for the life of the process, so that neighbours share what they share."""
     loaded = load_dataset(job.spec_path, job.overrides)
     if loaded.spec_digest != job.spec_digest:

@@ -63,7 +63,7 @@ class Cost:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Estimate:
+class CostEstimate:
     """Cost of a dataset, its standard error from the views that were planned (0 where all were), and its sizes.
 
     Views that cannot be planned are taken to cost what the others do, so that the estimate is on the safe side.
@@ -181,7 +181,7 @@ def calibration_cost(planner: Planner, rates: Rates, cores: int = 1) -> Cost:
     layers = tuple((name, extent) for name, extent in plan.render.layers if name in denoise.layers)
     plan = plan.model_copy(update={"render": plan.render.model_copy(update={"layers": layers})})
     count = min(denoise.examples, sum(len(views_of(spec, split)) for split in spec.splits))
-    window = window_share(planner.stage(planner.examples[plan.index].view.pair), plan.camera,
+    window = window_share(planner.arrangement(planner.examples[plan.index].view.pair), plan.camera,
                           spec.image.height / spec.image.width)
     one = view_cost(plan, 1, 1, window, spec.storage.dtype, rates, min(cores, count))
     renders, times = count * (REPEATS + 1), count * (REPEATS + FACTOR)
@@ -218,14 +218,14 @@ def _split_cost(planner: Planner, views: Sequence[ViewRef], lights: int, rates: 
         except PlanError as error:
             problems += error.problems
             continue
-        window = window_share(planner.stage(ref.pair), plan.camera, spec.image.height / spec.image.width)
+        window = window_share(planner.arrangement(ref.pair), plan.camera, spec.image.height / spec.image.width)
         costs.append(view_cost(plan, lights, len(spec.rough.levels), window, spec.storage.dtype, rates, cores))
     if not costs:
         raise PlanError(problems)
     return costs
 
 
-def estimate(planner: Planner, views: int = 24, rates: Rates | None = None, cores: int = 1) -> Estimate:
+def estimate(planner: Planner, views: int = 24, rates: Rates | None = None, cores: int = 1) -> CostEstimate:
     """Cost of the whole dataset, and of the measuring that precedes it where it is denoised.
 
     From about `views` views, drawn in every split in proportion and planned for real. Views that cannot be planned are
@@ -246,5 +246,5 @@ def estimate(planner: Planner, views: int = 24, rates: Rates | None = None, core
         for name, times in pass_runs(layers_asked(spec), split.lights, len(spec.rough.levels)).items():
             runs[name] += times * len(own)
     total = total + astuple(calibration_cost(planner, rates or Rates(), cores))
-    return Estimate(total=Cost.of(total), error=Cost.of(np.sqrt(variance)), examples=count_examples(spec), views=count,
-                    tried=tried, planned=planned, runs=runs)
+    return CostEstimate(total=Cost.of(total), error=Cost.of(np.sqrt(variance)), examples=count_examples(spec),
+                        views=count, tried=tried, planned=planned, runs=runs)

@@ -18,10 +18,10 @@ from dataset_builder.planning.example_plan import (
     RenderPlan,
     RoughPlan,
 )
-from dataset_builder.planning.scene.arrange import set_stage
-from dataset_builder.planning.scene.arrangement import Stage
+from dataset_builder.planning.scene.arrange import arrange
+from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.planning.scene.contents import SplitContents, contents
-from dataset_builder.planning.view.cameras import View, place_camera
+from dataset_builder.planning.view.cameras import PlannedCamera, place_camera
 from dataset_builder.planning.view.lights import LitView, sky_share, source_light, target_light, unit_irradiance
 from dataset_builder.seeding import derive_seed, rng
 from dataset_builder.spec.dataset import DatasetSpec
@@ -51,10 +51,10 @@ class _Recent(Generic[Value]):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ViewPlan:
-    """What the examples of one view share: the stage, the camera with what it sees, the source light."""
+    """What the examples of one view share: what stands where, the camera with what it sees, the source light."""
 
-    stage: Stage
-    view: View
+    arrangement: Arrangement
+    view: PlannedCamera
     source: IlluminationPlan
 
 
@@ -63,7 +63,7 @@ class Planner:
 
     def __init__(self, loaded: LoadedSpec):
         self.loaded = loaded
-        self._stages = _Recent[Stage](4)
+        self._arrangements = _Recent[Arrangement](4)
         self._views = _Recent[ViewPlan](4)
         self._lights = _Recent[tuple[IlluminationPlan, str]](64)
 
@@ -77,21 +77,21 @@ class Planner:
         """Objects and scenes of every split. Raises PlanError where splits share one."""
         return contents(self.loaded)
 
-    def stage(self, pair: PairRef) -> Stage:
-        """The stage of a pair. Raises PlanError where the target does not fit its room."""
-        return self._stages.get(pair, lambda: set_stage(pair, self.contents[pair.split], self.loaded.dataset.seed,
-                                                        self.loaded.path.parent))
+    def arrangement(self, pair: PairRef) -> Arrangement:
+        """What stands where in a pair's room. Raises PlanError where the target does not fit its room."""
+        return self._arrangements.get(pair, lambda: arrange(pair, self.contents[pair.split], self.loaded.dataset.seed,
+                                                      self.loaded.path.parent))
 
     def view(self, ref: ViewRef) -> ViewPlan:
         """Stage, camera and source light of a view. Raises PlanError where no camera sees the target."""
         return self._views.get(ref, lambda: self._view(ref))
 
     def _view(self, ref: ViewRef) -> ViewPlan:
-        spec, stage = self.loaded.dataset, self.stage(ref.pair)
-        where = _where(ref, stage)
-        view = place_camera(stage, spec.camera, spec.image, rng(spec.seed, *ref.path, "camera"), where)
+        spec, arrangement = self.loaded.dataset, self.arrangement(ref.pair)
+        where = _where(ref, arrangement)
+        view = place_camera(arrangement, spec.camera, spec.image, rng(spec.seed, *ref.path, "camera"), where)
         source = source_light(spec.source, partial(rng, spec.seed, *ref.path, "source"), self.loaded.path.parent)
-        return ViewPlan(stage=stage, view=view, source=source)
+        return ViewPlan(arrangement=arrangement, view=view, source=source)
 
     def light(self, ref: ViewRef, number: int) -> tuple[IlluminationPlan, str]:
         """Target light `number` of a view and its note. Raises PlanError where none lights the target as asked."""
@@ -99,31 +99,31 @@ class Planner:
 
     def _light(self, ref: ViewRef, number: int) -> tuple[IlluminationPlan, str]:
         spec, plan = self.loaded.dataset, self.view(ref)
-        lit = LitView(stage=plan.stage, camera=plan.view.camera, sight=plan.view.sight,
-                      unit=unit_irradiance(plan.source), sky=sky_share(plan.stage, plan.view.sight))
+        lit = LitView(arrangement=plan.arrangement, camera=plan.view.camera, sight=plan.view.sight,
+                      unit=unit_irradiance(plan.source), sky=sky_share(plan.arrangement, plan.view.sight))
         stream = partial(rng, spec.seed, *ref.path, "light", number)
-        return target_light(lit, spec.target, stream, f"{_where(ref, plan.stage)}, light {number}",
+        return target_light(lit, spec.target, stream, f"{_where(ref, plan.arrangement)}, light {number}",
                             self.loaded.path.parent)
 
     def example(self, ref: ExampleRef) -> ExamplePlan:
         """The plan of one example. Raises PlanError where the spec asks for what cannot be."""
         spec, shared = self.loaded.dataset, self.view(ref.view)
         light, note = self.light(ref.view, ref.light)
-        stage, render = shared.stage, render_plan(spec, ref.view)
+        arrangement, render = shared.arrangement, render_plan(spec, ref.view)
         fog = self.contents[ref.view.pair.split].scenes[ref.view.pair.scene].fog
-        effects = plan_effects(spec=spec.render, room=stage.room, target=stage.target, furniture=stage.furniture,
-                               source_light=shared.source, target_light=light, fog=fog, render=render,
-                               mesh_root=self.loaded.path.parent, where=_where(ref.view, stage))
+        effects = plan_effects(spec=spec.render, room=arrangement.room, target=arrangement.target,
+                               furniture=arrangement.furniture, source_light=shared.source, target_light=light, fog=fog,
+                               render=render, mesh_root=self.loaded.path.parent, where=_where(ref.view, arrangement))
         return ExamplePlan(
             schema_version=SCHEMA_VERSION, key=ref.key, index=ref.index, split=ref.view.pair.split, view=ref.view.name,
-            light=ref.light, room=shared.stage.room, target=shared.stage.target, furniture=shared.stage.furniture,
+            light=ref.light, room=arrangement.room, target=arrangement.target, furniture=arrangement.furniture,
             camera=shared.view.camera, source_light=shared.source, target_light=light,
             rough=rough_plan(spec, ref), fog=fog, render=render, effects=effects,
-            notes=(*shared.stage.notes, shared.view.note, note))
+            notes=(*arrangement.notes, shared.view.note, note))
 
 
-def _where(ref: ViewRef, stage: Stage) -> str:
-    return f"{ref.name} ({stage.target.object.name} in {stage.room.name})"
+def _where(ref: ViewRef, arrangement: Arrangement) -> str:
+    return f"{ref.name} ({arrangement.target.object.name} in {arrangement.room.name})"
 
 
 def rough_plan(spec: DatasetSpec, ref: ExampleRef) -> RoughPlan:

@@ -11,14 +11,14 @@ import numpy as np
 
 WHOLE = 0.999
 """Least mask of a pixel that is covered wholly."""
-SMALLEST, LARGEST = 4, 16
+MIN_SIDE, MAX_SIDE = 4, 16
 PER_SIDE = 16
 """Cells along the shorter side of the frame, within the bounds of pixels above."""
 FILLED = 0.5
 """Least share of a cell's pixels that must be covered wholly."""
 DIFFUSE = 0.7
 """Least D / (D + R) of a cell whose light is expected to follow D S'."""
-LEAST_LIGHT = 1e-2
+MIN_LIGHT = 1e-2
 """Of the example's mean S': darker cells are noise."""
 
 
@@ -54,7 +54,7 @@ class Cells:
     def is_diffuse(self) -> np.ndarray:
         """(C,) truth: cells that reflect diffusely for the most part, and have light."""
         light = self.s_prime.sum(axis=1)
-        lit = light > LEAST_LIGHT * (light.mean() if len(light) else 0.0)
+        lit = light > MIN_LIGHT * (light.mean() if len(light) else 0.0)
         return (self.diffuseness >= DIFFUSE) & lit & (self.i_t.sum(axis=1) > 0)
 
     @property
@@ -81,7 +81,7 @@ def cells_of(key: str, layers: Mapping[str, np.ndarray], *, fog: bool) -> Cells:
 
 def cell_side(height: int, width: int) -> int:
     """Pixels along a side of a cell."""
-    return int(np.clip(round(min(height, width) / PER_SIDE), SMALLEST, LARGEST))
+    return int(np.clip(round(min(height, width) / PER_SIDE), MIN_SIDE, MAX_SIDE))
 
 
 def covered(layers: Mapping[str, np.ndarray]) -> np.ndarray:

@@ -17,7 +17,7 @@ from dataset_builder.release import light_checks, outline_checks, surface_checks
 from dataset_builder.release.cells import Cells, cells_of
 from dataset_builder.release.dataset_check import Check, Rule
 from dataset_builder.release.outline_checks import Outline, outline_of
-from dataset_builder.release.surface_checks import Surface, surface_of
+from dataset_builder.release.surface_checks import SurfaceFacts, surface_of
 from dataset_builder.shards.reader import load_manifest, open_dataset
 
 HELPFUL = ("mask_rough", "air", "depth", "normal")
@@ -33,7 +33,7 @@ class Facts:
 
     cells: Cells
     outline: Outline
-    surface: Surface
+    surface: SurfaceFacts
 
 
 def facts(example: Mapping[str, Any]) -> Facts:

@@ -12,7 +12,7 @@ from pathlib import Path
 from time import perf_counter
 
 from dataset_builder.errors import UserError
-from dataset_builder.lightnet.results.evaluate import Row
+from dataset_builder.lightnet.results.evaluate import ScoreRow
 from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.lightnet.training.events import Event
 from dataset_builder.release.consistency import EXAMPLES, Facts, check_facts, read_facts
@@ -49,13 +49,13 @@ class Gate:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Found:
+class PartResult:
     """What a part found. problems: sentences, all of them; facts, rows: what figures are made from."""
 
     checks: tuple[Check, ...]
     problems: tuple[str, ...] = ()
     facts: tuple[Facts, ...] = ()
-    rows: tuple[Row, ...] = ()
+    rows: tuple[ScoreRow, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +70,7 @@ class Done:
     """News: a part is done, after so many seconds."""
 
     part: str
-    found: Found
+    found: PartResult
     seconds: float
 
     @property
@@ -109,7 +109,7 @@ def run(gate: Gate) -> Iterator[News]:
             return
 
 
-Part = Generator[Event, None, Found]
+Part = Generator[Event, None, PartResult]
 
 
 def _files(gate: Gate) -> Part:
@@ -120,19 +120,19 @@ def _files(gate: Gate) -> Part:
 def _consistency(gate: Gate) -> Part:
     yield from ()
     facts = tuple(read_facts(gate.dataset, gate.examples))
-    return Found(checks=tuple(check_facts(facts)), facts=facts)
+    return PartResult(checks=tuple(check_facts(facts)), facts=facts)
 
 
 def _loader(gate: Gate) -> Part:
     yield from ()
-    return Found(checks=tuple(loader_checks(gate.dataset, gate.spec.data)))
+    return PartResult(checks=tuple(loader_checks(gate.dataset, gate.spec.data)))
 
 
 def _training(gate: Gate) -> Part:
     contest = Contest(dataset=gate.dataset, out=gate.out / "training", spec=gate.spec, device=gate.device,
                       vgg_weights=gate.vgg_weights, margin=gate.margin, copy_margin=gate.copy_margin)
     checks, rows = yield from training_checks(contest)
-    return Found(checks=tuple(checks), rows=tuple(rows))
+    return PartResult(checks=tuple(checks), rows=tuple(rows))
 
 
 PARTS: dict[str, Callable[[Gate], Part]] = {
@@ -141,6 +141,7 @@ PARTS: dict[str, Callable[[Gate], Part]] = {
 """By name, in the order they are run in."""
 
 
-def _problems(rule: Rule, sentences: list[str]) -> Found:
+def _problems(rule: Rule, sentences: list[str]) -> PartResult:
     more = f"; and {len(sentences) - LISTED} more" if len(sentences) > LISTED else ""
-    return Found(checks=(rule.judge(len(sentences), "; ".join(sentences[:LISTED]) + more),), problems=tuple(sentences))
+    return PartResult(checks=(rule.judge(len(sentences), "; ".join(sentences[:LISTED]) + more),),
+                      problems=tuple(sentences))

@@ -13,7 +13,7 @@ import numpy as np
 from dataset_builder.release.cells import Cells
 from dataset_builder.release.dataset_check import Check, Rule
 
-LEAST_CELLS, LEAST_EXAMPLES = 100, 6
+MIN_CELLS, MIN_EXAMPLES = 100, 6
 """Diffuse cells, and examples that have some, below which statistics are not judged."""
 MANY_EXAMPLES = 24
 """The same for statistics that vary much from object to object."""
@@ -130,7 +130,7 @@ def _specular(clear: Sequence[Cells]) -> Check:
     level = np.concatenate([cells.i_s.sum(axis=1) / np.maximum((cells.d + cells.r).sum(axis=1), TINY)
                             for cells in clear])
     kept = share >= MIXED
-    if kept.sum() < LEAST_CELLS or share[kept].std() < VARIED:
+    if kept.sum() < MIN_CELLS or share[kept].std() < VARIED:
         return SPECULAR_WEIGHT.pass_over("too few materials between diffuse and specular")
     by_d, by_r = _least_absolute(np.stack([share, 1 - share], axis=1)[kept], level[kept])
     return SPECULAR_WEIGHT.judge(by_r / by_d if by_d > 0 else float("inf"))
@@ -154,9 +154,9 @@ def _least_absolute(matrix: np.ndarray, values: np.ndarray, rounds: int = 20) ->
 
 def _too_little(cells: Sequence[Cells]) -> str:
     count = sum(map(len, cells))
-    enough = count >= LEAST_CELLS and len(cells) >= LEAST_EXAMPLES
-    return "" if enough else (f"{count} diffuse cells in {len(cells)} examples, needs {LEAST_CELLS} in "
-                              f"{LEAST_EXAMPLES}")
+    enough = count >= MIN_CELLS and len(cells) >= MIN_EXAMPLES
+    return "" if enough else (f"{count} diffuse cells in {len(cells)} examples, needs {MIN_CELLS} in "
+                              f"{MIN_EXAMPLES}")
 
 
 def _log(values: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ SEARCH = 12
 FRAME = 2
 """Pixels along the frame's border whose outlines are cut, not seen."""
 DARKEST = 1e-4
-LEAST_SIDE, LEAST_EXAMPLES = 3 * SEARCH, 6
+MIN_SIDE, MIN_EXAMPLES = 3 * SEARCH, 6
 """Pixels of the shorter side of the frame, and examples, below which edges are not judged."""
 STEEPEST = 1.0
 """Of a change of log I_s from pixel to pixel: beyond it an edge is an edge."""
@@ -56,7 +56,7 @@ def edge_scores(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
     seen = np.zeros_like(outline)
     seen[FRAME:-FRAME, FRAME:-FRAME] = outline[FRAME:-FRAME, FRAME:-FRAME]
     shifts = np.arange(-SEARCH, SEARCH + 1)
-    if min(mask.shape) < LEAST_SIDE or not seen.any() or not steep.any():
+    if min(mask.shape) < MIN_SIDE or not seen.any() or not steep.any():
         return np.zeros((len(shifts), len(shifts)))
     product = np.fft.rfft2(steep) * np.conj(np.fft.rfft2(seen / seen.sum()))
     return np.fft.irfft2(product, s=steep.shape)[np.ix_(shifts, shifts)] / steep.mean()
@@ -80,9 +80,9 @@ def _drift(found: Sequence[Outline]) -> Check:
 
 def _edges(found: Sequence[Outline]) -> Check:
     scores = sum((outline.edges for outline in found), np.zeros((2 * SEARCH + 1, 2 * SEARCH + 1)))
-    if (seen := sum(bool(outline.edges.any()) for outline in found)) < LEAST_EXAMPLES:
-        return EDGES.pass_over(f"{seen} examples with an outline in a frame of {LEAST_SIDE} pixels or more, needs "
-                               f"{LEAST_EXAMPLES}")
+    if (seen := sum(bool(outline.edges.any()) for outline in found)) < MIN_EXAMPLES:
+        return EDGES.pass_over(f"{seen} examples with an outline in a frame of {MIN_SIDE} pixels or more, needs "
+                               f"{MIN_EXAMPLES}")
     rows, columns = (int(i) - SEARCH for i in np.unravel_index(scores.argmax(), scores.shape))
     here, there = scores[SEARCH, SEARCH] / np.median(scores), scores.max() / np.median(scores)
     return EDGES.judge(float(np.hypot(rows, columns)), f"best {there:.2f} times the usual at {rows:+d} rows, "

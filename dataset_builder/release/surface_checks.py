@@ -11,7 +11,7 @@ from dataset_builder.release.dataset_check import Check, Rule
 
 SMOOTH = 0.9
 """Least length of a mean normal: below, the pixel sees several faces."""
-LEAST_PIXELS = 20
+MIN_PIXELS = 20
 """Of an example that has an angle or a reach of its own."""
 FAR = 0.98
 """Quantile of pixels that an example's reach is taken at."""
@@ -25,7 +25,7 @@ RULES = (REACH, NORMALS)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Surface:
+class SurfaceFacts:
     """One example. reach: see `REACH`; cosine: median, see `NORMALS`; NaN where layers or label do not tell."""
 
     key: str
@@ -33,19 +33,19 @@ class Surface:
     cosine: float
 
 
-def surface_of(key: str, layers: Mapping[str, np.ndarray], label: Mapping[str, Any]) -> Surface:
+def surface_of(key: str, layers: Mapping[str, np.ndarray], label: Mapping[str, Any]) -> SurfaceFacts:
     """What depth (H, W, 1), normal (H, W, 3), and the camera and bounding radius of the label say about each other."""
     if "depth" not in layers:
-        return Surface(key=key, reach=float("nan"), cosine=float("nan"))
+        return SurfaceFacts(key=key, reach=float("nan"), cosine=float("nan"))
     camera, radius = label["plan"]["camera"], label["record"].get("bounding_radius", 0.0)
     whole = layers["mask"][..., 0] >= WHOLE
     reach = cosine = float("nan")
-    if radius > 0 and whole.sum() >= LEAST_PIXELS:
+    if radius > 0 and whole.sum() >= MIN_PIXELS:
         away = np.abs(layers["depth"][..., 0][whole] - np.linalg.norm(_vector(camera, "target", "position")))
         reach = float(np.quantile(away, FAR) / radius)
     if "normal" in layers:
         cosine = _median_cosine(layers["depth"][..., 0].astype(np.float64), layers["normal"], whole, camera)
-    return Surface(key=key, reach=reach, cosine=cosine)
+    return SurfaceFacts(key=key, reach=reach, cosine=cosine)
 
 
 def positions(depth: np.ndarray, camera: Mapping[str, Any]) -> np.ndarray:
@@ -60,7 +60,7 @@ def positions(depth: np.ndarray, camera: Mapping[str, Any]) -> np.ndarray:
     return depth[..., None] * rays
 
 
-def surface_checks(found: Sequence[Surface]) -> list[Check]:
+def surface_checks(found: Sequence[SurfaceFacts]) -> list[Check]:
     """Every rule of surfaces over a dataset's examples."""
     reach = {one.key: one.reach for one in found if np.isfinite(one.reach)}
     cosine = [one.cosine for one in found if np.isfinite(one.cosine)]
@@ -75,7 +75,7 @@ def _median_cosine(depth: np.ndarray, normal: np.ndarray, whole: np.ndarray, cam
     spanned = np.cross(down, across)
     length, spread = np.linalg.norm(normal, axis=2), np.linalg.norm(spanned, axis=2)
     usable = eroded(whole, 1) & (length > SMOOTH) & (spread > 0)
-    if usable.sum() < LEAST_PIXELS:
+    if usable.sum() < MIN_PIXELS:
         return float("nan")
     return float(np.median((spanned * normal).sum(axis=2)[usable] / (length * spread)[usable]))
 

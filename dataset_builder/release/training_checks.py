@@ -16,11 +16,11 @@ from dataset_builder.files import output_errors
 from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
 from dataset_builder.lightnet.methods.baselines.trivial import TRIVIAL
 from dataset_builder.lightnet.methods.checkpoint import load_trained
-from dataset_builder.lightnet.results.clustered_means import Estimate, estimate
-from dataset_builder.lightnet.results.evaluate import Row, contender, evaluate, trivial
+from dataset_builder.lightnet.results.clustered_means import ClusteredMean, estimate
+from dataset_builder.lightnet.results.evaluate import ScoreRow, contender, evaluate, trivial
 from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.lightnet.training.events import Event
-from dataset_builder.lightnet.training.fit import LAST, SPEC, Job, fit
+from dataset_builder.lightnet.training.fit import LAST, SPEC, TrainingJob, fit
 from dataset_builder.release.dataset_check import Check, Rule
 
 STEPS = 600
@@ -60,11 +60,11 @@ def clearly(name: str) -> Rule:
                 statement=f"the same over its standard error, example by example, clustered by view: {name}")
 
 
-def training_checks(contest: Contest) -> Generator[Event, None, tuple[list[Check], list[Row]]]:
+def training_checks(contest: Contest) -> Generator[Event, None, tuple[list[Check], list[ScoreRow]]]:
     """Train and compare; yields news of the training, returns checks and rows. Raises UserError as `fit` does."""
     _start_afresh(contest.out)
-    yield from fit(Job(dataset=contest.dataset, out=contest.out, spec=contest.spec, device=contest.device,
-                       vgg_weights=contest.vgg_weights))
+    yield from fit(TrainingJob(dataset=contest.dataset, out=contest.out, spec=contest.spec, device=contest.device,
+                               vgg_weights=contest.vgg_weights))
     # The last weights, not the best: those were chosen on the split that decides
     trained = load_trained(contest.out / LAST, contest.device)
     held_out = LightingDataset(contest.dataset, contest.spec.data.held_out, contest.spec.data)
@@ -72,7 +72,7 @@ def training_checks(contest: Contest) -> Generator[Event, None, tuple[list[Check
     return compare(rows, trained.name, margin=contest.margin, copy_margin=contest.copy_margin), rows
 
 
-def compare(rows: Sequence[Row], method: str, *, margin: float, copy_margin: float) -> list[Check]:
+def compare(rows: Sequence[ScoreRow], method: str, *, margin: float, copy_margin: float) -> list[Check]:
     """Two checks for each rival: far enough ahead in PSNR, and by more than chance."""
     checks = []
     for name in TRIVIAL:
@@ -84,7 +84,7 @@ def compare(rows: Sequence[Row], method: str, *, margin: float, copy_margin: flo
     return checks
 
 
-def lead_over(rows: Sequence[Row], method: str, other: str) -> Estimate:
+def lead_over(rows: Sequence[ScoreRow], method: str, other: str) -> ClusteredMean:
     """PSNR of a method less that of another, example by example; clusters are views.
 
     Not objects, of which held-out splits have a handful: this speaks of the split, not of furniture at large.
@@ -94,13 +94,13 @@ def lead_over(rows: Sequence[Row], method: str, other: str) -> Estimate:
     return estimate([row.metrics.psnr - theirs[row.key] for row in own], [row.view for row in own])
 
 
-def mean_psnr(rows: Sequence[Row], method: str) -> float:
+def mean_psnr(rows: Sequence[ScoreRow], method: str) -> float:
     """Of a method, in dB."""
     found = [row.metrics.psnr for row in rows if row.method == method]
     return sum(found) / len(found)
 
 
-def _sureness(lead: Estimate) -> float:
+def _sureness(lead: ClusteredMean) -> float:
     """Lead over its standard error; none where there is but one view."""
     if not isfinite(lead.error):
         return 0.0

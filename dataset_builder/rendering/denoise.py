@@ -12,7 +12,7 @@ from dataset_builder.layers import LAYERS, Extent
 from dataset_builder.planning.effects.denoise_guides import ALBEDO, MASKS, NORMAL
 from dataset_builder.rendering import oidn
 
-MOST = 1.1
+MAX_MENDING = 1.1
 """Largest factor by which a mean is mended; where a few fireflies hold more of it, they are not spread over all."""
 
 
@@ -67,4 +67,4 @@ def _mean_ratio(raw: np.ndarray, found: np.ndarray) -> np.ndarray:
     """
     wanted, there = raw.sum(axis=0, dtype=np.float64), found.sum(axis=0, dtype=np.float64)
     ratio = np.divide(wanted, there, out=np.ones_like(wanted), where=there > 0)
-    return np.clip(ratio, 1 / MOST, MOST).astype(np.float32)
+    return np.clip(ratio, 1 / MAX_MENDING, MAX_MENDING).astype(np.float32)

@@ -13,7 +13,7 @@ import numpy as np
 from dataset_builder.geometry.harmonics import COUNT, basis
 from dataset_builder.rendering.sampling.estimate import Integrand, Samplers, estimate
 from dataset_builder.rendering.sampling.moments import Estimate
-from dataset_builder.rendering.scene.open_scene import Stage
+from dataset_builder.rendering.scene.open_scene import OpenScene
 from dataset_builder.rendering.transport.light_sampling import World, balance, in_air, sample_light
 from dataset_builder.rendering.transport.path_tracer import Start, follow
 
@@ -25,16 +25,16 @@ CHANNELS = 3 * COUNT
 """Of the estimate: red, green and blue of one function after the other."""
 
 
-def lighting(stage: Stage, *, max_depth: int, rr_depth: int, seed: int, at: Sequence[float] = (0.0, 0.0, 0.0),
+def lighting(opened: OpenScene, *, max_depth: int, rr_depth: int, seed: int, at: Sequence[float] = (0.0, 0.0, 0.0),
              directions: int = DIRECTIONS) -> Estimate:
     """(1, 27) coefficients of the radiance that arrives at a point, and their standard errors.
 
-    at: in the stage's frame. max_depth, rr_depth: as in `integrator.trace`, an edge from a camera to the point counted,
+    at: in the local frame. max_depth, rr_depth: as in `integrator.trace`, an edge from a camera to the point counted,
     so that a surface there would be lit by paths of the same length. seed: 64 bits.
     """
     longest, roulette = (dr.opaque(mi.UInt32, depth) for depth in (max_depth, rr_depth))
     point = mi.Point3f(*(dr.opaque(mi.Float, float(value)) for value in at))
-    world = World(stage.scene, longest, roulette, stage.features, stage.fog)
+    world = World(opened.scene, longest, roulette, opened.features, opened.fog)
     # One pixel, whose area is the sphere
     return estimate(_integrand(world, point), np.zeros(1, dtype=np.int64), width=1, height=1, spp=directions,
                     batches=BATCHES, seed=seed)

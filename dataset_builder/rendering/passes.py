@@ -12,7 +12,7 @@ from dataset_builder.planning.scene.arrangement import TARGET_INSTANCE
 from dataset_builder.rendering.sampling.adaptive import Sample
 from dataset_builder.rendering.sampling.estimate import Integrand, Samplers, estimate
 from dataset_builder.rendering.sampling.moments import Estimate
-from dataset_builder.rendering.scene.open_scene import Stage, sensor_of
+from dataset_builder.rendering.scene.open_scene import OpenScene, sensor_of
 from dataset_builder.rendering.surface.first_hit import reflectance
 from dataset_builder.rendering.transport.integrator import trace
 
@@ -27,7 +27,7 @@ CENTRE = 0.5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class View:
+class ViewSensor:
     """What all passes of one view share: the camera, and how pixels are computed."""
 
     camera: CameraPlan
@@ -43,16 +43,16 @@ class View:
                         seed=seed)
 
 
-def radiance_sampler(view: View, stage: Stage, max_depth: int) -> Sample:
+def radiance_sampler(view: ViewSensor, opened: OpenScene, max_depth: int) -> Sample:
     """Sampler of image, shading, specular part, squared shading and air; channels as `RADIANCE_CHANNELS` cuts them."""
     sensor = view.sensor()
     longest, roulette = (dr.opaque(mi.UInt32, depth) for depth in (max_depth, view.render.rr_depth))
 
     def integrand(samplers: Samplers, position: mi.Vector2f) -> list[mi.Float]:
-        found = trace(stage.scene, samplers.strata, samplers.rest, _primary(sensor, position), longest, roulette,
-                      features=stage.features, fog=stage.fog)
+        found = trace(opened.scene, samplers.strata, samplers.rest, _primary(sensor, position), longest, roulette,
+                      features=opened.features, fog=opened.fog)
         channels = [*found.image, *found.shading, *found.specular, *(found.shading * found.shading)]
-        return [*channels, *found.air] if stage.fog else channels
+        return [*channels, *found.air] if opened.fog else channels
 
     def sample(pixels: np.ndarray, spp: int, batches: int, seed: int) -> Estimate:
         return view.estimate(integrand, pixels, spp, batches, seed).padded(RADIANCE_CHANNELS["air"].stop)
@@ -60,12 +60,13 @@ def radiance_sampler(view: View, stage: Stage, max_depth: int) -> Sample:
     return sample
 
 
-def radiance(view: View, stage: Stage, pixels: np.ndarray, *, max_depth: int, spp: int, seed: int) -> Estimate:
+def radiance(view: ViewSensor, opened: OpenScene, pixels: np.ndarray, *, max_depth: int, spp: int,
+             seed: int) -> Estimate:
     """What `radiance_sampler` samples, at a fixed spp."""
-    return radiance_sampler(view, stage, max_depth)(pixels, spp, view.render.batches, seed)
+    return radiance_sampler(view, opened, max_depth)(pixels, spp, view.render.batches, seed)
 
 
-def first_hit(view: View, stage: Stage, pixels: np.ndarray, *, spp: int, seed: int) -> Estimate:
+def first_hit(view: ViewSensor, opened: OpenScene, pixels: np.ndarray, *, spp: int, seed: int) -> Estimate:
     """The light-free layers, channels as `FIRST_HIT_CHANNELS` cuts them: means over all samples, hits or not."""
     sensor = view.sensor()
     forward = mi.Vector3f(sensor.world_transform() @ mi.Vector3f(0, 0, 1))
@@ -73,10 +74,10 @@ def first_hit(view: View, stage: Stage, pixels: np.ndarray, *, spp: int, seed: i
     dr.make_opaque(forward, origin)
 
     def integrand(samplers: Samplers, position: mi.Vector2f) -> list[mi.Float]:
-        ray, si = _beyond_lamps(stage.scene, mi.ShapePtr(stage.shape), _primary(sensor, position))
+        ray, si = _beyond_lamps(opened.scene, mi.ShapePtr(opened.shape), _primary(sensor, position))
         met = si.is_valid()
         diffuse, specular, normal = reflectance(si.bsdf(ray), si, met)
-        target = met & (_instance(stage, si) == TARGET_INSTANCE)
+        target = met & (_instance(opened, si) == TARGET_INSTANCE)
         depth = dr.dot(si.p - origin, forward)
         channels = [dr.select(target, mi.Float(1), 0), *diffuse, *specular, *si.to_world(normal), depth, mi.Float(1),
                     *(diffuse * diffuse)]
@@ -85,14 +86,14 @@ def first_hit(view: View, stage: Stage, pixels: np.ndarray, *, spp: int, seed: i
     return view.estimate(integrand, pixels, spp, view.render.batches, seed)
 
 
-def instances(view: View, stage: Stage, pixels: np.ndarray) -> np.ndarray:
+def instances(view: ViewSensor, opened: OpenScene, pixels: np.ndarray) -> np.ndarray:
     """(P,) instance that the ray through each pixel's centre meets; 0 for none."""
     sensor = view.sensor()
     size = mi.Vector2f(dr.opaque(mi.Float, view.render.width), dr.opaque(mi.Float, view.render.height))
     row, column = np.divmod(pixels, view.render.width)
     centre = mi.Vector2f(mi.Float(column + CENTRE), mi.Float(row + CENTRE)) / size
-    _, si = _beyond_lamps(stage.scene, mi.ShapePtr(stage.shape), _primary(sensor, centre))
-    return np.array(dr.select(si.is_valid(), _instance(stage, si), 0))
+    _, si = _beyond_lamps(opened.scene, mi.ShapePtr(opened.shape), _primary(sensor, centre))
+    return np.array(dr.select(si.is_valid(), _instance(opened, si), 0))
 
 
 def first_hit_layers(found: Estimate) -> Mapping[str, np.ndarray]:
@@ -129,7 +130,7 @@ def _beyond_lamps(scene: mi.Scene, body: mi.ShapePtr, ray: mi.Ray3f) -> tuple[mi
     return ray, si
 
 
-def _instance(stage: Stage, si: mi.SurfaceInteraction3f) -> mi.UInt32:
+def _instance(opened: OpenScene, si: mi.SurfaceInteraction3f) -> mi.UInt32:
     """Instance of the face that was met; lamps are no instance."""
-    own = si.shape == mi.ShapePtr(stage.shape)
-    return dr.select(own, dr.gather(mi.UInt32, stage.body.instance, si.prim_index, own), 0)
+    own = si.shape == mi.ShapePtr(opened.shape)
+    return dr.select(own, dr.gather(mi.UInt32, opened.body.instance, si.prim_index, own), 0)

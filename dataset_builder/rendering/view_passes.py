@@ -17,10 +17,10 @@ from dataset_builder.layers import LAYERS, Pass
 from dataset_builder.planning.example_plan import ExamplePlan, GoalPlan, RenderPlan
 from dataset_builder.rendering import passes
 from dataset_builder.rendering.light_probe import lighting
-from dataset_builder.rendering.passes import FIRST_HIT_CHANNELS, RADIANCE_CHANNELS, RADIANCE_LAYERS, View
+from dataset_builder.rendering.passes import FIRST_HIT_CHANNELS, RADIANCE_CHANNELS, RADIANCE_LAYERS, ViewSensor
 from dataset_builder.rendering.sampling.adaptive import Goal, Refined, Stop, refine
 from dataset_builder.rendering.sampling.moments import Estimate
-from dataset_builder.rendering.scene.open_scene import Stage
+from dataset_builder.rendering.scene.open_scene import OpenScene
 from dataset_builder.rendering.scene.triangle_soup import Soup
 from dataset_builder.rendering.scene.window import covered_window
 from dataset_builder.rendering.view_scenes import ViewScenes
@@ -69,7 +69,7 @@ class ViewPasses:
         return ViewScenes(plan=self.plan, mesh_root=self.mesh_root)
 
     @property
-    def view(self) -> View:
+    def view(self) -> ViewSensor:
         """Camera and resolution, in the frame of the scenes."""
         return self.scenes.view
 
@@ -132,16 +132,16 @@ class ViewPasses:
                             rr_depth=self._render.rr_depth, seed=self._seed("lighting", plan.light))
         return self._once(("lighting", str(plan.light)), lambda: np.zeros(1, dtype=np.int64), make)
 
-    def _rough(self, plan: ExamplePlan) -> Stage:
+    def _rough(self, plan: ExamplePlan) -> OpenScene:
         return self.scenes.rough(plan, lit=_asked(plan, "rough"))
 
-    def _lit(self, key: tuple[str, ...], plan: ExamplePlan, stage: Callable[[], Stage],
+    def _lit(self, key: tuple[str, ...], plan: ExamplePlan, opened: Callable[[], OpenScene],
              covered: Callable[[], np.ndarray], first: int, seed: int) -> PassResult:
         """A pass with light, in as many rounds as its layers' goals ask for."""
         name = key[0]
 
         def make(pixels: np.ndarray) -> Refined:
-            sample = passes.radiance_sampler(self.view, stage(), plan.effects.of(name).max_depth)
+            sample = passes.radiance_sampler(self.view, opened(), plan.effects.of(name).max_depth)
             goals = [self._goal(goal, pixels, covered()) for goal in plan.render.goals
                      if LAYERS[goal.layer].render_pass == name]
             return refine(sample, pixels, self._render.width, first=first, batches=self._render.batches, goals=goals,

@@ -10,9 +10,9 @@ import numpy as np
 
 from dataset_builder.layers import Pass
 from dataset_builder.planning.example_plan import ExamplePlan, IlluminationPlan, RoughPlan
-from dataset_builder.rendering.passes import View
-from dataset_builder.rendering.scene.local_frame import Frame
-from dataset_builder.rendering.scene.open_scene import Body, Stage, body_of, staged
+from dataset_builder.rendering.passes import ViewSensor
+from dataset_builder.rendering.scene.local_frame import LocalFrame
+from dataset_builder.rendering.scene.open_scene import Body, OpenScene, body_of, open_scene
 from dataset_builder.rendering.scene.rough_mesh import RoughTwin, rough_twin
 from dataset_builder.rendering.scene.triangle_soup import Soup, clean, merge, surroundings
 from dataset_builder.rendering.surface.bsdf import Textures
@@ -33,7 +33,7 @@ class ViewScenes:
     _rough_bodies: dict[RoughPlan, Body] = field(default_factory=dict)
     """Of the last noise level only: they are large."""
     _scene: ExitStack = field(default_factory=ExitStack)
-    _open: tuple[object, Stage] | None = None
+    _open: tuple[object, OpenScene] | None = None
 
     def close(self) -> None:
         """Let the open scene go."""
@@ -41,14 +41,14 @@ class ViewScenes:
         self._scene.close()
 
     @cached_property
-    def frame(self) -> Frame:
+    def frame(self) -> LocalFrame:
         """Where the renderer's origin is, and how long its unit."""
-        return Frame.of(clean(self.plan.target, self.mesh_root).corners)
+        return LocalFrame.of(clean(self.plan.target, self.mesh_root).corners)
 
     @cached_property
-    def view(self) -> View:
+    def view(self) -> ViewSensor:
         """Camera and resolution, in the frame."""
-        return View(camera=self.frame.camera(self.plan.camera), render=self.plan.render)
+        return ViewSensor(camera=self.frame.camera(self.plan.camera), render=self.plan.render)
 
     @cached_property
     def clean_object(self) -> Soup:
@@ -99,26 +99,26 @@ class ViewScenes:
             self._twins[rough] = rough_twin(self.plan.target, rough, self.mesh_root)
         return self._twins[rough]
 
-    def dark(self) -> Stage:
+    def dark(self) -> OpenScene:
         """The 3DM without light."""
-        return self._stage("dark", lambda: self._clean_body, None)
+        return self._opened("dark", lambda: self._clean_body, None)
 
-    def source(self) -> Stage:
+    def source(self) -> OpenScene:
         """The 3DM under the source illumination, with what blocks it out of the way."""
-        return self._stage("source", lambda: self._open_body, self._light(self.plan, "source"))
+        return self._opened("source", lambda: self._open_body, self._light(self.plan, "source"))
 
-    def target(self, plan: ExamplePlan) -> Stage:
+    def target(self, plan: ExamplePlan) -> OpenScene:
         """The 3DM under the target illumination of a plan."""
-        return self._stage(("target", plan.light), lambda: self._clean_body, self._light(plan, "target"))
+        return self._opened(("target", plan.light), lambda: self._clean_body, self._light(plan, "target"))
 
-    def surroundings(self, plan: ExamplePlan) -> Stage:
+    def surroundings(self, plan: ExamplePlan) -> OpenScene:
         """What is about the target object, which is hidden, under the target illumination of a plan."""
-        return self._stage(("surroundings", plan.light), lambda: self._empty_body, self._light(plan, "target"))
+        return self._opened(("surroundings", plan.light), lambda: self._empty_body, self._light(plan, "target"))
 
-    def rough(self, plan: ExamplePlan, lit: bool = True) -> Stage:
+    def rough(self, plan: ExamplePlan, lit: bool = True) -> OpenScene:
         """The R3DM of a plan under its target illumination, or without light where nothing needs it."""
         light = self._light(plan, "rough") if lit else None
-        return self._stage(("rough", plan.rough, plan.light), lambda: self._rough_body(plan.rough), light)
+        return self._opened(("rough", plan.rough, plan.light), lambda: self._rough_body(plan.rough), light)
 
     def _light(self, plan: ExamplePlan, render_pass: Pass) -> IlluminationPlan:
         """The lights that a pass simulates, in the frame."""
@@ -136,8 +136,8 @@ class ViewScenes:
         low, high = (self.frame.points(np.array(corner)) for corner in ((-x, -y, 0), (x, y, room.height)))
         return Fog(fog.extinction, fog.albedo, fog.anisotropy, low.tolist(), high.tolist())
 
-    def _stage(self, key: object, body: Callable[[], Body], light: IlluminationPlan | None) -> Stage:
+    def _opened(self, key: object, body: Callable[[], Body], light: IlluminationPlan | None) -> OpenScene:
         if self._open is None or self._open[0] != key:
             self.close()
-            self._open = key, self._scene.enter_context(staged(body(), light, self._fog, self.mesh_root))
+            self._open = key, self._scene.enter_context(open_scene(body(), light, self._fog, self.mesh_root))
         return self._open[1]

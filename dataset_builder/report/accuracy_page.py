@@ -14,7 +14,7 @@ from dataset_builder.studies.accuracy.budget import BUDGETS, REFERENCE_DEPTH
 from dataset_builder.studies.accuracy.curves import PRICE, curve
 from dataset_builder.studies.accuracy.depth import DEPTH
 from dataset_builder.studies.accuracy.mesh_resolution import EDGES
-from dataset_builder.studies.accuracy.rows import Row, layers_in
+from dataset_builder.studies.accuracy.rows import AccuracyRow, layers_in
 from dataset_builder.studies.accuracy.sampling import ADAPTIVE, ADAPTIVE_DENOISED, DENOISED, UNIFORM
 from dataset_builder.studies.accuracy.storage_formats import CODECS
 from dataset_builder.studies.accuracy.texture_size import TEXTURES
@@ -32,7 +32,7 @@ QUESTIONS = {
 SHOWN = ("setting", "layer", "seconds", "spp", "error", "PSNR, dB", "FLIP")
 
 
-def write_page(study: AccuracyStudy, rows: Sequence[Row], advice: Advice, backend: str) -> None:
+def write_page(study: AccuracyStudy, rows: Sequence[AccuracyRow], advice: Advice, backend: str) -> None:
     """Write `figures/*.png` and `report.html` in the study's folder. Raises OutputError."""
     figures = accuracy_figures(rows, advice, study.spec.dataset.render.bias)
     for name, figure in figures.items():
@@ -44,7 +44,7 @@ def write_page(study: AccuracyStudy, rows: Sequence[Row], advice: Advice, backen
     write_atomic(study.out / "report.html", text.encode())
 
 
-def _lead(study: AccuracyStudy, rows: Sequence[Row], backend: str) -> list[str]:
+def _lead(study: AccuracyStudy, rows: Sequence[AccuracyRow], backend: str) -> list[str]:
     examples = list(dict.fromkeys(row.example for row in rows))
     image = study.spec.dataset.image
     return [
@@ -61,7 +61,7 @@ def _lead(study: AccuracyStudy, rows: Sequence[Row], backend: str) -> list[str]:
     ]
 
 
-def _section(question: str, text: str, rows: Sequence[Row], advice: Advice, figure: bytes) -> Section:
+def _section(question: str, text: str, rows: Sequence[AccuracyRow], advice: Advice, figure: bytes) -> Section:
     answers = [advice.sentences.get(question, "Too little was measured to say.")]
     if question == DENOISED:
         answers.append(advice.sentences.get(ADAPTIVE_DENOISED, ""))
@@ -69,7 +69,7 @@ def _section(question: str, text: str, rows: Sequence[Row], advice: Advice, figu
     return Section(question=text, answer=" ".join(filter(None, answers)), figure=figure, head=head, rows=body)
 
 
-def _table(question: str, rows: Sequence[Row]) -> tuple[Sequence[str], list[list[str]]]:
+def _table(question: str, rows: Sequence[AccuracyRow]) -> tuple[Sequence[str], list[list[str]]]:
     if question == CODECS:
         return ("type and codec", "kB per example", "ms to encode", "ms to decode"), [
             [name, f"{mean['bytes'] / 1e3:.1f}", f"{1e3 * mean['encode_seconds']:.1f}",

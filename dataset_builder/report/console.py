@@ -10,7 +10,7 @@ from rich.table import Table
 
 from dataset_builder.build import Event
 from dataset_builder.engine.unit import Outcome
-from dataset_builder.planning.cost import Estimate
+from dataset_builder.planning.cost import CostEstimate
 from dataset_builder.planning.example_plan import ExamplePlan
 from dataset_builder.report.doctor import Finding
 from dataset_builder.shards.manifest import Manifest, Rejected
@@ -45,7 +45,7 @@ def finding_table(findings: Sequence[Finding]) -> Table:
     return table
 
 
-def estimate_table(estimate: Estimate, cores: int) -> Table:
+def estimate_table(estimate: CostEstimate, cores: int) -> Table:
     """The cost of a dataset, with its standard error where it was extrapolated."""
     table = Table("what", "planned", title=f"{estimate.examples} examples in {estimate.views} views, "
                                            f"{estimate.planned} of them planned in full", title_justify="left")

@@ -17,7 +17,7 @@ from dataset_builder.rendering.backend import INSTALL_LLVM, choose, cuda_availab
 
 PACKAGES = ("mitsuba", "drjit", "open3d", "trimesh", "OpenEXR", "numpy", "scipy", "pydantic", "ruamel.yaml", "pillow")
 GIB = 2**30
-LEAST_MEMORY, LEAST_DISK = 4 * GIB, 2 * GIB
+MIN_MEMORY, MIN_DISK = 4 * GIB, 2 * GIB
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,7 +84,7 @@ def _machine(folder: Path) -> list[Finding]:
     return [
         Finding(what="cores", value=str(cores())),
         Finding(what="memory free", value=f"{memory / GIB:.1f} GiB",
-                mend="" if memory > LEAST_MEMORY else f"expected {LEAST_MEMORY // GIB} GiB: close other programs"),
+                mend="" if memory > MIN_MEMORY else f"expected {MIN_MEMORY // GIB} GiB: close other programs"),
         Finding(what="disk free", value=f"{disk / GIB:.1f} GiB at {place}",
-                mend="" if disk > LEAST_DISK else f"expected {LEAST_DISK // GIB} GiB: choose another --out"),
+                mend="" if disk > MIN_DISK else f"expected {MIN_DISK // GIB} GiB: choose another --out"),
     ]

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from math import isfinite
 
-from dataset_builder.lightnet.results.clustered_means import Estimate
+from dataset_builder.lightnet.results.clustered_means import ClusteredMean
 
 DIGITS = {"psnr": 2}
 """After the point by metric, `OTHERWISE` where not stated."""
@@ -15,7 +15,7 @@ def rounded(value: float, metric: str, sign: str = "") -> str:
     return f"{value:{sign}.{DIGITS.get(metric, OTHERWISE)}f}"
 
 
-def plus_minus(found: Estimate, metric: str, sign: str = "") -> str:
+def plus_minus(found: ClusteredMean, metric: str, sign: str = "") -> str:
     """A mean and its standard error, which one object does not have."""
     error = f" ± {rounded(found.error, metric)}" if isfinite(found.error) else ""
     return rounded(found.mean, metric, sign) + error

@@ -13,7 +13,7 @@ from rich.table import Table
 from dataset_builder.files import write_atomic
 from dataset_builder.lightnet.measures.metrics import METRICS, Metric
 from dataset_builder.lightnet.results.clustered_means import LEVEL, Paired, Summary, compare, summarise
-from dataset_builder.lightnet.results.evaluate import Row
+from dataset_builder.lightnet.results.evaluate import ScoreRow
 from dataset_builder.report.estimates import markdown_table, plus_minus, rounded
 from dataset_builder.report.study_figures import COLOURS, PALE, panels, png
 from dataset_builder.studies.comma_separated import comma_separated
@@ -34,7 +34,7 @@ class Evaluation:
 
     dataset: str
     split: str
-    rows: Sequence[Row]
+    rows: Sequence[ScoreRow]
     notes: Mapping[str, str]
     trained: Sequence[str]
     remarks: Sequence[str] = ()
@@ -65,7 +65,7 @@ def write_page(evaluation: Evaluation, out: Path) -> None:
     write_atomic(out / SUMMARY, markdown(evaluation).encode())
 
 
-def csv_table(rows: Sequence[Row]) -> bytes:
+def csv_table(rows: Sequence[ScoreRow]) -> bytes:
     """One line per example and method."""
     return comma_separated(COLUMNS, ([*(getattr(row, name) for name in DESCRIBED),
                                       *(getattr(row.metrics, metric.name) for metric in METRICS), row.seconds]
@@ -122,7 +122,7 @@ def summary_figure(evaluation: Evaluation) -> Figure:
     return figure
 
 
-def _dots(axes: Axes, rows: Sequence[Row], summary: Summary, metric: Metric, place: int, colour: str) -> None:
+def _dots(axes: Axes, rows: Sequence[ScoreRow], summary: Summary, metric: Metric, place: int, colour: str) -> None:
     own = [getattr(row.metrics, metric.name) for row in rows if row.method == summary.method]
     spread = 0.5 * (np.arange(len(own)) / max(len(own) - 1, 1) - 0.5)
     axes.plot(own, place + spread, linestyle="none", marker=".", markersize=4, color=PALE, zorder=1)

@@ -8,16 +8,16 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from dataset_builder.lightnet.methods.baselines.trivial import TRIVIAL
-from dataset_builder.lightnet.results.evaluate import Row
+from dataset_builder.lightnet.results.evaluate import ScoreRow
 from dataset_builder.release.cells import Cells
 from dataset_builder.release.consistency import Facts
 from dataset_builder.release.gate import Done
 from dataset_builder.release.outline_checks import SEARCH
 from dataset_builder.report.study_figures import COLOURS, PALE, panels, png
 
-MOST = 6000
+MAX_POINTS = 6000
 """Points of a panel."""
-LEAST = 1e-4
+MIN_VALUE = 1e-4
 
 
 def figures(done: Sequence[Done]) -> dict[str, bytes]:
@@ -58,7 +58,7 @@ def mask_figure(facts: Sequence[Facts]) -> Figure:
     return figure
 
 
-def training_figure(rows: Sequence[Row]) -> Figure:
+def training_figure(rows: Sequence[ScoreRow]) -> Figure:
     """A panel per rival: PSNR of the trained method over that of the rival."""
     rivals = [name for name in TRIVIAL if any(row.method == name for row in rows)]
     method = next(row.method for row in rows if row.method not in TRIVIAL)
@@ -81,8 +81,8 @@ def _points(cells: Cells, kind: str) -> np.ndarray:
 
 
 def _cloud(axes: Axes, x: np.ndarray, y: np.ndarray, diffuse: np.ndarray) -> None:
-    step = -(-len(x) // MOST)
-    x, y, diffuse = (np.maximum(values[::step], LEAST) if values.dtype != bool else values[::step]
+    step = -(-len(x) // MAX_POINTS)
+    x, y, diffuse = (np.maximum(values[::step], MIN_VALUE) if values.dtype != bool else values[::step]
                      for values in (x, y, diffuse))
     for where, colour, label in ((~diffuse, PALE, "specular for the most part"), (diffuse, COLOURS[0], "diffuse")):
         axes.scatter(x[where], y[where], s=4, color=colour, label=label, linewidths=0)

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dataset_builder.lightnet.measures.metrics import METRICS
-from dataset_builder.lightnet.results.clustered_means import Estimate
+from dataset_builder.lightnet.results.clustered_means import ClusteredMean
 from dataset_builder.report.example_sheet import SheetRow, sheet
 from dataset_builder.report.study_figures import COLOURS, PALE, panels
 from dataset_builder.studies.noise.crops import TRIVIAL, Crop
@@ -54,7 +54,7 @@ def changes_figure(levels: Sequence[Level], settings: str) -> Figure:
     return figure
 
 
-def _line(axes: Axes, levels: Sequence[Level], method: str, means: Sequence[Estimate]) -> None:
+def _line(axes: Axes, levels: Sequence[Level], method: str, means: Sequence[ClusteredMean]) -> None:
     label, colour, marker, style = LINES[method]
     axes.errorbar([PER_CENT * level.roughness for level in levels], [found.mean for found in means],
                   yerr=[found.error if isfinite(found.error) else 0.0 for found in means], color=colour, marker=marker,

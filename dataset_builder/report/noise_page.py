@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from dataset_builder.files import write_atomic
 from dataset_builder.lightnet.measures.metrics import METRICS
-from dataset_builder.lightnet.results.clustered_means import Estimate
+from dataset_builder.lightnet.results.clustered_means import ClusteredMean
 from dataset_builder.report.estimates import plus_minus
 from dataset_builder.report.example_sheet import png_of
 from dataset_builder.report.noise_figures import LINES, PSNR, changes_figure, crop_pictures, quality_figure
@@ -19,7 +19,7 @@ from dataset_builder.studies.noise.pass_counts import PassCount, saving
 
 
 @dataclass(frozen=True, kw_only=True)
-class Found:
+class NoiseResults:
     """Everything that the page shows. left_out: held-out cases that not every level kept; rejected: examples by level;
     learnt: examples of each training."""
 
@@ -32,7 +32,7 @@ class Found:
     learnt: dict[str, int]
 
 
-def write_page(found: Found) -> None:
+def write_page(found: NoiseResults) -> None:
     """Write `report.html` and its figures. Raises OutputError."""
     pictures, sentence = crop_pictures(found.crops), found.study.sentence
     figures = {"quality": png(quality_figure(found.levels, sentence)),
@@ -61,7 +61,7 @@ def sentences(levels: Sequence[Level]) -> list[str]:
     ]
 
 
-def _lead(found: Found) -> list[str]:
+def _lead(found: NoiseResults) -> list[str]:
     first = found.levels[0].mean(MIXED, PSNR)
     learnt = ", ".join(f"{name} {count}" for name, count in found.learnt.items())
     rejected = ", ".join(f"{level.sigma:g}: {count}" for level, count in zip(found.levels, found.rejected, strict=True))
@@ -82,7 +82,7 @@ def _lead(found: Found) -> list[str]:
     ]
 
 
-def _quality(found: Found, figure: bytes) -> Section:
+def _quality(found: NoiseResults, figure: bytes) -> Section:
     rows = [[f"{level.sigma:g}", f"{level.roughness:.3%}", LINES[method][0],
              *(plus_minus(level.mean(method, metric.name), metric.name) for metric in METRICS)]
             for level in found.levels for method in LINES]
@@ -90,7 +90,7 @@ def _quality(found: Found, figure: bytes) -> Section:
                    figure=figure, head=("sigma", "roughness", "by", *(metric.symbol for metric in METRICS)), rows=rows)
 
 
-def _mending(found: Found, figure: bytes) -> Section:
+def _mending(found: NoiseResults, figure: bytes) -> Section:
     pairs = ((MIXED, TRIVIAL), (OWN, TRIVIAL), (OWN, MIXED))
     rows = [[f"{level.sigma:g}", *(f"{_signed(less)}, {_told(less)}"
                                    for less in (level.less(one, two, PSNR) for one, two in pairs))]
@@ -109,23 +109,23 @@ def _crops(what: str, figure: bytes) -> Section:
                    "networks and metrics see it.")
 
 
-def _cross(found: Found) -> Section:
+def _cross(found: NoiseResults) -> Section:
     names = (*level_names(found.study.levels), MIXED)
     rows = [[f"trained on {name}", *(f"{level.mean(name, PSNR).mean:.2f}" for level in found.levels)] for name in names]
     return Section(question="What does a training on one level do at another?", answer="PSNR in dB.", rows=rows,
                    head=("", *(f"at sigma {level.sigma:g}" for level in found.levels)))
 
 
-def _passes(found: Found) -> Section:
+def _passes(found: NoiseResults) -> Section:
     rows = [[one.name, one.meaning, f"{one.ran}", f"{one.examples}", one.per, f"{one.seconds:.1f}"]
             for one in found.passes]
     return Section(question="What was rendered for it?", answer=f"Counted from the seconds of every example: "
                    f"{saving(found.passes)}.", head=("pass", "makes", "ran", "for examples", "", "seconds"), rows=rows)
 
 
-def _told(found: Estimate) -> str:
+def _told(found: ClusteredMean) -> str:
     return "told apart" if found.told_apart else "not told apart"
 
 
-def _signed(found: Estimate) -> str:
+def _signed(found: ClusteredMean) -> str:
     return plus_minus(found, PSNR, "+")

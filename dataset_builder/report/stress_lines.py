@@ -4,7 +4,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from dataset_builder.studies.stress.case import Result
+from dataset_builder.studies.stress.case import CaseResult
 
 NAME, NUMBER, VERDICT = 31, 10, 7
 """Widths of columns; the expectation takes what is left."""
@@ -15,7 +15,7 @@ def header() -> Table:
     return _row(*(Text(word, style="bold") for word in ("case", "expectation", "measured", "bound", "verdict")))
 
 
-def line(result: Result) -> Table:
+def line(result: CaseResult) -> Table:
     """One result."""
     style = "green" if result.passed else "bold red"
     verdict = Text("passed" if result.passed else "failed", style=style)
@@ -23,7 +23,7 @@ def line(result: Result) -> Table:
                 Text(f"{result.case.bound:g}"), verdict)
 
 
-def show(result: Result, console: Console) -> None:
+def show(result: CaseResult, console: Console) -> None:
     """Print a result and, where it failed, what was measured and which laws are broken."""
     console.print(line(result))
     if not result.passed:

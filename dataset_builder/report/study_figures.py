@@ -14,7 +14,7 @@ from dataset_builder.studies.accuracy.advise_storage import codec_means, drift_m
 from dataset_builder.studies.accuracy.curves import Point, curve
 from dataset_builder.studies.accuracy.depth import DEPTH
 from dataset_builder.studies.accuracy.mesh_resolution import EDGES, LAYER
-from dataset_builder.studies.accuracy.rows import Row, layers_in, of
+from dataset_builder.studies.accuracy.rows import AccuracyRow, layers_in, of
 from dataset_builder.studies.accuracy.sampling import ADAPTIVE, ADAPTIVE_DENOISED, DENOISED, UNIFORM
 from dataset_builder.studies.accuracy.storage_formats import CODECS
 from dataset_builder.studies.accuracy.texture_size import TEXTURES
@@ -47,7 +47,7 @@ def panels(count: int, title: str) -> tuple[Figure, list[Axes]]:
     return figure, list(axes)
 
 
-def accuracy_figures(rows: Sequence[Row], advice: Advice, bias: float) -> dict[str, bytes]:
+def accuracy_figures(rows: Sequence[AccuracyRow], advice: Advice, bias: float) -> dict[str, bytes]:
     """PNG of every question that has rows, by its name. bias: `render.bias` of the dataset."""
     makers: dict[str, Callable[[], Figure]] = {
         UNIFORM: lambda: sampling_figure(rows, advice, (UNIFORM,), "Uniform spp"),
@@ -62,7 +62,7 @@ def accuracy_figures(rows: Sequence[Row], advice: Advice, bias: float) -> dict[s
     return {question: png(make()) for question, make in makers.items() if of(rows, question)}
 
 
-def sampling_figure(rows: Sequence[Row], advice: Advice, questions: Sequence[str], title: str) -> Figure:
+def sampling_figure(rows: Sequence[AccuracyRow], advice: Advice, questions: Sequence[str], title: str) -> Figure:
     """Error against seconds of every layer, with the -1/2 slope and the knee of the last curves."""
     layers = layers_in(rows, questions[-1]) or layers_in(rows, questions[0])
     figure, axes = panels(len(layers), f"{title}: error against seconds, geometric mean over examples")
@@ -79,7 +79,7 @@ def sampling_figure(rows: Sequence[Row], advice: Advice, questions: Sequence[str
     return figure
 
 
-def _curve(axes: Axes, rows: Sequence[Row], question: str, layer: str, *, pale: bool) -> None:
+def _curve(axes: Axes, rows: Sequence[AccuracyRow], question: str, layer: str, *, pale: bool) -> None:
     colour, marker = STYLES[question]
     points = curve(rows, question, layer)
     for example in dict.fromkeys(row.example for row in of(rows, question, layer)):
@@ -127,7 +127,7 @@ def _steps(decades: float) -> tuple[float, ...]:
     return (1.0, 2.0, 5.0) if decades > 0.8 else (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
 
 
-def depth_figure(rows: Sequence[Row], bias: float) -> Figure:
+def depth_figure(rows: Sequence[AccuracyRow], bias: float) -> Figure:
     """Light that short paths miss, and their seconds, of every layer."""
     layers = layers_in(rows, DEPTH)
     figure, axes = panels(len(layers), "Path depth: light missed against seconds; numbers are edges, bars two "
@@ -151,7 +151,7 @@ def depth_figure(rows: Sequence[Row], bias: float) -> Figure:
     return figure
 
 
-def edge_figure(rows: Sequence[Row], advice: Advice) -> Figure:
+def edge_figure(rows: Sequence[AccuracyRow], advice: Advice) -> Figure:
     """Error of S' against seconds, and triangles against error."""
     figure, (left, right) = panels(2, "Edge length of the rough mesh: S' against the finest, sigma 0")
     points = curve(rows, EDGES, LAYER)
@@ -178,7 +178,7 @@ def _plain(axes: Axes, points: Sequence[Point], across: Sequence[float], label: 
         axes.annotate(point.setting, (x, point.error), xytext=(5, 5), textcoords="offset points", fontsize=7)
 
 
-def texture_figure(rows: Sequence[Row], advice: Advice) -> Figure:
+def texture_figure(rows: Sequence[AccuracyRow], advice: Advice) -> Figure:
     """Error against texels, and what it does to the time."""
     figure, (left, right) = panels(2, "Texture size: error against the dataset's own")
     for number, layer in enumerate(layers_in(rows, TEXTURES)):
@@ -197,7 +197,7 @@ def texture_figure(rows: Sequence[Row], advice: Advice) -> Figure:
     return figure
 
 
-def codec_figure(rows: Sequence[Row]) -> Figure:
+def codec_figure(rows: Sequence[AccuracyRow]) -> Figure:
     """Bytes against time of every codec and type, and what half loses."""
     figure, (left, right) = panels(2, "Storage: lossless codecs of OpenEXR, and half against float")
     for number, dtype in enumerate(("float32", "float16")):
@@ -218,7 +218,7 @@ def codec_figure(rows: Sequence[Row]) -> Figure:
     return figure
 
 
-def accumulation_figure(rows: Sequence[Row]) -> Figure:
+def accumulation_figure(rows: Sequence[AccuracyRow]) -> Figure:
     """Drift of both kinds of sum, and the noise of the mean, against the number of samples."""
     figure, (axes,) = panels(1, "Sums of real samples")
     for number, (name, style) in enumerate(((RUNNING, "-"), (BATCHED, "-"), (NOISE, ":"))):

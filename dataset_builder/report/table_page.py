@@ -9,13 +9,13 @@ from matplotlib.figure import Figure
 
 from dataset_builder.files import write_atomic
 from dataset_builder.lightnet.measures.metrics import METRICS, Metric
-from dataset_builder.lightnet.results.clustered_means import Estimate
+from dataset_builder.lightnet.results.clustered_means import ClusteredMean
 from dataset_builder.lightnet.settings_differences import differences
 from dataset_builder.report.estimates import markdown_table, plus_minus, rounded
 from dataset_builder.report.study_figures import COLOURS, panels, png
 from dataset_builder.studies.tables.paper import SOURCE, Printed
 from dataset_builder.studies.tables.rank_order import Order, Pair, summary, verdict
-from dataset_builder.studies.tables.result import Result, orders
+from dataset_builder.studies.tables.result import RowResult, orders
 from dataset_builder.studies.tables.row import Table
 from dataset_builder.studies.tables.table_study import TableStudy
 
@@ -24,13 +24,13 @@ does not hold 0; one pair in twenty that are equal passes for different all the 
 cover other objects, and not how another training would have come out; with several they cover both."""
 
 
-def write_page(study: TableStudy, results: Sequence[Result]) -> None:
+def write_page(study: TableStudy, results: Sequence[RowResult]) -> None:
     """Write `table.md` and `table.png` in the study's folder. Raises OutputError."""
     write_atomic(study.out / "table.md", markdown(study.table, results, study.sentence).encode())
     write_atomic(study.out / "table.png", png(table_figure(study.table, results, study.sentence)))
 
 
-def table_figure(table: Table, results: Sequence[Result], settings: str) -> Figure:
+def table_figure(table: Table, results: Sequence[RowResult], settings: str) -> Figure:
     """A panel per metric: every row's mean with its standard error, and the printed number as a diamond."""
     figure, axes = panels(len(METRICS), f"{table.number}: {table.question}\n{settings}")
     figure.set_size_inches(figure.get_figwidth(), 1.9 + 0.34 * len(results))
@@ -46,7 +46,7 @@ def table_figure(table: Table, results: Sequence[Result], settings: str) -> Figu
     return figure
 
 
-def _means(axes: Axes, results: Sequence[Result], metric: Metric) -> None:
+def _means(axes: Axes, results: Sequence[RowResult], metric: Metric) -> None:
     means = [result.mean(metric.name) for result in results]
     axes.errorbar([found.mean for found in means], range(len(results)), linestyle="none", marker="o", markersize=5,
                   xerr=[found.error if isfinite(found.error) else 0.0 for found in means], capsize=3, color=COLOURS[0],
@@ -57,7 +57,7 @@ def _means(axes: Axes, results: Sequence[Result], metric: Metric) -> None:
                   markerfacecolor="none", color=COLOURS[1], label="paper: another dataset and run")
 
 
-def markdown(table: Table, results: Sequence[Result], settings: str) -> str:
+def markdown(table: Table, results: Sequence[RowResult], settings: str) -> str:
     """The measured rows beside the printed ones, what can be said of their order, and how to read it."""
     found = orders(table, results)
     first = results[0].mean("psnr")
@@ -83,7 +83,7 @@ def order_lines(found: Sequence[Order]) -> list[str]:
     return [summary(order, symbols[order.metric]) for order in found]
 
 
-def row_line(result: Result) -> str:
+def row_line(result: RowResult) -> str:
     """A row for the terminal: measured figures, printed ones in brackets, and the note."""
     texts = [f"{metric.symbol} {plus_minus(result.mean(metric.name), metric.name)}"
              + (f" (paper {rounded(result.row.printed.of(metric.name), metric.name)})" if result.row.printed else "")
@@ -91,7 +91,7 @@ def row_line(result: Result) -> str:
     return f"{result.row.title}: {', '.join(texts)}" + (f" [{result.note}]" if result.note else "")
 
 
-def _rows_table(results: Sequence[Result]) -> str:
+def _rows_table(results: Sequence[RowResult]) -> str:
     printed = ("paper",) if any(result.row.printed for result in results) else ()
     head = ["row", *(name for metric in METRICS for name in (f"{metric.symbol} {_arrow(metric)}", *printed)),
             "parameters", "s/step"]
@@ -107,7 +107,7 @@ def _rows_table(results: Sequence[Result]) -> str:
     return markdown_table(head, lines)
 
 
-def _reference_table(table: Table, results: Sequence[Result]) -> str:
+def _reference_table(table: Table, results: Sequence[RowResult]) -> str:
     """Every row less the reference, example by example."""
     reference = next(result for result in results if result.row.name == table.reference)
     others = [result for result in results if result is not reference]
@@ -151,20 +151,20 @@ def _variants_table(table: Table) -> str:
     return markdown_table(["row", "differs in"], rows)
 
 
-def _measured_text(result: Result, metric: str) -> str:
+def _measured_text(result: RowResult, metric: str) -> str:
     spread = result.spread(metric)
     text = plus_minus(result.mean(metric), metric)
     return f"{text} (sd over seeds {rounded(spread, metric)})" if isfinite(spread) else text
 
 
-def _difference_text(difference: Estimate, metric: Metric) -> str:
+def _difference_text(difference: ClusteredMean, metric: Metric) -> str:
     text = _small(difference)
     if not difference.told_apart:
         return f"{text}, open"
     return f"{text}, {'better' if (difference.mean > 0) == (metric.better == 'high') else 'worse'}"
 
 
-def _small(difference: Estimate) -> str:
+def _small(difference: ClusteredMean) -> str:
     """A difference, which may be far smaller than the figures that it is of."""
     error = f" ± {difference.error:.2g}" if isfinite(difference.error) else ""
     return f"{difference.mean:+.3g}{error}"

@@ -29,7 +29,7 @@ VERSION: str = OpenEXR.__version__
 SCHEMA = "1"
 NAMESPACE = "3df-lighting"
 HALF_MAX = 65504.0
-LARGEST_SIDE = 16384
+MAX_SIDE = 16384
 CHANNELS = {1: ("Y",), 3: ("R", "G", "B")}
 SCENE = "lin_rec709_scene"
 REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
@@ -73,7 +73,7 @@ def stored(array: np.ndarray, *, layer: str, key: str, dtype: DType) -> np.ndarr
 def _checked(array: np.ndarray, *, where: str, channels: int, dtype: DType) -> np.ndarray:
     if array.dtype != np.float32:
         raise _wrong(where, f"expected float32 pixels, got {array.dtype}")
-    if array.ndim != 3 or array.shape[2] != channels or not all(0 < side <= LARGEST_SIDE for side in array.shape[:2]):
+    if array.ndim != 3 or array.shape[2] != channels or not all(0 < side <= MAX_SIDE for side in array.shape[:2]):
         raise _wrong(where, f"expected shape (H, W, {channels}), got {array.shape}")
     if bad := int(np.count_nonzero(~np.isfinite(array))):
         raise _wrong(where, f"expected finite values, got {bad} that are NaN or Inf")
@@ -167,8 +167,8 @@ def _open(data: bytes, where: str) -> tuple[dict[str, Any], dict[str, np.ndarray
         # A damaged window could ask for all memory: look at the header first
         header = OpenEXR.File(BytesIO(data), separate_channels=True, header_only=True).header(0)
         low, high = header["dataWindow"]
-        if not all(0 <= int(b) - int(a) < LARGEST_SIDE for a, b in zip(low, high, strict=True)):
-            raise _wrong(where, f"expected sides of at most {LARGEST_SIDE}, got the window {low} to {high}")
+        if not all(0 <= int(b) - int(a) < MAX_SIDE for a, b in zip(low, high, strict=True)):
+            raise _wrong(where, f"expected sides of at most {MAX_SIDE}, got the window {low} to {high}")
         file = OpenEXR.File(BytesIO(data), separate_channels=True)
         if len(file.parts) != 1:
             raise _wrong(where, f"expected one part, got {len(file.parts)}: the file is cut short or not ours")

@@ -15,7 +15,7 @@ from dataset_builder.errors import Problem, ShardError
 
 SCHEMA_VERSION = "1"
 KEYS = frozenset({"schema_version", "key", "index", "split", "plan", "record", "layers"})
-LARGEST_INTEGER = 2**53
+MAX_INTEGER = 2**53
 
 
 def encode_label(value: Mapping[str, Any]) -> bytes:
@@ -77,7 +77,7 @@ def _text(value: Any, path: str) -> str:
         return _string(value, path)
     if type(value) is float and math.isfinite(value):
         return _float(value)
-    if type(value) is int and abs(value) <= LARGEST_INTEGER:
+    if type(value) is int and abs(value) <= MAX_INTEGER:
         return str(value)
     raise _refused(path, value)
 

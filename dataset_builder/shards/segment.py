@@ -14,7 +14,7 @@ from dataset_builder.shards.example import Member
 BLOCK = tarfile.BLOCKSIZE
 RECORD = tarfile.RECORDSIZE
 MODE = 0o444
-LARGEST_MEMBER = 8**11 - 1
+MAX_MEMBER = 8**11 - 1
 LONGEST_NAME = tarfile.LENGTH_NAME
 NAME = re.compile(r"[0-9]{8}(\.[a-z0-9_]+)+")
 """Key, then suffixes: no folders, nothing upper-case, and the key is all up to the first dot (webdataset's rule)."""
@@ -27,8 +27,8 @@ def header(name: str, size: int) -> bytes:
     """
     if not NAME.fullmatch(name) or len(name) > LONGEST_NAME:
         raise _wrong(name, f"expected a name of at most {LONGEST_NAME} characters like 00000042.i_s.exr, got {name!r}")
-    if not 0 <= size <= LARGEST_MEMBER:
-        raise _wrong(name, f"expected at most {LARGEST_MEMBER} bytes, got {size}")
+    if not 0 <= size <= MAX_MEMBER:
+        raise _wrong(name, f"expected at most {MAX_MEMBER} bytes, got {size}")
     info = tarfile.TarInfo(name)
     info.size, info.mode = size, MODE
     return info.tobuf(tarfile.USTAR_FORMAT)

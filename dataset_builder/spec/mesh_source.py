@@ -19,7 +19,7 @@ MTL_OPTION = re.compile(r"-(?:(?:mm|o|s|t)(?:\s+[-+]?[\d.]+(?:e[-+]?\d+)?(?=\s))
 
 
 @dataclass(frozen=True, kw_only=True)
-class Reference:
+class FileReference:
     """A file that a mesh file needs.
 
     by: the file that names it, the mesh or its material library; key: where in it; written: what stands there; name:
@@ -51,7 +51,7 @@ class MeshSource:
         return digest(self.content())
 
 
-def references(path: Path) -> tuple[Reference, ...]:
+def references(path: Path) -> tuple[FileReference, ...]:
     """The files that a mesh file names: buffers and textures of glTF, .mtl and maps of .obj; each need not be there.
 
     Raises ValueError where the mesh file cannot be understood that far, OSError where it cannot be read.
@@ -88,28 +88,28 @@ def gltf_header(path: Path) -> dict[str, Any]:
     return header
 
 
-def _gltf_references(path: Path) -> Iterator[Reference]:
+def _gltf_references(path: Path) -> Iterator[FileReference]:
     """External `uri`s of a glTF 2.0 file (section 3.6 and 3.8.4); data URIs are inside the file."""
     header = gltf_header(path)
     for kind in ("buffers", "images"):
         for index, entry in enumerate(header.get(kind, ())):
             uri = entry.get("uri") if isinstance(entry, dict) else None
             if isinstance(uri, str) and uri and not uri.startswith("data:"):
-                yield Reference(by=path, key=f"{kind}[{index}].uri", written=uri, name=unquote(uri),
-                                image=kind == "images")
+                yield FileReference(by=path, key=f"{kind}[{index}].uri", written=uri, name=unquote(uri),
+                                    image=kind == "images")
 
 
-def _obj_references(path: Path) -> Iterator[Reference]:
+def _obj_references(path: Path) -> Iterator[FileReference]:
     """Libraries lie relative to the .obj, their maps relative to the library."""
     libraries = [library for key, library in _statements(path) if key.lower() == "mtllib"]
     for library in dict.fromkeys(libraries):
-        yield Reference(by=path, key="mtllib", written=library, name=library, image=False)
+        yield FileReference(by=path, key="mtllib", written=library, name=library, image=False)
         # A library that is missing is reported as such by who reads it
         if (file := path.parent / library).is_file():
             for key, written in dict.fromkeys(_statements(file)):
                 if key.lower().startswith(MTL_MAPS):
-                    yield Reference(by=file, key=key, written=written, image=key.lower() == "map_kd",
-                                    name=str(Path(library).parent / _map_name(written)))
+                    yield FileReference(by=file, key=key, written=written, image=key.lower() == "map_kd",
+                                        name=str(Path(library).parent / _map_name(written)))
 
 
 def _statements(path: Path) -> Iterator[tuple[str, str]]:

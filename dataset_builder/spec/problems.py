@@ -13,7 +13,7 @@ from dataset_builder.spec.numbers import TAG
 
 Place = Callable[[tuple[str | int, ...]], str]
 LONGEST_VALUE = 60
-MOST_KNOWN = 20
+MAX_KNOWN = 20
 
 
 def dotted(path: Iterable[str | int]) -> str:
@@ -51,7 +51,7 @@ def nearest(name: str, known: Sequence[str], what: str = "name") -> str:
     """A hint: the known name most like `name`, or all known names where none is like it."""
     if close := get_close_matches(name, known, n=1):
         return f"nearest known {what}: {close[0]}"
-    listed = ", ".join(known[:MOST_KNOWN]) + (", ..." if len(known) > MOST_KNOWN else "")
+    listed = ", ".join(known[:MAX_KNOWN]) + (", ..." if len(known) > MAX_KNOWN else "")
     return f"known {what}s: {listed}" if known else ""
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from dataset_builder.files import write_atomic
 from dataset_builder.lightnet.measures.metrics import Metrics
-from dataset_builder.lightnet.results.evaluate import Row
+from dataset_builder.lightnet.results.evaluate import ScoreRow
 from dataset_builder.studies.comma_separated import comma_separated
 
 KINDS: dict[str, Callable[[str], Any]] = {"method": str, "key": str, "view": str, "object": str, "room": str,
@@ -19,14 +19,14 @@ EXACT = 17
 FIGURES = tuple(field.name for field in fields(Metrics))
 
 
-def write_scores(rows: Iterable[Row], path: Path) -> None:
+def write_scores(rows: Iterable[ScoreRow], path: Path) -> None:
     """Write rows as CSV, whole or not at all. Raises OutputError."""
     columns = (*KINDS, *FIGURES)
     write_atomic(path, comma_separated(columns, ([getattr(row, name) for name in KINDS] + [
         getattr(row.metrics, name) for name in FIGURES] for row in rows), digits=EXACT))
 
 
-def read_scores(path: Path) -> tuple[Row, ...]:
+def read_scores(path: Path) -> tuple[ScoreRow, ...]:
     """The rows of a file that `write_scores` wrote; none where it is missing or damaged."""
     try:
         with path.open(encoding="utf-8", newline="") as stream:
@@ -35,6 +35,6 @@ def read_scores(path: Path) -> tuple[Row, ...]:
         return ()
 
 
-def _row(line: dict[str, str]) -> Row:
+def _row(line: dict[str, str]) -> ScoreRow:
     metrics = Metrics(**{name: float(line[name] or "nan") for name in FIGURES})
-    return Row(**{name: read(line[name]) for name, read in KINDS.items()}, metrics=metrics)
+    return ScoreRow(**{name: read(line[name]) for name, read in KINDS.items()}, metrics=metrics)

@@ -10,14 +10,14 @@ from typing import Any
 from dataset_builder.digest import canonical_json
 from dataset_builder.files import output_errors, write_atomic
 from dataset_builder.lightnet.training.events import Event, Started, Stepped
-from dataset_builder.lightnet.training.fit import BEST, LAST, LOCK, LOG, SPEC, Job, fit
+from dataset_builder.lightnet.training.fit import BEST, LAST, LOCK, LOG, SPEC, TrainingJob, fit
 from dataset_builder.lock import locked
 
 ABOUT, SCORES, FACTS = "study.json", "scores.csv", "facts.json"
 BOARD = "tensorboard"
 
 
-def train(job: Job) -> Iterator[Event]:
+def train(job: TrainingJob) -> Iterator[Event]:
     """Train to the end, whatever the folder held before, and note what tables say about the training.
 
     A folder of another spec, dataset or VGG weights is emptied of what trainings and studies leave there, if nobody

@@ -10,7 +10,7 @@ from dataset_builder.build import Event
 from dataset_builder.digest import digest
 from dataset_builder.engine import calibration
 from dataset_builder.engine.calibration import as_asked, calibrate, candidates, compare, converged
-from dataset_builder.engine.unit import Job
+from dataset_builder.engine.unit import BuildJob
 from dataset_builder.errors import PlanError, UserError
 from dataset_builder.planning.effects.denoise_guides import FACTOR
 from dataset_builder.planning.example_plan import ExamplePlan, GoalPlan
@@ -96,8 +96,8 @@ def test_the_first_reason_is_told_where_no_example_can_be_measured(tmp_path: Pat
     overrides = ("source.open=[]", "render.denoise={layers: [i_t], examples: 2}")
     spec = write_spec(tmp_path, {"rooms/den.yaml": "width: 4\ndepth: 4\nheight: 2.5\nwindows: 0\n"})
     loaded = load_dataset(spec, overrides)
-    job = Job(spec_path=spec, overrides=overrides, spec_digest=loaded.spec_digest, folder=tmp_path / "out",
-              backend="llvm", threads=1)
+    job = BuildJob(spec_path=spec, overrides=overrides, spec_digest=loaded.spec_digest, folder=tmp_path / "out",
+                   backend="llvm", threads=1)
     with pytest.raises(PlanError, match="the first reason:") as caught:
         calibrate(loaded, job, {}, workers=1)
     rule, *reasons = caught.value.problems

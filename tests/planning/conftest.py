@@ -11,7 +11,7 @@ from dataset_builder.assets.asset import Asset, Material
 from dataset_builder.geometry.mesh import TriangleMesh
 from dataset_builder.planning.example_plan import ObjectPlan, PlacedObject, RoomPlan
 from dataset_builder.planning.scene import assets_of_plan
-from dataset_builder.planning.scene.arrangement import Stage
+from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.loaded import LoadedSpec
 from dataset_builder.spec.scene import ObjectSpec, RoomSpec, SceneSpec
@@ -102,8 +102,8 @@ def room_of(width: float = 6.0, depth: float = 5.0, height: float = 2.8) -> Room
                     skirting=0.0)
 
 
-def box_stage(target: Box, others: tuple[Box, ...] = (), room: RoomPlan | None = None, *, closed: bool = True,
-              yaw: float = 0.0) -> Stage:
+def box_arrangement(target: Box, others: tuple[Box, ...] = (), room: RoomPlan | None = None, *, closed: bool = True,
+                    yaw: float = 0.0) -> Arrangement:
     """A target box and other boxes, which are furniture, in a closed box of a room, or in the open."""
     room = room or room_of()
     plan = ObjectPlan(name="box", kind="procedural", source="box", source_sha256="", category="box", licence="CC0-1.0",
@@ -112,12 +112,12 @@ def box_stage(target: Box, others: tuple[Box, ...] = (), room: RoomPlan | None =
     parts = [(target, 1), *((other, 3 + k) for k, other in enumerate(others)), *([(shell, 2)] if closed else [])]
     geometry = tuple((np.array(box_mesh(*box).positions), FACES, instance) for box, instance in parts)
     placed = PlacedObject(object=plan, instance=1, position=(0.0, 0.0, 0.0), yaw=yaw)
-    return Stage(room=room, target=placed, furniture=(), geometry=geometry)
+    return Arrangement(room=room, target=placed, furniture=(), geometry=geometry)
 
 
 @pytest.fixture(name="box_stage")
-def _box_stage() -> Callable[..., Stage]:
-    return box_stage
+def _box_stage() -> Callable[..., Arrangement]:
+    return box_arrangement
 
 
 @pytest.fixture(name="room_of")

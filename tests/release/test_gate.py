@@ -15,7 +15,7 @@ from dataset_builder.cli.main import main
 from dataset_builder.lightnet.data.batch import Batch, Inputs, Truth
 from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
 from dataset_builder.lightnet.measures.metrics import Metrics
-from dataset_builder.lightnet.results.evaluate import Row
+from dataset_builder.lightnet.results.evaluate import ScoreRow
 from dataset_builder.lightnet.settings import DataSpec, load_training
 from dataset_builder.release.gate import PARTS, Begun, Done, Gate, LeftOut, run
 from dataset_builder.release.loader_checks import loader_checks, read
@@ -107,14 +107,14 @@ def test_tensors_that_teach_nothing_are_seen(dataset: Path) -> None:
         assert not read(replace(batch, inputs=replace(batch.inputs, sh=sh))).lighting
 
 
-def rows(leads: Sequence[float], views: Sequence[str], method: str = "lightnet") -> list[Row]:
+def rows(leads: Sequence[float], views: Sequence[str], method: str = "lightnet") -> list[ScoreRow]:
     """A method that is ahead of every rival by `leads`, dB."""
     made = []
     for number, (lead, view) in enumerate(zip(leads, views, strict=True)):
         for name, psnr in ((method, 20 + number + lead), ("copy_i_s", 20.0 + number), ("d_s_prime", 20.0 + number),
                            ("dr_s_prime", 20.0 + number)):
-            made.append(Row(method=name, key=str(number), view=view, object="o", room="r", level=0, sigma=0.0,
-                            metrics=Metrics(l1=0, psnr=psnr, ssim=0, lab=0), seconds=0))
+            made.append(ScoreRow(method=name, key=str(number), view=view, object="o", room="r", level=0, sigma=0.0,
+                                 metrics=Metrics(l1=0, psnr=psnr, ssim=0, lab=0), seconds=0))
     return made
 
 

@@ -31,12 +31,12 @@ def nothing():
 def found(soup, *lights, fog=None, **values):
     """(9, 3) coefficients and their standard errors."""
     from dataset_builder.rendering.light_probe import lighting
-    from dataset_builder.rendering.scene.open_scene import body_of, staged
+    from dataset_builder.rendering.scene.open_scene import body_of, open_scene
     from dataset_builder.rendering.transport.fog import Fog
 
     medium = Fog(**fog) if fog else None
-    with staged(body_of(soup), lit_by(*lights), medium) as stage:
-        got = lighting(stage, **({"max_depth": MAX_DEPTH, "rr_depth": RR_DEPTH, "seed": 3} | values))
+    with open_scene(body_of(soup), lit_by(*lights), medium) as opened:
+        got = lighting(opened, **({"max_depth": MAX_DEPTH, "rr_depth": RR_DEPTH, "seed": 3} | values))
     return got.mean.reshape(COUNT, 3), got.error.reshape(COUNT, 3)
 
 
@@ -119,14 +119,14 @@ def _mitsubas(soup, lights, place, batches=24, count=1 << 15):
     """(batches, 9, 3) coefficients by nothing but uniform directions; an edge to a camera is not counted here."""
     import mitsuba as mi
 
-    from dataset_builder.rendering.scene.open_scene import body_of, staged
+    from dataset_builder.rendering.scene.open_scene import body_of, open_scene
 
     path = mi.load_dict({"type": "path", "max_depth": MAX_DEPTH - 1, "rr_depth": RR_DEPTH})
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(11, batches * count)
-    with staged(body_of(soup), lit_by(*lights)) as stage:
+    with open_scene(body_of(soup), lit_by(*lights)) as opened:
         direction = mi.warp.square_to_uniform_sphere(sampler.next_2d())
-        colour, _, _ = path.sample(stage.scene, sampler, mi.Ray3f(mi.Point3f(*place), direction), None, True)
+        colour, _, _ = path.sample(opened.scene, sampler, mi.Ray3f(mi.Point3f(*place), direction), None, True)
         radiance, ways = np.array(colour, dtype=float), np.array(direction, dtype=float)
     products = np.stack(basis(*ways))[:, None] * radiance
     return 4 * np.pi * np.moveaxis(products.reshape(COUNT, 3, batches, count).mean(axis=3), 2, 0)

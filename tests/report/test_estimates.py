@@ -2,13 +2,13 @@
 
 from math import inf, nan
 
-from dataset_builder.lightnet.results.clustered_means import Estimate
+from dataset_builder.lightnet.results.clustered_means import ClusteredMean
 from dataset_builder.report.estimates import markdown_table, plus_minus, rounded
 
 
-def made(mean: float, error: float) -> Estimate:
+def made(mean: float, error: float) -> ClusteredMean:
     """An estimate of one example or of several."""
-    return Estimate(mean=mean, error=error, naive=nan, examples=2, objects=2, half_width=inf)
+    return ClusteredMean(mean=mean, error=error, naive=nan, examples=2, objects=2, half_width=inf)
 
 
 def test_decibels_have_two_digits_and_everything_else_four() -> None:

@@ -13,7 +13,7 @@ from PIL import Image
 
 from dataset_builder.errors import OutputError
 from dataset_builder.lightnet.measures.metrics import METRICS, Metrics
-from dataset_builder.lightnet.results.evaluate import Row
+from dataset_builder.lightnet.results.evaluate import ScoreRow
 from dataset_builder.report.evaluation_page import (
     COLUMNS,
     Evaluation,
@@ -30,16 +30,16 @@ from dataset_builder.seeding import rng
 NAMES = ("net", "other", "copy_i_s")
 
 
-def rows(objects: int = 4) -> list[Row]:
+def rows(objects: int = 4) -> list[ScoreRow]:
     """Eight examples of a few objects, by three methods of different quality."""
     made = []
     for index in range(8):
         for place, name in enumerate(NAMES):
             psnr, l1 = (float(value) for value in rng(0, name, index).uniform(0, 1, 2))
             metrics = Metrics(l1=0.02 + 0.03 * place + 0.01 * l1, psnr=28 - 4 * place + psnr, ssim=0.9, lab=0.3)
-            made.append(Row(method=name, key=f"{index:08d}", view=f"evaluation/{index // 2:06d}",
-                            object=f"evaluation-chair-{index % objects:02d}", room="evaluation-room-00",
-                            level=index % 2, sigma=0.004, metrics=metrics, seconds=0.01 * (place + 1)))
+            made.append(ScoreRow(method=name, key=f"{index:08d}", view=f"evaluation/{index // 2:06d}",
+                                 object=f"evaluation-chair-{index % objects:02d}", room="evaluation-room-00",
+                                 level=index % 2, sigma=0.004, metrics=metrics, seconds=0.01 * (place + 1)))
     return made
 
 

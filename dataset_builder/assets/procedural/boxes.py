@@ -8,7 +8,7 @@ import numpy as np
 from dataset_builder.assets.procedural.uvs import box_uvs, facing
 from dataset_builder.geometry.mesh import TriangleMesh
 
-SMALLEST_PART = 1e-4
+MIN_PART = 1e-4
 ENDS = np.array([-1.0, 1.0])
 
 
@@ -62,7 +62,7 @@ def bevelled_box(size: tuple[float, float, float], *, bevel: float, grain: int |
 
     44 triangles, or 12 where `bevel` is 0. Coordinates in metres with v along axis `grain`, by default the longest.
     """
-    half = np.maximum(np.asarray(size), SMALLEST_PART) / 2
+    half = np.maximum(np.asarray(size), MIN_PART) / 2
     along = int(half.argmax()) if grain is None else grain
     if bevel == 0:
         points, quads = lattice_box((half[0] * ENDS, half[1] * ENDS, half[2] * ENDS))

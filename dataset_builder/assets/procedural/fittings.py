@@ -9,7 +9,7 @@ from dataset_builder.assets.procedural.round_solids import COARSE, chamfered_squ
 
 FRONT_GAP = 0.003
 """Metres between neighbouring doors and drawers."""
-FEW = 16
+HANDLE_SIDES = 16
 """Sides of handles: 22.5 degrees from one to the next still count as round, and they are a few millimetres thick."""
 PAPER = (0.5 / 8, 0.5 / 8)
 """Where the book cloth has the colour of paper."""
@@ -37,13 +37,13 @@ def handle(centre: tuple[float, float], front: float, *, style: int, finish: str
     if style == 1:
         profile = np.array([(0.007, 0), (0.006, 0.012), (0.013, 0.017), (0.015, 0.021), (0.0145, 0.026),
                             (0.011, 0.029)])
-        knob = facing_front(Part(mesh=turned(profile, sides=FEW + 4), finish=finish))
+        knob = facing_front(Part(mesh=turned(profile, sides=HANDLE_SIDES + 4), finish=finish))
         return [moved(knob, (x, front - GAP, z))]
     along = np.array([0.0, 0, 1]) if upright else np.array([1.0, 0, 0])
     middle = np.array([x, front - 0.030, z])
-    grip = rod(middle - along * length / 2, middle + along * length / 2, 0.005, finish=finish, sides=FEW)
+    grip = rod(middle - along * length / 2, middle + along * length / 2, 0.005, finish=finish, sides=HANDLE_SIDES)
     feet = [rod(middle + side * along * 0.36 * length + (0, 0.030 - GAP, 0),
-                middle + side * along * 0.36 * length + (0, 0.005 + GAP, 0), 0.004, finish=finish, sides=FEW)
+                middle + side * along * 0.36 * length + (0, 0.005 + GAP, 0), 0.004, finish=finish, sides=HANDLE_SIDES)
             for side in (-1, 1)]
     return [grip, *feet]
 

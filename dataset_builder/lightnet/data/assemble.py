@@ -17,7 +17,7 @@ CHANNELS = {"i_s": 3, "d": 3, "r": 3, "i_t": 3, "s_prime": 3, "inside": 1}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Part:
+class ExamplePart:
     """One example. layers: all colours, (3, H, W), with their names, perhaps read as they are asked for, and once;
     inside: (H, W) bool; exposure: of the target light; source_exposure: of the source light; lighting: (3, 9), not
     exposed, camera's frame."""
@@ -30,7 +30,7 @@ class Part:
     lighting: np.ndarray
 
 
-Chosen = tuple[Part, Variation, Window]
+Chosen = tuple[ExamplePart, Variation, Window]
 """An example, how it is varied, and what is cut from it."""
 
 
@@ -63,7 +63,7 @@ class Notes:
     sh: np.ndarray
 
 
-def whole(part: Part) -> Batch:
+def whole(part: ExamplePart) -> Batch:
     """A batch of one example, its whole frame, not varied."""
     height, width = part.inside.shape
     return assemble([(part, STILL, Window(top=0, left=0, height=height, width=width))],

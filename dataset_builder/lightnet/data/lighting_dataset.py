@@ -11,7 +11,7 @@ import torch
 from torch.utils.data import Dataset
 
 from dataset_builder.errors import Problem, ShardError, UserError
-from dataset_builder.lightnet.data.assemble import Part, whole
+from dataset_builder.lightnet.data.assemble import ExamplePart, whole
 from dataset_builder.lightnet.data.batch import Batch
 from dataset_builder.lightnet.data.light_coefficients import lighting_of
 from dataset_builder.lightnet.data.ranges import target_exposure
@@ -83,7 +83,7 @@ class LightingDataset(Dataset[Batch]):
         """The whole label of an example, see `docs/layers.md`; read anew."""
         return self._data.label(self.keys[index])
 
-    def part(self, index: int) -> Part:
+    def part(self, index: int) -> ExamplePart:
         """Example `index` as it is on the disk. Raises ShardError where its files are not what they were."""
         entry = self._entries[index]
         images = self._data.images(entry.key)
@@ -95,9 +95,9 @@ class LightingDataset(Dataset[Batch]):
         if entry.key not in self._exposures:
             self._exposures[entry.key] = exposure_of(s_prime.planes, inside)
         layers = chain([(name, s_prime)], images)
-        return Part(key=entry.key, layers=((name, image.planes) for name, image in layers), inside=inside,
-                    exposure=self._exposures[entry.key], source_exposure=self.spec.source_exposure,
-                    lighting=entry.lighting)
+        return ExamplePart(key=entry.key, layers=((name, image.planes) for name, image in layers), inside=inside,
+                           exposure=self._exposures[entry.key], source_exposure=self.spec.source_exposure,
+                           lighting=entry.lighting)
 
     def _left_out(self) -> str:
         if not self.left_out:

@@ -12,7 +12,7 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-MOST_GROUPS = 8
+MAX_GROUPS = 8
 """Channels are normalised in this many groups at most."""
 EPSILON = 1e-5
 """Added to variances, so that constants are normalised to 0."""
@@ -26,7 +26,7 @@ class ObjectNorm(nn.Module):
 
     def __init__(self, channels: int):
         super().__init__()
-        self.groups = gcd(channels, MOST_GROUPS)
+        self.groups = gcd(channels, MAX_GROUPS)
         self.weight = nn.Parameter(torch.ones(channels))
         self.bias = nn.Parameter(torch.zeros(channels))
 

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.stats import t
 
 from dataset_builder.lightnet.measures.metrics import METRICS
-from dataset_builder.lightnet.results.evaluate import Row
+from dataset_builder.lightnet.results.evaluate import ScoreRow
 
 LEVEL = 0.95
 """Of intervals."""
@@ -28,7 +28,7 @@ Verdict = Literal["better", "worse", "open"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Estimate:
+class ClusteredMean:
     """A mean. error: its standard error, clustered by object; naive: as if examples were independent. NaN where there
     is but one object, one example. half_width: of the interval that covers the mean over all objects with probability
     `LEVEL`; infinite for one object."""
@@ -51,7 +51,7 @@ class Summary:
     """One method. metrics: by name; seconds: median over examples."""
 
     method: str
-    metrics: dict[str, Estimate]
+    metrics: dict[str, ClusteredMean]
     seconds: float
 
 
@@ -62,29 +62,29 @@ class Paired:
     method: str
     other: str
     metric: str
-    difference: Estimate
+    difference: ClusteredMean
     ahead: int
     verdict: Verdict
 
 
-def summarise(rows: Sequence[Row]) -> list[Summary]:
+def summarise(rows: Sequence[ScoreRow]) -> list[Summary]:
     """Every method that rows hold, in the order of its first row."""
     return [_summary(method, [row for row in rows if row.method == method]) for method in methods(rows)]
 
 
-def methods(rows: Sequence[Row]) -> list[str]:
+def methods(rows: Sequence[ScoreRow]) -> list[str]:
     """Names, in the order of their first rows."""
     return list(dict.fromkeys(row.method for row in rows))
 
 
-def compare(rows: Sequence[Row], method: str, other: str) -> list[Paired]:
+def compare(rows: Sequence[ScoreRow], method: str, other: str) -> list[Paired]:
     """`method` less `other` in every metric, on the examples that both have rows of."""
     theirs = {row.key: row for row in rows if row.method == other}
     pairs = [(row, theirs[row.key]) for row in rows if row.method == method and row.key in theirs]
     return [_paired(method, other, metric.name, metric.better == "low", pairs) for metric in METRICS]
 
 
-def estimate(values: Sequence[float], clusters: Sequence[str]) -> Estimate:
+def estimate(values: Sequence[float], clusters: Sequence[str]) -> ClusteredMean:
     """Mean of values with standard errors; clusters: the object of every value."""
     count, names = len(values), sorted(set(clusters))
     array = np.asarray(values, np.float64)
@@ -93,8 +93,8 @@ def estimate(values: Sequence[float], clusters: Sequence[str]) -> Estimate:
     sums = np.bincount([names.index(cluster) for cluster in clusters], weights=residuals)
     groups = len(names)
     error = sqrt(groups / (groups - 1) * float(np.sum(sums**2))) / count if groups > 1 else nan
-    return Estimate(mean=float(array.mean()), error=error, naive=naive, examples=count, objects=groups,
-                    half_width=reach(groups - 1) * error if groups > 1 else inf)
+    return ClusteredMean(mean=float(array.mean()), error=error, naive=naive, examples=count, objects=groups,
+                         half_width=reach(groups - 1) * error if groups > 1 else inf)
 
 
 def reach(freedom: int) -> float:
@@ -102,7 +102,7 @@ def reach(freedom: int) -> float:
     return float(t.ppf((1 + LEVEL) / 2, freedom))
 
 
-def chosen(rows: Sequence[Row], method: str) -> dict[str, Row]:
+def chosen(rows: Sequence[ScoreRow], method: str) -> dict[str, ScoreRow]:
     """Rows of a method by what they are: `best`, `median` and `worst` of its PSNR; keys decide between equals.
 
     Of an even number the lower median; no median of two, and of one example only the best.
@@ -113,13 +113,14 @@ def chosen(rows: Sequence[Row], method: str) -> dict[str, Row]:
     return {name: ranked[places[name]] for name in names}
 
 
-def _summary(method: str, rows: Sequence[Row]) -> Summary:
+def _summary(method: str, rows: Sequence[ScoreRow]) -> Summary:
     objects = [row.object for row in rows]
     found = {metric.name: estimate([getattr(row.metrics, metric.name) for row in rows], objects) for metric in METRICS}
     return Summary(method=method, metrics=found, seconds=median(row.seconds for row in rows))
 
 
-def _paired(method: str, other: str, metric: str, low_is_better: bool, pairs: Sequence[tuple[Row, Row]]) -> Paired:
+def _paired(method: str, other: str, metric: str, low_is_better: bool,
+            pairs: Sequence[tuple[ScoreRow, ScoreRow]]) -> Paired:
     differences = [getattr(mine.metrics, metric) - getattr(theirs.metrics, metric) for mine, theirs in pairs]
     found = estimate(differences, [mine.object for mine, _ in pairs])
     gains = [-value if low_is_better else value for value in differences]
@@ -127,7 +128,7 @@ def _paired(method: str, other: str, metric: str, low_is_better: bool, pairs: Se
                   verdict=_verdict(found, low_is_better))
 
 
-def _verdict(found: Estimate, low_is_better: bool) -> Verdict:
+def _verdict(found: ClusteredMean, low_is_better: bool) -> Verdict:
     """`open` where the interval holds 0."""
     gain = -found.mean if low_is_better else found.mean
     if not found.told_apart:

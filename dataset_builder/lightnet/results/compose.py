@@ -15,13 +15,13 @@ import numpy as np
 import torch
 
 from dataset_builder.errors import Problem, UserError
-from dataset_builder.lightnet.data.assemble import Part, planes_of, whole
+from dataset_builder.lightnet.data.assemble import ExamplePart, planes_of, whole
 from dataset_builder.lightnet.data.batch import Batch
 from dataset_builder.lightnet.data.lighting_dataset import exposure_of
 from dataset_builder.lightnet.data.ranges import linear_light, tone_map
 from dataset_builder.lightnet.methods.checkpoint import Trained
 from dataset_builder.lightnet.methods.predict import predict
-from dataset_builder.lightnet.results.compose_input import Frame
+from dataset_builder.lightnet.results.compose_input import ComposeInput
 from dataset_builder.lightnet.results.inpaint import fill
 from dataset_builder.lightnet.results.pictures import light
 
@@ -42,7 +42,7 @@ class Composite:
     exposure: float
 
 
-def compose(trained: Trained, frame: Frame) -> Composite:
+def compose(trained: Trained, frame: ComposeInput) -> Composite:
     """Predict the object of a frame and put it into its background.
 
     Raises UserError where the method needs what the frame has not, where M has no pixel inside, or where the rough mesh
@@ -80,17 +80,17 @@ def with_rim(exposed: np.ndarray, known: np.ndarray, asked: np.ndarray) -> np.nd
     return np.where(asked[..., None], filled, exposed)
 
 
-def seen(frame: Frame, inside: np.ndarray, *, source_exposure: float) -> Batch:
+def seen(frame: ComposeInput, inside: np.ndarray, *, source_exposure: float) -> Batch:
     """A frame as examples of a dataset are seen, a batch of one; its truth is 0. Light below 0 counts as 0."""
     nothing, s_prime = np.zeros_like(frame.i_s), frame.s_prime.clip(min=0)
     pictures = {"i_s": frame.i_s.clip(min=0), "s_prime": s_prime, "d": nothing, "r": nothing, "i_t": nothing}
-    return whole(Part(
+    return whole(ExamplePart(
         key=frame.name, layers=[(name, planes_of(picture)) for name, picture in pictures.items()], inside=inside,
         exposure=exposure_of(planes_of(s_prime), inside), source_exposure=source_exposure,
         lighting=np.zeros((3, 9)) if frame.lighting is None else frame.lighting))
 
 
-def panels(frame: Frame, composite: Composite) -> dict[str, np.ndarray]:
+def panels(frame: ComposeInput, composite: Composite) -> dict[str, np.ndarray]:
     """(H, W, 3) uint8 pictures by heading: what goes in, what comes out, mapped as networks see them."""
     mask = frame.mask
     shown = {"I_s M": frame.i_s * mask, "S' M": frame.s_prime * composite.exposure * mask,
@@ -99,7 +99,7 @@ def panels(frame: Frame, composite: Composite) -> dict[str, np.ndarray]:
     return {heading: light(_tensor(linear.astype(np.float32))) for heading, linear in shown.items()}
 
 
-def _covered(frame: Frame) -> np.ndarray:
+def _covered(frame: ComposeInput) -> np.ndarray:
     """(H, W) where S' has light of the rough mesh; without its mask, where S' has light at all."""
     return np.any(frame.s_prime if frame.mask_rough is None else frame.mask_rough, axis=-1)
 
@@ -114,5 +114,5 @@ def _numpy(picture: torch.Tensor) -> np.ndarray:
     return np.ascontiguousarray(picture.cpu().numpy().transpose(1, 2, 0))
 
 
-def _wrong(frame: Frame, rule: str, hint: str = "") -> UserError:
+def _wrong(frame: ComposeInput, rule: str, hint: str = "") -> UserError:
     return UserError([Problem(where=frame.name, path="", rule=rule, hint=hint)])

@@ -19,7 +19,7 @@ PARTS = {"i_s": 3, "s_prime": 3, "mask": 1, "background": 3, "mask_rough": 1}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Frame:
+class ComposeInput:
     """Linear, scene-referred (H, W, C) float32 pictures of one camera.
 
     i_s: the object under plain light; s_prime: raw lighting of its rough mesh in the scene; mask: share of the pixel
@@ -49,7 +49,7 @@ class Frame:
         return Problem(where=self.name, path=name, rule=rule)
 
 
-def frame_from_files(paths: Mapping[str, Path]) -> Frame:
+def input_from_files(paths: Mapping[str, Path]) -> ComposeInput:
     """The frame of EXR files by part, `mask_rough` optional. Raises UserError where one does not read or fit.
 
     Colours need the channels R, G, B; a mask has Y, or R, G, B that are all the same.
@@ -59,10 +59,10 @@ def frame_from_files(paths: Mapping[str, Path]) -> Frame:
     if coloured := [name for name in masks if np.any(parts[name] != masks[name])]:
         rule = "expected a mask, one channel Y or three that are the same, got colours"
         raise UserError([Problem(where=str(paths[name]), path="", rule=rule) for name in coloured])
-    return Frame(name=str(paths["i_s"]), files=paths, **{**parts, **masks})
+    return ComposeInput(name=str(paths["i_s"]), files=paths, **{**parts, **masks})
 
 
-def frame_from_dataset(folder: Path, *, key: str = "", split: str = "", index: int = 0) -> Frame:
+def input_from_dataset(folder: Path, *, key: str = "", split: str = "", index: int = 0) -> ComposeInput:
     """The frame of an example, by its key, or by its place in a split: I_PBR is its `i_t`.
 
     That shows the clean mesh where the paper's I_PBR shows the rough one; around the object the two differ by its
@@ -71,9 +71,9 @@ def frame_from_dataset(folder: Path, *, key: str = "", split: str = "", index: i
     """
     dataset = open_dataset(folder, layers=_layers(folder))
     example = dataset[_key(dataset, folder, key, split, index)]
-    return Frame(name=f"{folder}, example {example['meta']['key']}", i_s=example["i_s"], s_prime=example["s_prime"],
-                 mask=example["mask"], background=example["i_t"], mask_rough=example.get(WANTED),
-                 lighting=lighting_of(example["meta"]))
+    return ComposeInput(name=f"{folder}, example {example['meta']['key']}", i_s=example["i_s"],
+                        s_prime=example["s_prime"], mask=example["mask"], background=example["i_t"],
+                        mask_rough=example.get(WANTED), lighting=lighting_of(example["meta"]))
 
 
 def _layers(folder: Path) -> list[str]:

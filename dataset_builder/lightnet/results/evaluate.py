@@ -43,7 +43,7 @@ class Contender:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Row:
+class ScoreRow:
     """One example by one method. object, room: names, unique over the dataset; level, sigma: of the rough mesh's noise;
     seconds: from inputs in memory to the prediction."""
 
@@ -84,7 +84,7 @@ def contender(name: str, trained: Trained) -> Contender:
                      trained=True, note=note)
 
 
-def evaluate(contenders: Sequence[Contender], dataset: LightingDataset, indices: Sequence[int]) -> Iterator[Row]:
+def evaluate(contenders: Sequence[Contender], dataset: LightingDataset, indices: Sequence[int]) -> Iterator[ScoreRow]:
     """One row for each example, by position in the dataset, and contender; all contenders of an example in turn.
 
     Trained methods run once beforehand, so that nobody's seconds hold what only happens once.
@@ -97,13 +97,13 @@ def evaluate(contenders: Sequence[Contender], dataset: LightingDataset, indices:
             yield row(one, moved, dataset.label(index)["plan"])
 
 
-def row(one: Contender, batch: Batch, plan: dict) -> Row:
+def row(one: Contender, batch: Batch, plan: dict) -> ScoreRow:
     """The row of one example: a batch of one, on the contender's device, and its plan."""
     prediction, seconds = timed(one, batch)
     metrics, = measure(prediction.i_t, batch.truth.i_t, batch.inputs.inside)
-    return Row(method=one.name, key=batch.keys[0], view=plan["view"], object=plan["target"]["object"]["name"],
-               room=plan["room"]["name"], level=plan["rough"]["level"], sigma=plan["rough"]["sigma"], metrics=metrics,
-               seconds=seconds)
+    return ScoreRow(method=one.name, key=batch.keys[0], view=plan["view"], object=plan["target"]["object"]["name"],
+                    room=plan["room"]["name"], level=plan["rough"]["level"], sigma=plan["rough"]["sigma"],
+                    metrics=metrics, seconds=seconds)
 
 
 def timed(one: Contender, batch: Batch) -> tuple[Prediction, float]:

@@ -4,8 +4,8 @@ Each pixel outside takes the value of the nearest pixel that is known. So nothin
 around the object, gets in from the far side. Then the pixels that were asked for are smoothed in between: the
 biharmonic surface through their surroundings (scikit-image; Damelin and Hoang 2018). A constant rim stays constant.
 
-The cost is bounded: the equations are solved for pixels within `REACH` of a known one, and for no more than `MOST` of
-them. What lies farther off keeps the nearest value. A rim at 800x800 has a few thousand.
+The cost is bounded: the equations are solved for pixels within `REACH` of a known one, and for no more than
+`MAX_PIXELS` of them. What lies farther off keeps the nearest value. A rim at 800x800 has a few thousand.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ from dataset_builder.errors import UserError
 
 REACH = 16.0
 """Pixels."""
-MOST = 60_000
+MAX_PIXELS = 60_000
 """Pixels solved for at once: about a second, and 400 MB."""
 MARGIN = 3
 """Pixels about those asked for that the equations see; the biharmonic stencil reaches two."""
@@ -45,9 +45,9 @@ def fill(picture: np.ndarray, known: np.ndarray, asked: np.ndarray) -> np.ndarra
 def _near(distance: np.ndarray, asked: np.ndarray) -> np.ndarray:
     """The asked pixels that are solved for: those close to what is known, and not too many."""
     near = asked & (distance <= REACH)
-    if np.count_nonzero(near) <= MOST:
+    if np.count_nonzero(near) <= MAX_PIXELS:
         return near
-    limit = np.partition(distance[near], MOST)[MOST]
+    limit = np.partition(distance[near], MAX_PIXELS)[MAX_PIXELS]
     return near & (distance < limit)
 
 

@@ -44,7 +44,7 @@ SEED_BITS = 63
 
 
 @dataclass(frozen=True, kw_only=True)
-class Job:
+class TrainingJob:
     """What to train. levels: noise levels to train and check on, all where empty. out: a folder of its own."""
 
     dataset: Path
@@ -75,7 +75,7 @@ class _Progress:
     bad_steps: int = 0
 
 
-def fit(job: Job) -> Iterator[Event]:
+def fit(job: TrainingJob) -> Iterator[Event]:
     """Train, or go on with a training, yielding news; the files are in `job.out`.
 
     Raises UserError where the dataset lacks what is needed, where `out` holds another training or another process
@@ -96,7 +96,7 @@ def fit(job: Job) -> Iterator[Event]:
 class _Training:
     """One training from its checkpoint, or from nothing, to its end."""
 
-    def __init__(self, job: Job):
+    def __init__(self, job: TrainingJob):
         spec = job.spec
         self.job, self.spec, self.identity = job, spec, job.identity()
         self.device = choose(job.device)

@@ -15,7 +15,7 @@ from dataset_builder.planning.effects.denoise_guides import guide_extents
 from dataset_builder.planning.effects.features import scene_features
 from dataset_builder.planning.effects.light_reach import reaching, said
 from dataset_builder.planning.effects.materials_used import MaterialUse, SceneUse, scene_use
-from dataset_builder.planning.effects.path_depth import MOST, path_depth
+from dataset_builder.planning.effects.path_depth import MAX_DEPTH, path_depth
 from dataset_builder.planning.example_plan import (
     Decision,
     EffectsPlan,
@@ -72,7 +72,7 @@ def plan_effects(*, spec: RenderSpec, room: RoomPlan, target: PlacedObject, furn
 
 
 def _everything(spec: RenderSpec, render: RenderPlan, light: dict[str, IlluminationPlan]) -> EffectsPlan:
-    depth = MOST if spec.max_depth == "auto" else max(int(spec.max_depth), MOST)
+    depth = MAX_DEPTH if spec.max_depth == "auto" else max(int(spec.max_depth), MAX_DEPTH)
     passes = tuple(PassEffects(name=name, extent="frame", lights=_all(light[name].lights) if name in light else (),
                                max_depth=depth) for name in PASSES)
     reason = "everything on, as asked"

@@ -15,7 +15,7 @@ from dataset_builder.assets.glass_kinds import is_pane, is_solid
 from dataset_builder.planning.effects.materials_used import MaterialUse, is_smooth
 from dataset_builder.planning.example_plan import FogPlan
 
-LEAST, MOST = 3, 64
+MIN_DEPTH, MAX_DEPTH = 3, 64
 SOLID_CROSSINGS, PANE_CROSSINGS = 8, 4
 """Edges added for glass, which takes next to nothing of what passes: two bodies (in and out) or two rough panes behind
 each other, both on the way to a surface and on the way from it to the light. Smooth panes bend no path and add no
@@ -48,10 +48,10 @@ def needed_depth(share: float, bias: float) -> int:
     if share <= bias:
         return 2
     if share >= 1:
-        return MOST + 1
-    depth = min(ceil(log(bias) / log(share)) + 1, MOST + 1)
+        return MAX_DEPTH + 1
+    depth = min(ceil(log(bias) / log(share)) + 1, MAX_DEPTH + 1)
     # Logarithms round
-    return depth + 1 if depth <= MOST and share ** (depth - 1) > bias else depth
+    return depth + 1 if depth <= MAX_DEPTH and share ** (depth - 1) > bias else depth
 
 
 def crossings(materials: Sequence[MaterialUse]) -> int:
@@ -78,10 +78,10 @@ def path_depth(asked: int | str, bias: float, materials: Sequence[MaterialUse], 
         left = min(share ** max(depth - 1 - extra, 0), 1.0)
         return PathDepth(depth=depth, left_out=left, reason=f"asked for; {event}, so that longer paths would bring at "
                          f"most {left:.2g} of what arrives at a surface{through}")
-    needed = max(needed_depth(share, bias), LEAST)
-    depth = min(needed + extra, MOST)
+    needed = max(needed_depth(share, bias), MIN_DEPTH)
+    depth = min(needed + extra, MAX_DEPTH)
     left = share ** (depth - 1 - extra)
     said = f"{event}, so that longer paths would bring at most {left:.2g} of what arrives at a surface{through}"
-    if needed + extra > MOST:
-        said += f"; cut at {MOST}, a bias of {bias:g} would need longer ones"
+    if needed + extra > MAX_DEPTH:
+        said += f"; cut at {MAX_DEPTH}, a bias of {bias:g} would need longer ones"
     return PathDepth(depth=depth, left_out=left, reason=said)

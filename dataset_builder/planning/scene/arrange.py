@@ -1,4 +1,4 @@
-"""Sets a pair's stage: makes its assets, lays them out, and turns them into world geometry."""
+"""Arranges a pair: makes its assets, lays them out, and turns them into world geometry."""
 
 from collections.abc import Callable
 from functools import partial
@@ -13,20 +13,20 @@ from dataset_builder.planning.scene.arrangement import (
     FURNITURE_INSTANCE,
     ROOM_INSTANCE,
     TARGET_INSTANCE,
+    Arrangement,
     Geometry,
-    Stage,
 )
 from dataset_builder.planning.scene.assets_of_plan import asset_of, room_shell, world_from_object
 from dataset_builder.planning.scene.contents import ScenePlan, SplitContents
-from dataset_builder.planning.scene.footprint import Extent
+from dataset_builder.planning.scene.footprint import Box
 from dataset_builder.planning.scene.layout import Piece, Place, Pose, lay_out
 from dataset_builder.seeding import rng
 
 
-def extent_of(asset: Asset) -> Extent:
+def extent_of(asset: Asset) -> Box:
     """The box of an asset in its own frame."""
     low, high = asset.mesh.bounds.tolist()
-    return Extent(low=tuple(low), high=tuple(high))
+    return Box(low=tuple(low), high=tuple(high))
 
 
 def _piece(plan: ObjectPlan, place: Place, mesh_root: Path, draws: Callable[[], np.random.Generator]) -> Piece:
@@ -48,7 +48,7 @@ def _room_geometry(scene: ScenePlan) -> list[Geometry]:
     return [(part.mesh.positions, part.mesh.faces, ROOM_INSTANCE) for part in room_shell(scene.room).values()]
 
 
-def set_stage(pair: PairRef, split: SplitContents, seed: int, mesh_root: Path) -> Stage:
+def arrange(pair: PairRef, split: SplitContents, seed: int, mesh_root: Path) -> Arrangement:
     """Room, target and furniture of a pair, laid out; furniture that does not fit is left out with a note.
 
     Raises PlanError where the target does not fit.
@@ -63,4 +63,5 @@ def set_stage(pair: PairRef, split: SplitContents, seed: int, mesh_root: Path) -
     furniture = tuple(_placed(plan, pose, FURNITURE_INSTANCE + k) for k, (plan, pose) in enumerate(standing))
     placed = _placed(target_plan, layout.target, TARGET_INSTANCE)
     geometry = [geometry_of(thing, mesh_root) for thing in (placed, *furniture)] + _room_geometry(scene)
-    return Stage(room=scene.room, target=placed, furniture=furniture, geometry=tuple(geometry), notes=layout.notes)
+    return Arrangement(room=scene.room, target=placed, furniture=furniture, geometry=tuple(geometry),
+                       notes=layout.notes)

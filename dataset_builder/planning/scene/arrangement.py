@@ -1,4 +1,4 @@
-"""The stage of one pair: room, target and furniture standing, with the rays that planning casts at them."""
+"""The arrangement of one pair: room, target and furniture in place, and the rays that planning casts at them."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,7 +17,7 @@ Geometry = tuple[np.ndarray, np.ndarray, int]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Stage:
+class Arrangement:
     """Everything of a pair that cameras and lights are planned against.
 
     centre (3,), radius: of the sphere about the target's box, in the room, metres. `everything` holds all geometry,

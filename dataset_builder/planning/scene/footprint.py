@@ -7,7 +7,7 @@ import numpy as np
 
 
 @dataclass(frozen=True, kw_only=True)
-class Extent:
+class Box:
     """Axis-aligned box of an asset in its own frame, in metres: low and high corners (x, y, z)."""
 
     low: tuple[float, float, float]
@@ -46,7 +46,7 @@ class Footprint:
         return np.asarray(self.centre) + (signs * np.asarray(self.half)) @ self.axes
 
 
-def footprint(extent: Extent, position: tuple[float, float, float], yaw: float) -> Footprint:
+def footprint(extent: Box, position: tuple[float, float, float], yaw: float) -> Footprint:
     """The footprint of an asset that stands with its base point at `position`, turned by `yaw` degrees."""
     half = (extent.size[0] / 2, extent.size[1] / 2)
     middle = np.array([extent.low[0] + half[0], extent.low[1] + half[1]])

@@ -8,7 +8,7 @@ import numpy as np
 
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.planning.example_plan import RoomPlan
-from dataset_builder.planning.scene.footprint import Extent, Footprint, footprint, inside_room, overlap
+from dataset_builder.planning.scene.footprint import Box, Footprint, footprint, inside_room, overlap
 
 Place = Literal["near", "wall", "floor"]
 Pose = tuple[tuple[float, float, float], float]
@@ -31,7 +31,7 @@ class Piece:
     """Something to place. `rng` makes its own generator, so that no other piece moves its draws."""
 
     name: str
-    extent: Extent
+    extent: Box
     place: Place
     rng: Callable[[], np.random.Generator]
 
@@ -45,13 +45,13 @@ class Layout:
     notes: tuple[str, ...]
 
 
-def _standing(extent: Extent, centre: np.ndarray, yaw: float) -> Pose:
+def _standing(extent: Box, centre: np.ndarray, yaw: float) -> Pose:
     """The pose that brings the middle of an asset's footprint to `centre` (2,)."""
     offset = np.asarray(footprint(extent, (0.0, 0.0, 0.0), yaw).centre)
     return (float(centre[0] - offset[0]), float(centre[1] - offset[1]), 0.0), yaw
 
 
-def _on_floor(extent: Extent, room: RoomPlan, rng: np.random.Generator) -> Pose:
+def _on_floor(extent: Box, room: RoomPlan, rng: np.random.Generator) -> Pose:
     yaw = float(rng.uniform(-180, 180))
     box = footprint(extent, (0.0, 0.0, 0.0), yaw)
     reach = np.array([box.reach(np.array([1.0, 0.0])), box.reach(np.array([0.0, 1.0]))])
@@ -59,7 +59,7 @@ def _on_floor(extent: Extent, room: RoomPlan, rng: np.random.Generator) -> Pose:
     return _standing(extent, rng.uniform(-1, 1, 2) * free, yaw)
 
 
-def _at_wall(extent: Extent, room: RoomPlan, rng: np.random.Generator) -> Pose:
+def _at_wall(extent: Box, room: RoomPlan, rng: np.random.Generator) -> Pose:
     x, y, yaw = WALLS[rng.integers(len(WALLS))]
     outward, along = np.array([x, y]), np.array([-y, x])
     room_half = np.array([room.width, room.depth]) / 2
@@ -69,7 +69,7 @@ def _at_wall(extent: Extent, room: RoomPlan, rng: np.random.Generator) -> Pose:
     return _standing(extent, outward * back + along * rng.uniform(-1, 1) * free, yaw)
 
 
-def _beside(extent: Extent, target: Footprint, rng: np.random.Generator) -> Pose:
+def _beside(extent: Box, target: Footprint, rng: np.random.Generator) -> Pose:
     """Beside the target, square to it give or take ten degrees, at a gap within NEAR_GAP."""
     outward = np.array(NEAR_SIDES[rng.integers(len(NEAR_SIDES))]) @ target.axes
     along = np.array([-outward[1], outward[0]])

@@ -16,7 +16,7 @@ from dataset_builder.spec.scene import MaterialSpec
 ROLE = ": "
 """Between what a material of embedded furniture is there for and what it happens to be: `top: oak`."""
 TRUTHS = ("thin", "plain")
-HIGHEST_SPECULAR = 0.16
+MAX_SPECULAR = 0.16
 
 
 def drawn_changes(spec: Mapping[str, MaterialSpec], seed: int, path: tuple[str | int, ...]) \
@@ -40,7 +40,7 @@ def _values(change: MaterialSpec, seed: int, path: tuple[str | int, ...]) -> tup
         elif value is not None:
             values[field] = draw(value, rng(seed, *path, field))
     if "ior" in values and "specular" not in values:
-        values["specular"] = min(((values["ior"] - 1) / (values["ior"] + 1)) ** 2, HIGHEST_SPECULAR)
+        values["specular"] = min(((values["ior"] - 1) / (values["ior"] + 1)) ** 2, MAX_SPECULAR)
     return tuple(Param(name=name, value=value) for name, value in values.items())
 
 

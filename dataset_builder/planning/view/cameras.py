@@ -10,15 +10,15 @@ import numpy as np
 
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.planning.example_plan import CameraPlan, Vector
-from dataset_builder.planning.scene.arrangement import Stage
-from dataset_builder.planning.view.visibility import Frame, Sight, look, silhouette_area
+from dataset_builder.planning.scene.arrangement import Arrangement
+from dataset_builder.planning.view.visibility import Pinhole, Sight, look, silhouette_area
 from dataset_builder.spec.camera import CameraSpec
 from dataset_builder.spec.numbers import draw
 from dataset_builder.spec.render import ImageSpec
 
 AIM_JITTER = 0.1
 """Largest offset of the aimed point from the object's centre along each axis, in bounding-sphere radii."""
-LEAST_COVERAGE = 1e-3
+MIN_COVERAGE = 1e-3
 """What a drawn coverage of 0 is taken as, to have a finite distance."""
 DIRECTIONS = 8
 """Directions per draw that are looked along for depth of room, which costs little."""
@@ -38,7 +38,7 @@ _HINT: dict[Reason, str] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class View:
+class PlannedCamera:
     """A camera, what it sees of the target, and how it was found."""
 
     camera: CameraPlan
@@ -97,57 +97,58 @@ def vector(array: np.ndarray) -> Vector:
     return x, y, z
 
 
-def inside(stage: Stage, point: np.ndarray, margin: float) -> bool:
+def inside(arrangement: Arrangement, point: np.ndarray, margin: float) -> bool:
     """Whether a point keeps `margin` metres from the planes that bound the room."""
-    low, high = stage.room_bounds
+    low, high = arrangement.room_bounds
     return bool((point >= low + margin).all() and (point <= high - margin).all())
 
 
-def _reach(stage: Stage, direction: np.ndarray, margin: float) -> float:
+def _reach(arrangement: Arrangement, direction: np.ndarray, margin: float) -> float:
     """How far from the object's centre along `direction` (3,) a point still keeps `margin` from the room's planes."""
-    low, high = stage.room_bounds
-    bound = np.where(direction > 0, high - margin, low + margin) - stage.centre
+    low, high = arrangement.room_bounds
+    bound = np.where(direction > 0, high - margin, low + margin) - arrangement.centre
     with np.errstate(divide="ignore", invalid="ignore"):
         steps = np.where(direction == 0, np.inf, bound / direction)
     return float(steps.min())
 
 
-def _draw(stage: Stage, spec: CameraSpec, image: ImageSpec, rng: np.random.Generator) -> _Draw | _Miss:
+def _draw(arrangement: Arrangement, spec: CameraSpec, image: ImageSpec, rng: np.random.Generator) -> _Draw | _Miss:
     """A direction and a lens, and a coverage among those of the spec that the room has the distance for."""
     fov, share = draw(spec.fov, rng), float(rng.uniform())
-    direction = towards(stage.target.yaw + draw(spec.azimuth, rng), draw(spec.elevation, rng))
-    aim = stage.centre + rng.uniform(-1, 1, 3) * AIM_JITTER * stage.radius
-    low, high = (max(bound, LEAST_COVERAGE) for bound in spec.coverage)
+    direction = towards(arrangement.target.yaw + draw(spec.azimuth, rng), draw(spec.elevation, rng))
+    aim = arrangement.centre + rng.uniform(-1, 1, 3) * AIM_JITTER * arrangement.radius
+    low, high = (max(bound, MIN_COVERAGE) for bound in spec.coverage)
     nearest = _Draw(direction=direction, aim=aim, fov=fov, aspect=image.height / image.width,
-                    area=silhouette_area(stage, direction), wanted=high)
-    reach = _reach(stage, direction, spec.clearance)
+                    area=silhouette_area(arrangement, direction), wanted=high)
+    reach = _reach(arrangement, direction, spec.clearance)
     if nearest.distance > reach:
         return _Miss(reason="room", figure=nearest.distance)
     low = max(low, high * (nearest.distance / reach) ** 2)
     return replace(nearest, wanted=low + share * (high - low))
 
 
-def _draw_in_room(stage: Stage, spec: CameraSpec, image: ImageSpec, rng: np.random.Generator) -> _Draw | _Miss:
+def _draw_in_room(arrangement: Arrangement, spec: CameraSpec, image: ImageSpec,
+                  rng: np.random.Generator) -> _Draw | _Miss:
     """The first of a few drawn directions in which the room is deep enough, or the last miss."""
-    drawn = _draw(stage, spec, image, rng)
+    drawn = _draw(arrangement, spec, image, rng)
     for _ in range(DIRECTIONS - 1):
         if isinstance(drawn, _Draw):
             break
-        drawn = _draw(stage, spec, image, rng)
+        drawn = _draw(arrangement, spec, image, rng)
     return drawn
 
 
-def _frame(stage: Stage, spec: CameraSpec, drawn: _Draw) -> Frame | _Miss:
+def _frame(arrangement: Arrangement, spec: CameraSpec, drawn: _Draw) -> Pinhole | _Miss:
     """The drawn camera at the distance where the object's silhouette has the wanted size; must be in the room."""
 
-    def at(distance: float) -> Frame:
-        return Frame(position=stage.centre + drawn.direction * distance, target=drawn.aim, fov=drawn.fov,
-                     aspect=drawn.aspect)
+    def at(distance: float) -> Pinhole:
+        return Pinhole(position=arrangement.centre + drawn.direction * distance, target=drawn.aim, fov=drawn.fov,
+                       aspect=drawn.aspect)
 
     distance = drawn.distance
-    distance *= sqrt(min(max(look(stage, at(distance)).solid / drawn.wanted, 0.25), 4.0))
+    distance *= sqrt(min(max(look(arrangement, at(distance)).solid / drawn.wanted, 0.25), 4.0))
     frame = at(distance)
-    return frame if inside(stage, frame.position, spec.clearance) else _Miss(reason="room", figure=distance)
+    return frame if inside(arrangement, frame.position, spec.clearance) else _Miss(reason="room", figure=distance)
 
 
 def _judge(spec: CameraSpec, sight: Sight, clear: float) -> _Miss | None:
@@ -161,18 +162,19 @@ def _judge(spec: CameraSpec, sight: Sight, clear: float) -> _Miss | None:
     return None if low <= sight.coverage <= high else _Miss(reason="coverage", figure=sight.coverage)
 
 
-def _try(stage: Stage, spec: CameraSpec, drawn: _Draw | _Miss) -> tuple[CameraPlan, Sight] | _Miss:
-    frame = drawn if isinstance(drawn, _Miss) else _frame(stage, spec, drawn)
+def _try(arrangement: Arrangement, spec: CameraSpec, drawn: _Draw | _Miss) -> tuple[CameraPlan, Sight] | _Miss:
+    frame = drawn if isinstance(drawn, _Miss) else _frame(arrangement, spec, drawn)
     if isinstance(frame, _Miss):
         return frame
-    sight = look(stage, frame)
-    if miss := _judge(spec, sight, float(stage.everything.distance(frame.position[None])[0])):
+    sight = look(arrangement, frame)
+    if miss := _judge(spec, sight, float(arrangement.everything.distance(frame.position[None])[0])):
         return miss
     return CameraPlan(position=vector(frame.position), target=vector(frame.target), up=(0.0, 0.0, 1.0), fov=frame.fov,
                       coverage=sight.coverage, visibility=sight.visibility), sight
 
 
-def place_camera(stage: Stage, spec: CameraSpec, image: ImageSpec, rng: np.random.Generator, where: str) -> View:
+def place_camera(arrangement: Arrangement, spec: CameraSpec, image: ImageSpec, rng: np.random.Generator,
+                 where: str) -> PlannedCamera:
     """The first of at most `spec.attempts` drawn cameras that sees the target as the spec asks.
 
     The distance follows from the drawn coverage (orthographic silhouette area, then one correction for perspective);
@@ -181,10 +183,10 @@ def place_camera(stage: Stage, spec: CameraSpec, image: ImageSpec, rng: np.rando
     """
     misses = list[_Miss]()
     for attempt in range(spec.attempts):
-        found = _try(stage, spec, _draw_in_room(stage, spec, image, rng))
+        found = _try(arrangement, spec, _draw_in_room(arrangement, spec, image, rng))
         if not isinstance(found, _Miss):
             note = f"camera: draw {attempt + 1} of at most {spec.attempts}; {_tally(misses)[0]}".rstrip("; ")
-            return View(camera=found[0], sight=found[1], note=note)
+            return PlannedCamera(camera=found[0], sight=found[1], note=note)
         misses.append(found)
     (low, high), (said, hint) = spec.coverage, _tally(misses)
     rule = (f"expected a camera that sees the object on {low:g} to {high:g} of the frame with visibility >= "

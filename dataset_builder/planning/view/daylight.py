@@ -10,7 +10,7 @@ import numpy as np
 from dataset_builder.digest import sha256_file
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.planning.example_plan import LightPlan, Vector
-from dataset_builder.planning.scene.arrangement import Stage
+from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.planning.view.cameras import towards, vector
 from dataset_builder.planning.view.irradiance import sky_directions
 from dataset_builder.planning.view.visibility import Sight
@@ -23,7 +23,7 @@ SKY_POINTS, SKY_RAYS = 24, 24
 LIFT = 1e-3
 """Metres above a surface that shadow rays start."""
 ORIGIN: Vector = (0.0, 0.0, 0.0)
-LEAST_WEIGHT = 0.02
+MIN_WEIGHT = 0.02
 """Of what a light outside would send unhindered: it keeps this share of light samples even where none was seen to get
 in, since planning looks from few points."""
 
@@ -74,7 +74,7 @@ def _digest(path: Path, modified: int, size: int) -> str:
     return sha256_file(path)
 
 
-def sky_share(stage: Stage, sight: Sight) -> float:
+def sky_share(arrangement: Arrangement, sight: Sight) -> float:
     """Share of a dome's irradiance that gets through windows or an open ceiling to the visible points, on average."""
     pick = spaced(len(sight.points), SKY_POINTS)
     normals = sight.normals[pick]
@@ -84,19 +84,19 @@ def sky_share(stage: Stage, sight: Sight) -> float:
     basis = np.stack([tangent, np.cross(normals, tangent), normals], axis=1)
     directions = (sky_directions(SKY_RAYS)[None] @ basis).reshape(-1, 3)
     origins = np.repeat(sight.points[pick] + LIFT * normals, SKY_RAYS, axis=0)
-    _, distance = stage.everything.first_hit(origins, directions)
+    _, distance = arrangement.everything.first_hit(origins, directions)
     return float(np.isinf(distance).mean())
 
 
-def sunlit(stage: Stage, light: LightPlan, points: np.ndarray) -> np.ndarray:
+def sunlit(arrangement: Arrangement, light: LightPlan, points: np.ndarray) -> np.ndarray:
     """(N,) bool: whether nothing stands between points (N, 3) and the sun; panes do not count."""
     upward = np.broadcast_to(-np.asarray(light.direction), points.shape)
-    return np.isinf(stage.everything.first_hit(points, upward)[1])
+    return np.isinf(arrangement.everything.first_hit(points, upward)[1])
 
 
 def weighed(light: LightPlan, share: float) -> LightPlan:
     """A light outside, weighed by the share of its irradiance that gets in: light samples follow what they find."""
-    return light.model_copy(update={"weight": light.weight * max(share, LEAST_WEIGHT)})
+    return light.model_copy(update={"weight": light.weight * max(share, MIN_WEIGHT)})
 
 
 def spaced(count: int, most: int) -> np.ndarray:

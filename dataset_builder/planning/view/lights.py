@@ -8,7 +8,7 @@ import numpy as np
 
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.planning.example_plan import CameraPlan, IlluminationPlan, LightPlan
-from dataset_builder.planning.scene.arrangement import Stage
+from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.planning.view.blackbody import LUMINANCE, colour
 from dataset_builder.planning.view.cameras import inside, towards, vector
 from dataset_builder.planning.view.daylight import (
@@ -31,9 +31,9 @@ __all__ = ["Exposure", "LitView", "expose", "sky_share", "source_light", "target
 
 LIT_SHARE = 0.5
 """Least share of the visible points that must get direct light from a target light."""
-LEAST_CLEARANCE = 0.02
+MIN_CLEARANCE = 0.02
 """Metres between surfaces and a light without extent."""
-MOST_POINTS = 192
+MAX_POINTS = 192
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +76,7 @@ class _Emitter:
     rng: np.random.Generator
 
 
-def _candidate(stage: Stage, spec: TargetSpec, emitter: _Emitter, irradiance: float) -> LightPlan:
+def _candidate(arrangement: Arrangement, spec: TargetSpec, emitter: _Emitter, irradiance: float) -> LightPlan:
     """One draw of an emitter; `irradiance` is what strength 1 sends to the object's centre, facing it, as luminance."""
     rng = emitter.rng
     direction = towards(float(rng.uniform(-180, 180)), draw(spec.elevation, rng))
@@ -86,7 +86,7 @@ def _candidate(stage: Stage, spec: TargetSpec, emitter: _Emitter, irradiance: fl
     tint = np.array(colour(emitter.temperature))
     radiance = strength * irradiance / facing_irradiance(emitter.kind, size, distance)
     return LightPlan.model_validate({
-        "kind": emitter.kind, "position": vector(stage.centre + distance * direction),
+        "kind": emitter.kind, "position": vector(arrangement.centre + distance * direction),
         "direction": vector(-direction) if aimed else ORIGIN, "size": size if sized else 0.0,
         "cutoff": cutoff if emitter.kind == "spot" else 0.0, "radiance": vector(radiance * tint),
         "temperature": emitter.temperature, "weight": float(strength * irradiance * tint.mean()),
@@ -100,17 +100,17 @@ def _in_the_way(light: LightPlan, camera: np.ndarray, points: np.ndarray) -> boo
     return bool((np.linalg.norm(to_light - share[:, None] * along, axis=1) < light.size).any())
 
 
-def _stands_free(stage: Stage, light: LightPlan, camera: np.ndarray, points: np.ndarray) -> bool:
+def _stands_free(arrangement: Arrangement, light: LightPlan, camera: np.ndarray, points: np.ndarray) -> bool:
     """Whether an emitter is in the room, clear of surfaces by its size, and not in the camera's way."""
-    position, clearance = np.asarray(light.position), max(light.size, LEAST_CLEARANCE)
-    if not inside(stage, position, clearance) or _in_the_way(light, camera, points):
+    position, clearance = np.asarray(light.position), max(light.size, MIN_CLEARANCE)
+    if not inside(arrangement, position, clearance) or _in_the_way(light, camera, points):
         return False
-    return float(stage.everything.distance(position[None])[0]) >= clearance
+    return float(arrangement.everything.distance(position[None])[0]) >= clearance
 
 
-def expose(stage: Stage, sight: Sight, lights: Sequence[LightPlan], unit: float, sky: float) -> Exposure:
+def expose(arrangement: Arrangement, sight: Sight, lights: Sequence[LightPlan], unit: float, sky: float) -> Exposure:
     """How the visible part of the object is lit directly; `sky` is its `sky_share`, `unit` the source's irradiance."""
-    pick = spaced(len(sight.points), MOST_POINTS)
+    pick = spaced(len(sight.points), MAX_POINTS)
     normals = sight.normals[pick]
     points = sight.points[pick] + LIFT * normals
     total, reached = np.zeros(len(points)), np.zeros(len(points), dtype=bool)
@@ -119,33 +119,34 @@ def expose(stage: Stage, sight: Sight, lights: Sequence[LightPlan], unit: float,
             total += facing_irradiance("dome", 0.0, 1.0) * (light.radiance @ LUMINANCE) * sky
             continue
         sent = direct_irradiance(light, points, normals) @ LUMINANCE
-        open_way = (sent > 0) & _unhindered(stage, light, points)
+        open_way = (sent > 0) & _unhindered(arrangement, light, points)
         total += sent * open_way
         reached |= open_way
     return Exposure(mean=float(total.mean()) / unit, lit=float(reached.mean()))
 
 
-def _unhindered(stage: Stage, light: LightPlan, points: np.ndarray) -> np.ndarray:
+def _unhindered(arrangement: Arrangement, light: LightPlan, points: np.ndarray) -> np.ndarray:
     """(N,) bool: whether nothing stands between points (N, 3) and a light's centre."""
     if light.kind == "sun":
-        return sunlit(stage, light, points)
-    return ~stage.everything.occluded(points, np.broadcast_to(light.position, points.shape))
+        return sunlit(arrangement, light, points)
+    return ~arrangement.everything.occluded(points, np.broadcast_to(light.position, points.shape))
 
 
-def _reaching(stage: Stage, sight: Sight, light: LightPlan, sky: float) -> LightPlan:
+def _reaching(arrangement: Arrangement, sight: Sight, light: LightPlan, sky: float) -> LightPlan:
     """A light outside, weighed by what of it reaches the visible part of the object."""
     if light.kind == "dome":
         return weighed(light, sky)
-    found = expose(stage, sight, [light], max(light.radiance), sky)
+    found = expose(arrangement, sight, [light], max(light.radiance), sky)
     return weighed(light, found.mean)
 
 
-def _place_all(stage: Stage, spec: TargetSpec, emitters: Sequence[_Emitter], irradiance: float,
+def _place_all(arrangement: Arrangement, spec: TargetSpec, emitters: Sequence[_Emitter], irradiance: float,
                camera: np.ndarray, points: np.ndarray) -> list[LightPlan] | None:
     lights = []
     for emitter in emitters:
-        draws = (_candidate(stage, spec, emitter, irradiance) for _ in range(spec.attempts))
-        if (found := next((light for light in draws if _stands_free(stage, light, camera, points)), None)) is None:
+        draws = (_candidate(arrangement, spec, emitter, irradiance) for _ in range(spec.attempts))
+        if (found := next((light for light in draws if _stands_free(arrangement, light, camera, points)),
+                          None)) is None:
             return None
         lights.append(found)
     return lights
@@ -172,9 +173,9 @@ def _refuse(where: str, rule: str, hint: str) -> PlanError:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LitView:
-    """What target lights are planned for: a stage, its camera and what that sees, and the source's irradiance."""
+    """What target lights are planned for: an arrangement, its camera and what it sees, and the source's irradiance."""
 
-    stage: Stage
+    arrangement: Arrangement
     camera: CameraPlan
     sight: Sight
     unit: float
@@ -193,15 +194,16 @@ def target_light(view: LitView, spec: TargetSpec, stream: Stream, where: str,
     count = round(draw(spec.lights, stream("count")))
     if count < 1:
         raise _refuse(where, f"expected at least one target light, got {count}", "set target.lights >= 1")
-    others = [_reaching(view.stage, view.sight, light, view.sky) for light in outside(spec, stream, root, "target")]
+    others = [_reaching(view.arrangement, view.sight, light,
+                        view.sky) for light in outside(spec, stream, root, "target")]
     emitters = _emitters(spec, count, stream, root)
     means, lits = list[float](), list[float]()
     for attempt in range(spec.attempts):
-        lights = _place_all(view.stage, spec, emitters, view.unit / count, np.asarray(view.camera.position),
+        lights = _place_all(view.arrangement, spec, emitters, view.unit / count, np.asarray(view.camera.position),
                             view.sight.points)
         if lights is None:
             break
-        shown = expose(view.stage, view.sight, (*lights, *others), view.unit, view.sky)
+        shown = expose(view.arrangement, view.sight, (*lights, *others), view.unit, view.sky)
         if spec.brightness[0] <= shown.mean <= spec.brightness[1] and shown.lit >= LIT_SHARE:
             note = f"target light: draw {attempt + 1}, direct irradiance {shown.mean:.2f}, reaches {shown.lit:.0%}"
             return IlluminationPlan(lights=(*lights, *others), open=()), note

@@ -6,7 +6,7 @@ from math import radians, sqrt, tan
 import numpy as np
 
 from dataset_builder.planning.example_plan import CameraPlan
-from dataset_builder.planning.scene.arrangement import TARGET_INSTANCE, Stage
+from dataset_builder.planning.scene.arrangement import TARGET_INSTANCE, Arrangement
 
 GRID = 48
 """Rays along a side of a square frame; other aspects get as many in all."""
@@ -16,7 +16,7 @@ OUTLINE_GRID = 40
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Frame:
+class Pinhole:
     """A pinhole camera, Z up: position and target (3,), horizontal fov in degrees, aspect = height / width."""
 
     position: np.ndarray
@@ -71,37 +71,38 @@ def _spread(position: np.ndarray, count: int) -> np.ndarray:
     return np.broadcast_to(position, (count, 3))
 
 
-def look(stage: Stage, frame: Frame, grid: int = GRID) -> Sight:
-    """Cast the frame and its margin at the target alone, then the rays that met it in the frame at the whole stage."""
+def look(arrangement: Arrangement, frame: Pinhole, grid: int = GRID) -> Sight:
+    """Cast the frame and its margin at the target alone, then the rays that met it in the frame at everything."""
     directions, inside = frame.rays(grid, MARGIN)
-    _, alone = stage.alone.first_hit(_spread(frame.position, len(directions)), directions)
+    _, alone = arrangement.alone.first_hit(_spread(frame.position, len(directions)), directions)
     met = np.isfinite(alone)
     rays = directions[met & inside]
-    ids, distance = stage.everything.first_hit(_spread(frame.position, len(rays)), rays)
+    ids, distance = arrangement.everything.first_hit(_spread(frame.position, len(rays)), rays)
     seen = ids == TARGET_INSTANCE
     points = frame.position + rays[seen] * distance[seen, None]
     pixels = int(inside.sum())
     return Sight(coverage=int(seen.sum()) / pixels, solid=int(met.sum()) / pixels,
                  visibility=int(seen.sum()) / max(int(met.sum()), 1), points=points,
-                 normals=stage.alone.normals(_spread(frame.position, int(seen.sum())), rays[seen]))
+                 normals=arrangement.alone.normals(_spread(frame.position, int(seen.sum())), rays[seen]))
 
 
-def silhouette_area(stage: Stage, direction: np.ndarray) -> float:
+def silhouette_area(arrangement: Arrangement, direction: np.ndarray) -> float:
     """Area in square metres of the target's silhouette seen from far along unit `direction` (3,)."""
-    far = Frame(position=direction, target=np.zeros(3), fov=90.0, aspect=1.0)
+    far = Pinhole(position=direction, target=np.zeros(3), fov=90.0, aspect=1.0)
     right, up, forward = far.basis
-    offsets = _centres(OUTLINE_GRID, 1) * stage.radius
+    offsets = _centres(OUTLINE_GRID, 1) * arrangement.radius
     x, y = (axis.reshape(-1, 1) for axis in np.meshgrid(offsets, offsets))
-    origins = stage.centre + direction * 2 * stage.radius + x * right + y * up
-    _, distance = stage.alone.first_hit(origins, np.broadcast_to(forward, origins.shape))
+    origins = arrangement.centre + direction * 2 * arrangement.radius + x * right + y * up
+    _, distance = arrangement.alone.first_hit(origins, np.broadcast_to(forward, origins.shape))
     share = float(np.isfinite(distance).mean())
-    return max(share, 1 / OUTLINE_GRID**2) * (2 * stage.radius) ** 2
+    return max(share, 1 / OUTLINE_GRID**2) * (2 * arrangement.radius) ** 2
 
 
-def window_share(stage: Stage, camera: CameraPlan, aspect: float) -> float:
+def window_share(arrangement: Arrangement, camera: CameraPlan, aspect: float) -> float:
     """Share of the frame in the smallest rectangle that holds the target's projection; 1 where it reaches behind."""
-    frame = Frame(position=np.asarray(camera.position), target=np.asarray(camera.target), fov=camera.fov, aspect=aspect)
-    positions = np.concatenate([part[0] for part in stage.geometry if part[2] == TARGET_INSTANCE])
+    frame = Pinhole(position=np.asarray(camera.position), target=np.asarray(camera.target), fov=camera.fov,
+                    aspect=aspect)
+    positions = np.concatenate([part[0] for part in arrangement.geometry if part[2] == TARGET_INSTANCE])
     right, up, forward = ((positions - frame.position) @ frame.basis.T).T
     if forward.min() <= 0:
         return 1.0

@@ -34,7 +34,7 @@ AIM = 0.97
 SLACK = 0.02
 """A pixel that lacks this share of its samples at most is there."""
 
-LEAST_BATCHES = 2
+MIN_BATCHES = 2
 """Independent batches in a half: fewer have no error."""
 
 Sample = Callable[[np.ndarray, int, int, int], Estimate]
@@ -74,7 +74,7 @@ def refine(sample: Sample, pixels: np.ndarray, width: int, *, first: int, batche
     """
     if not goals:
         return Refined(found=moderated(sample(pixels, first, batches, seed), pixels, width), stopped={}, rounds=1)
-    start, each = clock(), max(LEAST_BATCHES, batches // 2)
+    start, each = clock(), max(MIN_BATCHES, batches // 2)
     halves = [[sample(pixels, max(each, first // 2), each, derive_seed(seed, "half", k))] for k in (0, 1)]
     while True:
         found = [pooled(half) for half in halves]

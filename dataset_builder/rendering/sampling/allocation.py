@@ -4,7 +4,7 @@ import numpy as np
 
 from dataset_builder.rendering.sampling.moments import Estimate, relative
 
-LEAST = 0.15
+MIN_DEVIATION = 0.15
 """Deviation at least, in root mean squares over the layer: few samples may have missed what makes a pixel noisy."""
 
 SHARE = 0.95
@@ -18,7 +18,7 @@ def deviations(found: Estimate, channels: slice, inside: np.ndarray) -> np.ndarr
     if inside.any():
         errors = relative(found.mean[inside, channels], found.error[inside, channels])
         own = np.sqrt(np.mean(errors**2, axis=1) * found.spp[inside])
-        result[inside] = np.maximum(own, LEAST * np.sqrt(np.mean(own**2)))
+        result[inside] = np.maximum(own, MIN_DEVIATION * np.sqrt(np.mean(own**2)))
     return result
 
 

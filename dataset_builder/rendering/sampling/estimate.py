@@ -22,7 +22,7 @@ from dataset_builder.seeding import derive_seed
 LANES = 1 << 21
 """Samples traced at once: bounds memory, and keeps the device busy."""
 
-LARGEST_BATCH = 1 << 10
+MAX_BATCH = 1 << 10
 """Samples in a batch at most; more are taken in repetitions."""
 
 
@@ -44,7 +44,7 @@ def stratified(spp: int, batches: int) -> tuple[int, int, int]:
     """(repetitions, batches in each, samples per batch) that are used for `spp`: a batch is a full grid of strata, so
     spp may grow a little."""
     batches = min(batches, spp)
-    repetitions = math.ceil(spp / (batches * LARGEST_BATCH))
+    repetitions = math.ceil(spp / (batches * MAX_BATCH))
     sampler = mi.load_dict({"type": "multijitter",
                             "sample_count": max(1, math.ceil(spp / batches / repetitions))})
     return repetitions, batches, sampler.sample_count()

@@ -16,7 +16,7 @@ KEPT = 4
 """Images kept in memory: those of the lights of one view."""
 LAMP_SIDE = 256
 """Texels along a side of what a lamp shows: one size, one kernel."""
-LEAST_WIDTH, MOST_WIDTH = 64, 4096
+MIN_WIDTH, MAX_WIDTH = 64, 4096
 """Texels around the horizon of an environment."""
 
 
@@ -67,7 +67,7 @@ def lamp_texture(image: np.ndarray) -> np.ndarray:
 def environment(image: np.ndarray) -> np.ndarray:
     """(W/2, W, 3) float32 of mean luminance 1 over the sphere, of an image that is not black; the width is a power of
     two, the next one to the image's."""
-    width = int(np.clip(1 << (image.shape[1] - 1).bit_length(), LEAST_WIDTH, MOST_WIDTH))
+    width = int(np.clip(1 << (image.shape[1] - 1).bit_length(), MIN_WIDTH, MAX_WIDTH))
     texels = resized(image, (width, width // 2))
     return (texels / mean_luminance(texels)).astype(np.float32)
 

@@ -19,14 +19,14 @@ INTENSITIES = ("point", "spot")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Frame:
+class LocalFrame:
     """origin: in the world, metres. unit: metres per unit of the frame."""
 
     origin: Vector = (0.0, 0.0, 0.0)
     unit: float = 1.0
 
     @classmethod
-    def of(cls, corners: np.ndarray) -> "Frame":
+    def of(cls, corners: np.ndarray) -> "LocalFrame":
         """The frame of an object's (..., 3) points: its middle, and the power of two next to its radius."""
         points = corners.reshape(-1, 3)
         low, high = points.min(axis=0), points.max(axis=0)

@@ -40,7 +40,7 @@ class Body:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Stage:
+class OpenScene:
     """A scene that can be traced, the body in it, the shape that the body is, and the fog about it."""
 
     scene: mi.Scene
@@ -63,8 +63,8 @@ def body_of(soup: Soup, textures: Textures | None = None, features: frozenset[st
 
 
 @contextmanager
-def staged(body: Body, illumination: IlluminationPlan | None, fog: Fog | None = None,
-           image_root: Path | None = None) -> Iterator[Stage]:
+def open_scene(body: Body, illumination: IlluminationPlan | None, fog: Fog | None = None,
+               image_root: Path | None = None) -> Iterator[OpenScene]:
     """A scene of one body under an illumination, or without any light. Nothing of it may be kept.
 
     image_root: folder that images of lights are found below.
@@ -80,7 +80,7 @@ def staged(body: Body, illumination: IlluminationPlan | None, fog: Fog | None = 
     try:
         # Loading in parallel would number the objects anew each time.
         scene = mi.load_dict({"type": "scene", **_tight(), "body": shape, **lights}, parallel=False)
-        yield Stage(scene=scene, body=body, shape=shape, fog=fog)
+        yield OpenScene(scene=scene, body=body, shape=shape, fog=fog)
     finally:
         del lights
         if collecting:

@@ -8,7 +8,7 @@ import numpy as np
 
 from dataset_builder.rendering.buffers import owned
 
-LEAST_HALF_SIZE = 256.0
+MIN_HALF_SIZE = 256.0
 """Half the side of the cube that scenes are padded to: rooms a hundred times as large as the object fit."""
 
 
@@ -33,7 +33,7 @@ def upload(corners: np.ndarray, normals: np.ndarray, uvs: np.ndarray) -> Triangl
     directional emitter makes the scene's bounding sphere a literal of the kernel, and scenes of all rooms shall share
     one kernel.
     """
-    reach = max(float(np.abs(corners).max(initial=0.0)), LEAST_HALF_SIZE)
+    reach = max(float(np.abs(corners).max(initial=0.0)), MIN_HALF_SIZE)
     half = 2.0 ** np.ceil(np.log2(reach))
     loose = np.array([[-half] * 3, [half] * 3])
     upwards = np.array([[0.0, 0, 1]] * 2)

@@ -14,7 +14,7 @@ import numpy as np
 from dataset_builder.planning.example_plan import LightPlan
 from dataset_builder.rendering.buffers import owned
 
-LARGEST = 0.05
+MAX_RADIUS = 0.05
 """Radius below which a ball is a bead, in units of the frame, where the target object is about one large: a sphere of
 this radius is 0.1% off at a distance of five objects."""
 
@@ -24,7 +24,7 @@ SUBDIVISIONS = 4
 
 def is_bead(light: LightPlan) -> bool:
     """Whether a light is a ball too small to be a sphere."""
-    return light.kind == "sphere" and light.size < LARGEST
+    return light.kind == "sphere" and light.size < MAX_RADIUS
 
 
 def bead(light: LightPlan, bsdf: dict[str, Any], emitter: dict[str, Any]) -> mi.Mesh:

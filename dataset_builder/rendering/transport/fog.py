@@ -11,13 +11,13 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-FEW = 1e-2
+THIN = 1e-2
 """Optical depth below which series take the place of differences that single precision cannot hold."""
 
 NEARLY_EVEN = 1e-3
 """Anisotropy below which Henyey and Greenstein's inverse is its first-order series."""
 
-LEAST_SLOPE = 1e-12
+MIN_SLOPE = 1e-12
 
 
 @dataclass
@@ -41,7 +41,7 @@ class Fog:
 
     def way(self, origin: mi.Point3f, direction: mi.Vector3f, end: mi.Float) -> Way:
         """What of a ray from 0 to `end` lies in the box, by its slabs; `end` may be infinite."""
-        direction = dr.select(dr.abs(direction) < LEAST_SLOPE, mi.Vector3f(LEAST_SLOPE), direction)
+        direction = dr.select(dr.abs(direction) < MIN_SLOPE, mi.Vector3f(MIN_SLOPE), direction)
         one, other = (self.low - origin) / direction, (self.high - origin) / direction
         near = dr.maximum(dr.max(dr.minimum(one, other)), 0)
         far = dr.minimum(dr.min(dr.maximum(one, other)), end)
@@ -54,7 +54,7 @@ class Fog:
     def scattered(self, way: Way) -> mi.Float:
         """1 - transmittance, also where that is next to nothing."""
         depth = self.extinction * way.length
-        return dr.select(depth < FEW, depth * (1 - depth * (0.5 - depth / 6)), 1 - dr.exp(-depth))
+        return dr.select(depth < THIN, depth * (1 - depth * (0.5 - depth / 6)), 1 - dr.exp(-depth))
 
     def flight(self, way: Way, sample: mi.Float) -> tuple[mi.Float, mi.Bool]:
         """Distance of the first collision along the ray, and whether it comes before the way's end."""
@@ -68,7 +68,7 @@ class Fog:
     def _flown(self, sample: mi.Float) -> mi.Float:
         """-log(1 - sample) / extinction."""
         series = sample * (1 + sample * (0.5 + sample / 3))
-        depth = dr.select(sample < FEW, series, -dr.log(1 - sample))
+        depth = dr.select(sample < THIN, series, -dr.log(1 - sample))
         return depth / dr.maximum(self.extinction, dr.smallest(mi.Float))
 
     def phase(self, cosine: mi.Float) -> mi.Float:

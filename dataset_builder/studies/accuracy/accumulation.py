@@ -14,7 +14,7 @@ from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.planning.example_plan import ExamplePlan
 from dataset_builder.rendering.sampling.adaptive import BATCH_SIZES
 from dataset_builder.seeding import rng
-from dataset_builder.studies.accuracy.rows import Row
+from dataset_builder.studies.accuracy.rows import AccuracyRow
 from dataset_builder.studies.accuracy.workbench import Bench
 from dataset_builder.studies.timing import render
 
@@ -22,7 +22,7 @@ ACCUMULATION, LAYER = "accumulation", "i_t"
 RUNNING, BATCHED, NOISE = "float32 throughout", "float32 in batches, float64 across", "standard error of the mean"
 
 
-def measure(bench: Bench, ref: ExampleRef) -> Iterator[Row]:
+def measure(bench: Bench, ref: ExampleRef) -> Iterator[AccuracyRow]:
     """Relative drift of both kinds of sum, and the noise that the mean has anyway, at every length."""
     plan = one_sample_each(bench.plan(ref, layers={LAYER: "frame"}), max(bench.budget.counts))
     # One sample has no error that could be known, and the record's figures are not wanted here
@@ -32,7 +32,8 @@ def measure(bench: Bench, ref: ExampleRef) -> Iterator[Row]:
     for count in bench.budget.counts:
         part = samples[:count]
         for name, value in zip((RUNNING, BATCHED, NOISE), drifts(part, max(BATCH_SIZES)), strict=True):
-            yield Row(question=ACCUMULATION, setting=name, value=count, example=plan.key, layer=LAYER, drift=value)
+            yield AccuracyRow(question=ACCUMULATION, setting=name, value=count, example=plan.key, layer=LAYER,
+                              drift=value)
 
 
 def one_sample_each(plan: ExamplePlan, count: int) -> ExamplePlan:

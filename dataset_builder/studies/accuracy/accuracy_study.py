@@ -22,13 +22,13 @@ from dataset_builder.studies.accuracy import (
 from dataset_builder.studies.accuracy.advice import Advice
 from dataset_builder.studies.accuracy.budget import BUDGETS
 from dataset_builder.studies.accuracy.progress import Steps, begin, kept_steps
-from dataset_builder.studies.accuracy.rows import Row, write_table
+from dataset_builder.studies.accuracy.rows import AccuracyRow, write_table
 from dataset_builder.studies.accuracy.workbench import Bench
 from dataset_builder.studies.reference import References, pixel_versions
 from dataset_builder.studies.sampled import StudySpec, chosen_layers
 from dataset_builder.studies.timing import REPEATS
 
-MEASURES: dict[str, Callable[[Bench, ExampleRef], Iterator[Row]]] = {
+MEASURES: dict[str, Callable[[Bench, ExampleRef], Iterator[AccuracyRow]]] = {
     "sampling": sampling.measure, "path depth": depth.measure, "edge length": mesh_resolution.measure,
     "texture size": texture_size.measure, "storage": storage_formats.measure, "accumulation": accumulation.measure,
 }
@@ -67,7 +67,7 @@ class Step:
     steps: int
     example: str
     group: str
-    rows: tuple[Row, ...]
+    rows: tuple[AccuracyRow, ...]
     seconds: float
     kept: bool = False
 
@@ -107,7 +107,7 @@ def bench_of(study: AccuracyStudy) -> Bench:
                  repeats=REPEATS if study.budget == "full" else 1)
 
 
-def conclude(study: AccuracyStudy, rows: Sequence[Row]) -> Advice:
+def conclude(study: AccuracyStudy, rows: Sequence[AccuracyRow]) -> Advice:
     """What all rows say; the settings are written to `recommended.txt`, one option of the command line per line."""
     advice, dataset = Advice(), study.spec.dataset
     advise_sampling.advise(advice, rows, dataset, BUDGETS[study.budget])

@@ -7,21 +7,21 @@ from dataset_builder.studies.accuracy.advice import Advice
 from dataset_builder.studies.accuracy.curves import Point, curve
 from dataset_builder.studies.accuracy.depth import DEPTH, worst
 from dataset_builder.studies.accuracy.mesh_resolution import EDGES, LAYER
-from dataset_builder.studies.accuracy.rows import Row, layers_in, of
+from dataset_builder.studies.accuracy.rows import AccuracyRow, layers_in, of
 from dataset_builder.studies.accuracy.texture_size import TEXTURES
 
 NEAR = 0.5
 """Share of a layer's noise that another error may have: both together are then an eighth more than the noise alone."""
 
 
-def advise(advice: Advice, rows: Sequence[Row], spec: DatasetSpec) -> None:
+def advise(advice: Advice, rows: Sequence[AccuracyRow], spec: DatasetSpec) -> None:
     """Sentences and overrides of all three questions."""
     _depth(advice, rows, spec)
     _edges(advice, rows, spec)
     _textures(advice, rows, spec)
 
 
-def _depth(advice: Advice, rows: Sequence[Row], spec: DatasetSpec) -> None:
+def _depth(advice: Advice, rows: Sequence[AccuracyRow], spec: DatasetSpec) -> None:
     missing = worst(of(rows, DEPTH))
     if not missing:
         return
@@ -37,7 +37,7 @@ def _depth(advice: Advice, rows: Sequence[Row], spec: DatasetSpec) -> None:
         advice.overrides.append(f"render.max_depth={min(enough):.0f}")
 
 
-def _edges(advice: Advice, rows: Sequence[Row], spec: DatasetSpec) -> None:
+def _edges(advice: Advice, rows: Sequence[AccuracyRow], spec: DatasetSpec) -> None:
     points = curve(rows, EDGES, LAYER)
     if not points:
         return
@@ -55,7 +55,7 @@ def _edges(advice: Advice, rows: Sequence[Row], spec: DatasetSpec) -> None:
             advice.overrides.append(f"rough.edge_length={spec.rough.edge_length * factor:g}")
 
 
-def _textures(advice: Advice, rows: Sequence[Row], spec: DatasetSpec) -> None:
+def _textures(advice: Advice, rows: Sequence[AccuracyRow], spec: DatasetSpec) -> None:
     wanted = []
     for layer in layers_in(rows, TEXTURES):
         bound = NEAR * advice.noise.get(layer, spec.render.bias)

@@ -8,7 +8,7 @@ from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.studies.accuracy.advice import Advice
 from dataset_builder.studies.accuracy.budget import Budget
 from dataset_builder.studies.accuracy.curves import PRICE, curve, equal_error, knee
-from dataset_builder.studies.accuracy.rows import Row, layers_in
+from dataset_builder.studies.accuracy.rows import AccuracyRow, layers_in
 from dataset_builder.studies.accuracy.sampling import (
     ADAPTIVE,
     ADAPTIVE_DENOISED,
@@ -20,7 +20,7 @@ from dataset_builder.studies.accuracy.sampling import (
 from dataset_builder.studies.image_errors import geometric_mean
 
 
-def advise(advice: Advice, rows: Sequence[Row], spec: DatasetSpec, budget: Budget) -> None:
+def advise(advice: Advice, rows: Sequence[AccuracyRow], spec: DatasetSpec, budget: Budget) -> None:
     """Knees of every curve; adaptive goals where they cost less than uniform spp, else spp.
 
     Denoising is never among the overrides: it trades noise for bias, which is for users to choose.
@@ -45,7 +45,7 @@ def _uniform(advice: Advice) -> None:
                                     "the time or more."
 
 
-def _adaptive(advice: Advice, rows: Sequence[Row]) -> float:
+def _adaptive(advice: Advice, rows: Sequence[AccuracyRow]) -> float:
     """The sentence, and the time that adaptive sampling takes for uniform's error; inf where that is not known."""
     ratios = equal_error(rows)
     if not ratios:
@@ -57,7 +57,7 @@ def _adaptive(advice: Advice, rows: Sequence[Row]) -> float:
     return seconds
 
 
-def _denoised(advice: Advice, rows: Sequence[Row], question: str) -> None:
+def _denoised(advice: Advice, rows: Sequence[AccuracyRow], question: str) -> None:
     points = {layer: curve(rows, question, layer) for layer in layers_in(rows, question)}
     if not points:
         return

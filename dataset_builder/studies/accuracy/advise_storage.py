@@ -7,7 +7,7 @@ import numpy as np
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.studies.accuracy.accumulation import ACCUMULATION, BATCHED, NOISE, RUNNING
 from dataset_builder.studies.accuracy.advice import Advice
-from dataset_builder.studies.accuracy.rows import WHOLE, Row, of
+from dataset_builder.studies.accuracy.rows import WHOLE, AccuracyRow, of
 from dataset_builder.studies.accuracy.storage_formats import CODECS
 
 HALF_SHARE = 0.1
@@ -16,13 +16,13 @@ HALF_SHARE = 0.1
 WRITTEN = "zip"
 
 
-def advise(advice: Advice, rows: Sequence[Row], spec: DatasetSpec) -> None:
+def advise(advice: Advice, rows: Sequence[AccuracyRow], spec: DatasetSpec) -> None:
     """Sentences of both questions, and the type of the files."""
     _storage(advice, rows, spec)
     _accumulation(advice, rows)
 
 
-def codec_means(rows: Sequence[Row]) -> dict[str, dict[str, float]]:
+def codec_means(rows: Sequence[AccuracyRow]) -> dict[str, dict[str, float]]:
     """By setting (`float32 zip`), means over examples of bytes, encode and decode seconds."""
     found: dict[str, dict[str, float]] = {}
     whole = [row for row in of(rows, CODECS, WHOLE) if np.isfinite(row.bytes)]
@@ -33,7 +33,7 @@ def codec_means(rows: Sequence[Row]) -> dict[str, dict[str, float]]:
     return found
 
 
-def half_errors(rows: Sequence[Row]) -> dict[str, float]:
+def half_errors(rows: Sequence[AccuracyRow]) -> dict[str, float]:
     """By layer, the largest relative error (sqrt of relMSE) that half has in any example."""
     found: dict[str, float] = {}
     for row in of(rows, CODECS):
@@ -42,7 +42,7 @@ def half_errors(rows: Sequence[Row]) -> dict[str, float]:
     return found
 
 
-def _storage(advice: Advice, rows: Sequence[Row], spec: DatasetSpec) -> None:
+def _storage(advice: Advice, rows: Sequence[AccuracyRow], spec: DatasetSpec) -> None:
     means, errors = codec_means(rows), half_errors(rows)
     if not means:
         return
@@ -62,14 +62,14 @@ def _figures(name: str, mean: dict[str, float]) -> str:
             f"{mean['decode_seconds'] * 1e3:.0f} ms to read")
 
 
-def drift_means(rows: Sequence[Row], setting: str) -> dict[float, float]:
+def drift_means(rows: Sequence[AccuracyRow], setting: str) -> dict[float, float]:
     """By length of the sum, the root mean square over examples of one kind of drift."""
     own = [row for row in of(rows, ACCUMULATION) if row.setting == setting]
     return {count: float(np.sqrt(np.mean([row.drift**2 for row in own if row.value == count])))
             for count in dict.fromkeys(row.value for row in own)}
 
 
-def _accumulation(advice: Advice, rows: Sequence[Row]) -> None:
+def _accumulation(advice: Advice, rows: Sequence[AccuracyRow]) -> None:
     running, batched, noise = (drift_means(rows, setting) for setting in (RUNNING, BATCHED, NOISE))
     if not running:
         return

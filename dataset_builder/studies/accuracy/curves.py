@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dataset_builder.studies.accuracy.rows import Row, of
+from dataset_builder.studies.accuracy.rows import AccuracyRow, of
 from dataset_builder.studies.accuracy.sampling import ADAPTIVE, UNIFORM
 from dataset_builder.studies.image_errors import geometric_mean
 
@@ -35,14 +35,14 @@ class Point:
     at_floor: bool
 
 
-def curve(rows: Sequence[Row], question: str, layer: str) -> list[Point]:
+def curve(rows: Sequence[AccuracyRow], question: str, layer: str) -> list[Point]:
     """Points of a layer in one question, in the order of the rows: settings that are meant to be cheaper come first."""
     own = of(rows, question, layer)
     settings = dict.fromkeys(row.setting for row in own if math.isfinite(row.relmse))
     return [_point([row for row in own if row.setting == setting]) for setting in settings]
 
 
-def _point(rows: Sequence[Row]) -> Point:
+def _point(rows: Sequence[AccuracyRow]) -> Point:
     at_floor = any(row.at_floor for row in rows)
     squares = [row.relmse + (row.floor if row.at_floor else 0.0) for row in rows]
     mean = geometric_mean(squares)
@@ -85,7 +85,7 @@ class Ratio:
     paths: float
 
 
-def equal_error(rows: Sequence[Row], question: str = ADAPTIVE) -> list[Ratio]:
+def equal_error(rows: Sequence[AccuracyRow], question: str = ADAPTIVE) -> list[Ratio]:
     """Ratios of every row of a question whose error uniform spp reaches, too, or nearly.
 
     Uniform costs are interpolated in log-log over relMSE. Rows at the floor of their reference are left out, and so is
@@ -102,7 +102,7 @@ def equal_error(rows: Sequence[Row], question: str = ADAPTIVE) -> list[Ratio]:
     return found
 
 
-def _cost_at(relmse: float, uniform: Sequence[Row], cost: str) -> float:
+def _cost_at(relmse: float, uniform: Sequence[AccuracyRow], cost: str) -> float:
     """Seconds or paths at which uniform spp has this relMSE; NaN beyond `REACH`."""
     usable = sorted((row for row in uniform if not row.at_floor and row.relmse > 0), key=lambda row: row.relmse)
     if not usable or relmse <= 0:

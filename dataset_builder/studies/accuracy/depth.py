@@ -13,7 +13,7 @@ import numpy as np
 
 from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.studies.accuracy.budget import REFERENCE_DEPTH
-from dataset_builder.studies.accuracy.rows import Row
+from dataset_builder.studies.accuracy.rows import AccuracyRow
 from dataset_builder.studies.accuracy.workbench import Bench, kept
 from dataset_builder.studies.sampled import reseeded
 from dataset_builder.studies.timing import seconds_of, work_of
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 DEPTH = "depth"
 
 
-def measure(bench: Bench, ref: ExampleRef) -> Iterator[Row]:
+def measure(bench: Bench, ref: ExampleRef) -> Iterator[AccuracyRow]:
     """Bias of every depth against the deepest, in every layer."""
     truth = _runs(bench, ref, REFERENCE_DEPTH)
     for depth in bench.budget.depths:
@@ -38,13 +38,13 @@ def _runs(bench: Bench, ref: ExampleRef, depth: int) -> list["Rendered"]:
     return [bench.timed(DEPTH, reseeded(plan, "replicate", k), repeats=1) for k in range(bench.budget.replicates)]
 
 
-def _row(layer: str, depth: int, runs: list["Rendered"], truth: list["Rendered"]) -> Row:
+def _row(layer: str, depth: int, runs: list["Rendered"], truth: list["Rendered"]) -> AccuracyRow:
     found = [relative_difference(run.layers[layer], deep.layers[layer], kept(run, deep.layers, layer))
              for run, deep in zip(runs, truth, strict=True)]
     bias, error = mean_and_error(found)
-    return Row(question=DEPTH, setting=f"depth {depth}", value=depth, example=runs[0].plan.key, layer=layer,
-               seconds=min(seconds_of(layer, run) for run in runs), bias=bias, bias_se=error,
-               **work_of(layer, runs[0].record))
+    return AccuracyRow(question=DEPTH, setting=f"depth {depth}", value=depth, example=runs[0].plan.key, layer=layer,
+                       seconds=min(seconds_of(layer, run) for run in runs), bias=bias, bias_se=error,
+                       **work_of(layer, runs[0].record))
 
 
 def relative_difference(image: np.ndarray, reference: np.ndarray, keep: np.ndarray) -> float:
@@ -58,7 +58,7 @@ def mean_and_error(values: list[float]) -> tuple[float, float]:
     return float(np.mean(values)), float(np.std(values, ddof=1)) / sqrt(len(values))
 
 
-def worst(rows: list[Row]) -> Mapping[float, float]:
+def worst(rows: list[AccuracyRow]) -> Mapping[float, float]:
     """By depth, the largest |bias| that two standard errors allow in any example and layer."""
     found: dict[float, float] = {}
     for row in rows:

@@ -15,7 +15,7 @@ from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.planning.example_plan import ExamplePlan
 from dataset_builder.planning.scene.assets_of_plan import asset_of
 from dataset_builder.studies.accuracy.depth import relative_difference
-from dataset_builder.studies.accuracy.rows import Row
+from dataset_builder.studies.accuracy.rows import AccuracyRow
 from dataset_builder.studies.accuracy.workbench import Bench, compare, kept
 from dataset_builder.studies.image_errors import relative_variance
 from dataset_builder.studies.sampled import reseeded
@@ -26,7 +26,7 @@ KNOWN = 0.2
 """Share of the noise of both pictures that taking it out may leave: it is known from a few batches per pixel."""
 
 
-def measure(bench: Bench, ref: ExampleRef) -> Iterator[Row]:
+def measure(bench: Bench, ref: ExampleRef) -> Iterator[AccuracyRow]:
     """S' of every edge length against the finest, with the triangles and the seconds of mesh and pass."""
     own = bench.spec.plan(ref).rough.edge_length
     *factors, last = bench.budget.edges
@@ -70,5 +70,5 @@ def mesh_cost(plan: ExamplePlan, bench: Bench) -> tuple[float, int]:
     return perf_counter() - start, len(base.mesh.faces)
 
 
-def _refused(plan: ExamplePlan, length: float, reason: str) -> Row:
-    return Row(question=EDGES, setting=f"{length:g} m: {reason}", value=length, example=plan.key, layer=LAYER)
+def _refused(plan: ExamplePlan, length: float, reason: str) -> AccuracyRow:
+    return AccuracyRow(question=EDGES, setting=f"{length:g} m: {reason}", value=length, example=plan.key, layer=LAYER)

@@ -6,10 +6,10 @@ from typing import Any
 
 from dataset_builder.digest import canonical_json
 from dataset_builder.files import write_atomic
-from dataset_builder.studies.accuracy.rows import Row, read_table
+from dataset_builder.studies.accuracy.rows import AccuracyRow, read_table
 
 FILE = "study.json"
-Steps = dict[tuple[str, str], tuple[Row, ...]]
+Steps = dict[tuple[str, str], tuple[AccuracyRow, ...]]
 """Rows by example and group of questions."""
 
 
@@ -29,7 +29,7 @@ def kept_steps(table: Path, groups: Mapping[str, str]) -> Steps:
     """
     try:
         rows = read_table(table)
-        steps = dict[tuple[str, str], list[Row]]()
+        steps = dict[tuple[str, str], list[AccuracyRow]]()
         for row in rows:
             steps.setdefault((row.example, groups[row.question]), []).append(row)
     except (FileNotFoundError, ValueError, KeyError, TypeError):

@@ -16,7 +16,7 @@ WHOLE = "all"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Row:
+class AccuracyRow:
     """One measurement. Figures that a question does not have are NaN, and empty in the file.
 
     value: the setting as a number (spp, error asked for, depth, metres, texels, samples). seconds: of the pass that
@@ -64,10 +64,10 @@ class Row:
 
 
 TEXTS = ("question", "setting", "example", "layer")
-COLUMNS = (*(field.name for field in fields(Row)), "at_floor")
+COLUMNS = (*(field.name for field in fields(AccuracyRow)), "at_floor")
 
 
-def table(rows: Iterable[Row]) -> str:
+def table(rows: Iterable[AccuracyRow]) -> str:
     """The rows as CSV with a head, figures to six digits."""
     stream = StringIO()
     writer = csv.writer(stream, lineterminator="\n")
@@ -77,29 +77,29 @@ def table(rows: Iterable[Row]) -> str:
     return stream.getvalue()
 
 
-def write_table(rows: Iterable[Row], path: Path) -> None:
+def write_table(rows: Iterable[AccuracyRow], path: Path) -> None:
     """Write the table, whole or not at all. Raises OutputError."""
     write_atomic(path, table(rows).encode())
 
 
-def read_table(path: Path) -> list[Row]:
+def read_table(path: Path) -> list[AccuracyRow]:
     """The rows of a table that `write_table` wrote."""
     with path.open(encoding="utf-8", newline="") as stream:
         return [_row(line) for line in csv.DictReader(stream)]
 
 
-def _row(line: dict[str, str]) -> Row:
+def _row(line: dict[str, str]) -> AccuracyRow:
     values: dict[str, Any] = {name: text if name in TEXTS else float(text or NONE) for name, text in line.items()
                               if name != "at_floor"}
-    return Row(**values)
+    return AccuracyRow(**values)
 
 
-def of(rows: Iterable[Row], question: str, layer: str | None = None) -> list[Row]:
+def of(rows: Iterable[AccuracyRow], question: str, layer: str | None = None) -> list[AccuracyRow]:
     """Rows of one question, and of one layer of it."""
     return [row for row in rows if row.question == question and layer in (None, row.layer)]
 
 
-def layers_in(rows: Sequence[Row], question: str) -> list[str]:
+def layers_in(rows: Sequence[AccuracyRow], question: str) -> list[str]:
     """Layers that a question has rows of, in order of appearance."""
     return list(dict.fromkeys(row.layer for row in rows if row.question == question))
 

@@ -8,7 +8,7 @@ from dataset_builder.layers import DENOISABLE
 from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.rendering.oidn import require
 from dataset_builder.rendering.sampling.adaptive import BATCH_SIZES
-from dataset_builder.studies.accuracy.rows import Row
+from dataset_builder.studies.accuracy.rows import AccuracyRow
 from dataset_builder.studies.accuracy.workbench import Bench
 
 UNIFORM, ADAPTIVE = "uniform", "adaptive"
@@ -68,7 +68,7 @@ def denoise_override(layers: tuple[str, ...]) -> str:
     return f"render.denoise={{layers: [{', '.join(layers)}]}}"
 
 
-def measure(bench: Bench, ref: ExampleRef) -> Iterator[Row]:
+def measure(bench: Bench, ref: ExampleRef) -> Iterator[AccuracyRow]:
     """Every setting on one example, each in every layer."""
     reference = bench.converged(ref)
     _compile_batches(bench, ref)

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.studies.accuracy.depth import relative_difference
-from dataset_builder.studies.accuracy.rows import Row
+from dataset_builder.studies.accuracy.rows import AccuracyRow
 from dataset_builder.studies.accuracy.workbench import Bench, kept
 from dataset_builder.studies.timing import seconds_of
 
@@ -17,7 +17,7 @@ TEXTURES = "texture-size"
 LAYERS = {"d": "object", "i_t": "object"}
 
 
-def measure(bench: Bench, ref: ExampleRef) -> Iterator[Row]:
+def measure(bench: Bench, ref: ExampleRef) -> Iterator[AccuracyRow]:
     """D and I_t of every texture size against the dataset's own."""
     own = bench.spec.dataset.render.texture_size
     full = bench.timed(TEXTURES, bench.plan(ref, bench.spp(bench.budget.passes), layers=LAYERS))

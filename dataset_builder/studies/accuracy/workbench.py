@@ -10,7 +10,7 @@ import numpy as np
 from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.planning.example_plan import ExamplePlan
 from dataset_builder.studies.accuracy.budget import REFERENCE_DEPTH, Budget
-from dataset_builder.studies.accuracy.rows import Row
+from dataset_builder.studies.accuracy.rows import AccuracyRow
 from dataset_builder.studies.image_errors import flip, psnr, relative_mse, relative_variance
 from dataset_builder.studies.reference import References
 from dataset_builder.studies.sampled import StudySpec, layer_override, reseeded, spp_override
@@ -57,22 +57,23 @@ class Bench:
         return self.references.get(reseeded(plan, "reference"), self.spec.mesh_root).layers
 
     def compared(self, question: str, setting: str, value: float, found: "Rendered",
-                 reference: Mapping[str, np.ndarray], layers: Iterable[str] | None = None) -> list[Row]:
+                 reference: Mapping[str, np.ndarray], layers: Iterable[str] | None = None) -> list[AccuracyRow]:
         """Rows of an example's layers against a reference with standard errors."""
         return [compare(question, setting, value, found, reference, layer)
                 for layer in (self.extents if layers is None else layers)]
 
 
 def compare(question: str, setting: str, value: float, found: "Rendered", reference: Mapping[str, np.ndarray],
-            layer: str) -> Row:
+            layer: str) -> AccuracyRow:
     """One layer against a reference; without its standard error, the reference is taken to be free of noise."""
     image, truth, keep = found.layers[layer], reference[layer], kept(found, reference, layer)
     measured = relative_mse(image, truth, keep)
     noise = relative_variance(reference[f"{layer}_se"], truth, keep) if f"{layer}_se" in reference else 0.0
-    return Row(question=question, setting=setting, value=value, example=found.plan.key, layer=layer,
-               seconds=seconds_of(layer, found), relmse=max(measured - noise, 0.0), relmse_measured=measured,
-               relmse_reference=noise, floor=noise, psnr=psnr(image, truth, keep), flip=flip(image, truth, keep),
-               reached=reached_by(layer, found.record), **work_of(layer, found.record))
+    return AccuracyRow(question=question, setting=setting, value=value, example=found.plan.key, layer=layer,
+                       seconds=seconds_of(layer, found), relmse=max(measured - noise, 0.0), relmse_measured=measured,
+                       relmse_reference=noise, floor=noise, psnr=psnr(image, truth,
+                                                                      keep), flip=flip(image, truth, keep),
+                       reached=reached_by(layer, found.record), **work_of(layer, found.record))
 
 
 def kept(found: "Rendered", reference: Mapping[str, np.ndarray], layer: str) -> np.ndarray:

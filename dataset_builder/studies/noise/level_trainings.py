@@ -9,10 +9,10 @@ from pathlib import Path
 from dataset_builder.digest import digest
 from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
 from dataset_builder.lightnet.methods.checkpoint import load_trained
-from dataset_builder.lightnet.results.evaluate import Contender, Row, contender, evaluate, trivial
+from dataset_builder.lightnet.results.evaluate import Contender, ScoreRow, contender, evaluate, trivial
 from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.lightnet.training.events import Event
-from dataset_builder.lightnet.training.fit import LAST, Job
+from dataset_builder.lightnet.training.fit import LAST, TrainingJob
 from dataset_builder.planning.catalogue import examples
 from dataset_builder.shards.reader import load_manifest
 from dataset_builder.studies.noise.noise_study import NoiseStudy, level_name
@@ -24,7 +24,7 @@ MIXED = "mixed"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Example:
+class HeldOutExample:
     """A held-out example that every level has. index: position in the split; roughness: measured distance of the rough
     mesh from the clean one, root mean square, in bounding radii."""
 
@@ -42,7 +42,7 @@ class HeldOut:
     cases that a gate took some level of."""
 
     dataset: LightingDataset = field(repr=False)
-    examples: tuple[Example, ...]
+    examples: tuple[HeldOutExample, ...]
     left_out: int
 
     @cached_property
@@ -50,14 +50,14 @@ class HeldOut:
         """Views under their lights, in order."""
         return tuple(dict.fromkeys(example.case for example in self.examples))
 
-    def of(self, level: int) -> list[Example]:
+    def of(self, level: int) -> list[HeldOutExample]:
         """One level's examples, in the order of `cases`."""
         own = {example.case: example for example in self.examples if example.level == level}
         return [own[case] for case in self.cases]
 
 
 @dataclass(frozen=True, kw_only=True)
-class News:
+class LevelNews:
     """What a training said. number: of `count` trainings, from 1."""
 
     name: str
@@ -66,7 +66,7 @@ class News:
     event: Event
 
 
-def jobs(study: NoiseStudy) -> dict[str, Job]:
+def jobs(study: NoiseStudy) -> dict[str, TrainingJob]:
     """The trainings by name: on all levels first, then on each."""
     found = {MIXED: _job(study, MIXED, study.training, ())}
     for level in range(len(study.levels)):
@@ -75,12 +75,12 @@ def jobs(study: NoiseStudy) -> dict[str, Job]:
     return found
 
 
-def train_all(study: NoiseStudy) -> Iterator[News]:
+def train_all(study: NoiseStudy) -> Iterator[LevelNews]:
     """Every training, to its end; those that an earlier run finished are kept. Raises UserError as `fit` does."""
     work = jobs(study)
     for number, (name, job) in enumerate(work.items(), start=1):
         for event in train(job):
-            yield News(name=name, number=number, count=len(work), event=event)
+            yield LevelNews(name=name, number=number, count=len(work), event=event)
 
 
 def held_out(study: NoiseStudy) -> HeldOut:
@@ -96,7 +96,7 @@ def held_out(study: NoiseStudy) -> HeldOut:
                    left_out=len(levels) - len(whole))
 
 
-def measure(study: NoiseStudy, split: HeldOut) -> Iterator[Row]:
+def measure(study: NoiseStudy, split: HeldOut) -> Iterator[ScoreRow]:
     """Every example by every training and by what learns nothing; the table of an earlier run is taken where it is of
     the same trainings."""
     folder = study.out / "scores"
@@ -129,14 +129,14 @@ def rejected_by_level(study: NoiseStudy) -> list[int]:
     return [counts[level] for level in range(len(study.levels))]
 
 
-def _job(study: NoiseStudy, name: str, spec: TrainingSpec, levels: tuple[int, ...]) -> Job:
+def _job(study: NoiseStudy, name: str, spec: TrainingSpec, levels: tuple[int, ...]) -> TrainingJob:
     folder: Path = study.out / "trainings" / name.replace(" ", "-")
-    return Job(dataset=study.dataset, out=folder, spec=spec, vgg_weights=study.vgg_weights, device=study.device,
-               levels=levels)
+    return TrainingJob(dataset=study.dataset, out=folder, spec=spec, vgg_weights=study.vgg_weights, device=study.device,
+                       levels=levels)
 
 
-def _example(dataset: LightingDataset, index: int) -> Example:
+def _example(dataset: LightingDataset, index: int) -> HeldOutExample:
     label = dataset.label(index)
     plan, record = label["plan"], label["record"]
-    return Example(index=index, key=plan["key"], case=(plan["view"], plan["light"]), level=plan["rough"]["level"],
-                   sigma=plan["rough"]["sigma"], roughness=record["roughness_rms"])
+    return HeldOutExample(index=index, key=plan["key"], case=(plan["view"], plan["light"]),
+                          level=plan["rough"]["level"], sigma=plan["rough"]["sigma"], roughness=record["roughness_rms"])

@@ -8,8 +8,8 @@ from statistics import fmean
 from dataset_builder.errors import UserError
 from dataset_builder.files import write_atomic
 from dataset_builder.lightnet.measures.metrics import METRICS
-from dataset_builder.lightnet.results.clustered_means import Estimate, estimate, methods
-from dataset_builder.lightnet.results.evaluate import Row
+from dataset_builder.lightnet.results.clustered_means import ClusteredMean, estimate, methods
+from dataset_builder.lightnet.results.evaluate import ScoreRow
 from dataset_builder.studies.comma_separated import comma_separated
 from dataset_builder.studies.noise.level_trainings import MIXED, HeldOut
 from dataset_builder.studies.noise.noise_study import NoiseStudy, level_name
@@ -28,25 +28,25 @@ class Level:
     number: int
     sigma: float
     roughness: float
-    scores: dict[str, tuple[Row, ...]]
+    scores: dict[str, tuple[ScoreRow, ...]]
 
-    def rows(self, method: str) -> tuple[Row, ...]:
+    def rows(self, method: str) -> tuple[ScoreRow, ...]:
         """Rows of one method; `OWN` is the one that was trained on this level."""
         return self.scores[level_name(self.number) if method == OWN else method]
 
-    def mean(self, method: str, metric: str) -> Estimate:
+    def mean(self, method: str, metric: str) -> ClusteredMean:
         """Mean of a metric over the level's examples."""
         rows = self.rows(method)
         return estimate([getattr(row.metrics, metric) for row in rows], [row.object for row in rows])
 
-    def less(self, method: str, other: str, metric: str, at: "Level | None" = None) -> Estimate:
+    def less(self, method: str, other: str, metric: str, at: "Level | None" = None) -> ClusteredMean:
         """A method less another one, or less the other one at another level, case by case."""
         pairs = list(zip(self.rows(method), (at or self).rows(other), strict=True))
         return estimate([getattr(one.metrics, metric) - getattr(two.metrics, metric) for one, two in pairs],
                         [one.object for one, _ in pairs])
 
 
-def levels_of(study: NoiseStudy, split: HeldOut, scores: Sequence[Row]) -> list[Level]:
+def levels_of(study: NoiseStudy, split: HeldOut, scores: Sequence[ScoreRow]) -> list[Level]:
     """Scores by level. Raises UserError where no case has all levels."""
     if not split.cases:
         raise UserError(f"expected a held-out view that all {len(study.levels)} levels kept, got none: lower the "

@@ -6,7 +6,7 @@ from functools import cached_property
 from pathlib import Path
 
 from dataset_builder.build import Event, build
-from dataset_builder.engine.unit import Job
+from dataset_builder.engine.unit import BuildJob
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.layers import PAPER_LAYERS
 from dataset_builder.lightnet.methods.vgg import check_file
@@ -82,8 +82,8 @@ def make(study: NoiseStudy) -> Iterator[Event]:
     """Build the dataset at all levels, or go on with it; news as of any build. Raises UserError as a build does."""
     require(study)
     workers = study.workers or (1 if choose(study.backend).variant.startswith("cuda") else cores())
-    job = Job(spec_path=study.spec, overrides=study.settings, spec_digest=study.loaded.spec_digest,
-              folder=study.dataset, backend=study.backend, threads=max(1, cores() // workers))
+    job = BuildJob(spec_path=study.spec, overrides=study.settings, spec_digest=study.loaded.spec_digest,
+                   folder=study.dataset, backend=study.backend, threads=max(1, cores() // workers))
     yield from build(study.loaded, study.dataset, job, workers=workers)
 
 

@@ -42,11 +42,11 @@ def count_passes(study: NoiseStudy) -> list[PassCount]:
     refs = {ref.key: ref for ref in examples(study.loaded.dataset)}
     ran, seconds = Counter[str](), defaultdict[str, float](float)
     made = dict[str, ExampleRef]()
-    for key, stage, spent in _stages(study):
-        if key in refs and stage not in NO_PASSES:
+    for key, step, spent in _steps(study):
+        if key in refs and step not in NO_PASSES:
             made[key] = refs[key]
-            ran[stage] += 1
-            seconds[stage] += spent
+            ran[step] += 1
+            seconds[step] += spent
     found = [_count(name, ran[name], seconds[name], list(made.values())) for name in ran]
     return sorted(found, key=lambda one: (not one.once, one.ran))
 
@@ -75,7 +75,7 @@ def _count(name: str, ran: int, seconds: float, made: Sequence[ExampleRef]) -> P
     return PassCount(name=name, ran=ran, examples=len(made), seconds=seconds, per=per, once=ran <= lights)
 
 
-def _stages(study: NoiseStudy) -> list[tuple[str, str, float]]:
+def _steps(study: NoiseStudy) -> list[tuple[str, str, float]]:
     path = study.dataset / SECONDS
     with path.open(encoding="utf-8", newline="") as stream:
-        return [(line["key"], line["stage"], float(line["seconds"])) for line in csv.DictReader(stream)]
+        return [(line["key"], line["step"], float(line["seconds"])) for line in csv.DictReader(stream)]

@@ -13,7 +13,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from dataset_builder.planning.example_plan import CameraPlan, IlluminationPlan, RenderPlan
 from dataset_builder.rendering.scene.triangle_soup import Soup
 from dataset_builder.rendering.scene.window import camera_axes
-from dataset_builder.studies.stress.case import Measured, Size
+from dataset_builder.studies.stress.case import CaseMeasured, Size
 
 BATCHES = 4
 SEED = 5
@@ -76,16 +76,16 @@ class Picture:
 def render(soup: Soup, illumination: IlluminationPlan, shot: Shot, size: Size) -> Picture:
     """All layers of one shot."""
     from dataset_builder.rendering import passes
-    from dataset_builder.rendering.scene.local_frame import Frame
-    from dataset_builder.rendering.scene.open_scene import body_of, staged
+    from dataset_builder.rendering.scene.local_frame import LocalFrame
+    from dataset_builder.rendering.scene.open_scene import body_of, open_scene
 
-    frame = Frame.of(soup.corners[soup.instance == 1]) if shot.framed else Frame()
+    frame = LocalFrame.of(soup.corners[soup.instance == 1]) if shot.framed else LocalFrame()
     width, height = shot.size or (size.side, size.side)
-    view = passes.View(camera=frame.camera(shot.camera), render=_render_plan(width, height, shot.batches))
+    view = passes.ViewSensor(camera=frame.camera(shot.camera), render=_render_plan(width, height, shot.batches))
     pixels, replicas = np.arange(width * height), shot.replicas or size.replicas
-    with staged(body_of(frame.soup(soup)), frame.illumination(illumination)) as stage:
-        first = passes.first_hit(view, stage, pixels, spp=size.spp, seed=shot.seed)
-        found = passes.radiance(view, stage, np.tile(pixels, replicas), max_depth=shot.max_depth,
+    with open_scene(body_of(frame.soup(soup)), frame.illumination(illumination)) as opened:
+        first = passes.first_hit(view, opened, pixels, spp=size.spp, seed=shot.seed)
+        found = passes.radiance(view, opened, np.tile(pixels, replicas), max_depth=shot.max_depth,
                                 spp=shot.spp or size.spp, seed=shot.seed)
     light = {name: found.mean[:, channels].reshape(replicas, height, width, 3)
              for name, channels in passes.RADIANCE_CHANNELS.items() if name in ("image", "shading", "specular")}
@@ -114,9 +114,9 @@ def _render_plan(width: int, height: int, batches: int) -> RenderPlan:
 
 
 def judged(picture: Picture, figure: float, *, diffuse: bool = True, where: np.ndarray | None = None,
-           also: tuple[str, ...] = ()) -> Measured:
+           also: tuple[str, ...] = ()) -> CaseMeasured:
     """The figure of a radiometric case, with the laws that every picture must keep on the pixels (H, W) `where`."""
-    return Measured(figure=float(figure), wrong=(*broken_laws(picture, diffuse=diffuse, where=where), *also))
+    return CaseMeasured(figure=float(figure), wrong=(*broken_laws(picture, diffuse=diffuse, where=where), *also))
 
 
 def broken_laws(picture: Picture, *, diffuse: bool, where: np.ndarray | None = None) -> tuple[str, ...]:

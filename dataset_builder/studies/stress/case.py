@@ -38,7 +38,7 @@ SIZES = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Measured:
+class CaseMeasured:
     """The figure of a case, and laws that every case must keep but this one broke, one sentence each."""
 
     figure: float
@@ -58,11 +58,11 @@ class Case:
     failure: str
     figure: str
     bound: float
-    measure: Callable[[Size], Measured]
+    measure: Callable[[Size], CaseMeasured]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Result:
+class CaseResult:
     """A case that ran. wrong: broken laws, or why there is no figure."""
 
     case: Case
@@ -77,13 +77,13 @@ class Result:
 
 
 def hard_case(*, name: str, expectation: str, failure: str, figure: str,
-              bound: float) -> Callable[[Callable[[Size], Measured]], Case]:
+              bound: float) -> Callable[[Callable[[Size], CaseMeasured]], Case]:
     """Makes a `Case` of the function that measures it."""
     return lambda measure: Case(name=name, expectation=expectation, failure=failure, figure=figure, bound=bound,
                                 measure=measure)
 
 
-def run(case: Case, size: Size) -> Result:
+def run(case: Case, size: Size) -> CaseResult:
     """Measure one case; what it raises is its failure."""
     start = perf_counter()
     try:
@@ -91,11 +91,11 @@ def run(case: Case, size: Size) -> Result:
         with np.errstate(all="ignore"):
             found = case.measure(size)
     except BREAKDOWNS as error:
-        found = Measured(figure=float("nan"), wrong=(f"{type(error).__name__}: {error}",))
-    return Result(case=case, figure=found.figure, wrong=found.wrong, seconds=perf_counter() - start)
+        found = CaseMeasured(figure=float("nan"), wrong=(f"{type(error).__name__}: {error}",))
+    return CaseResult(case=case, figure=found.figure, wrong=found.wrong, seconds=perf_counter() - start)
 
 
-def run_all(cases: Iterable[Case], size: Size) -> Iterator[Result]:
+def run_all(cases: Iterable[Case], size: Size) -> Iterator[CaseResult]:
     """Measure one case after the other, each result as it is there."""
     for case in cases:
         yield run(case, size)

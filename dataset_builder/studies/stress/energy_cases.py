@@ -8,7 +8,7 @@ from dataset_builder.planning.example_plan import LightPlan
 from dataset_builder.rendering.scene.triangle_soup import merge
 from dataset_builder.seeding import rng
 from dataset_builder.studies.stress.bench import Shot, at, judged, off_by, on_floor, render, sigmas
-from dataset_builder.studies.stress.case import SIGMAS, Measured, Size, hard_case
+from dataset_builder.studies.stress.case import SIGMAS, CaseMeasured, Size, hard_case
 from dataset_builder.studies.stress.light_cases import DEVIATION, DIRECT, HIGH, WORST, distance
 from dataset_builder.studies.stress.scenes import WIDE, ball, camera, floor, light, lit_by, matte, quad, still_life
 
@@ -16,7 +16,7 @@ from dataset_builder.studies.stress.scenes import WIDE, ball, camera, floor, lig
 @hard_case(name="light/strong-but-hidden", bound=SIGMAS, figure="|z| of the picture's mean",
            expectation="a strong light that a wall hides takes most samples, yet the weak one's S is unbiased",
            failure="S too dark by the share of samples that the hidden light takes")
-def strong_but_hidden(size: Size) -> Measured:
+def strong_but_hidden(size: Size) -> CaseMeasured:
     """Light sampling goes by unoccluded irradiance, thirty to one."""
     strong = light("point", 30.0, position=(0, 2, 1), weight=30.0)
     weak = light("point", 1.0, position=(0, -2, 1))
@@ -27,7 +27,7 @@ def strong_but_hidden(size: Size) -> Measured:
     return judged(picture, sigmas(picture.shading, truth, pixels=False))
 
 
-def scaled_energy(size: Size, factor: float) -> Measured:
+def scaled_energy(size: Size, factor: float) -> CaseMeasured:
     """The picture under lights of `factor` times the radiance, over the factor, against the picture itself."""
     def lamps(k: float) -> tuple[LightPlan, ...]:
         return (light("area", 8 * k, position=(1.5, -2, 2), direction=(-1.5, 2, -2), size=0.8),
@@ -41,7 +41,7 @@ def scaled_energy(size: Size, factor: float) -> Measured:
 @hard_case(name="light/energy-1e-6", bound=1e-5, figure=DEVIATION,
            expectation="with a millionth of the energy, the same picture a million times darker, to rounding",
            failure="black or grainy pictures: a threshold somewhere takes little light for none")
-def energy_small(size: Size) -> Measured:
+def energy_small(size: Size) -> CaseMeasured:
     """Far below what any display shows."""
     return scaled_energy(size, 1e-6)
 
@@ -49,7 +49,7 @@ def energy_small(size: Size) -> Measured:
 @hard_case(name="light/energy-1e6", bound=1e-5, figure=DEVIATION,
            expectation="with a million times the energy, the same picture a million times brighter, to rounding",
            failure="clipped or overflowing values, or other paths: roulette went by absolute radiance")
-def energy_large(size: Size) -> Measured:
+def energy_large(size: Size) -> CaseMeasured:
     """Beyond what half holds, within float32."""
     return scaled_energy(size, 1e6)
 
@@ -57,7 +57,7 @@ def energy_large(size: Size) -> Measured:
 @hard_case(name="light/thousand", bound=SIGMAS, figure=WORST,
            expectation="a thousand lights of unequal power add up to the sum of each one's formula",
            failure="too dark or too bright: lights left out, counted twice, or drawn with a wrong probability")
-def thousand(size: Size) -> Measured:
+def thousand(size: Size) -> CaseMeasured:
     """Point lights over the floor; powers span a factor of 100."""
     random = rng(1, "thousand lights")
     places = np.stack([random.uniform(-3, 3, 1000), random.uniform(-3, 3, 1000), random.uniform(1, 2, 1000)], axis=-1)
@@ -79,7 +79,7 @@ def thousand(size: Size) -> Measured:
 @hard_case(name="light/sun-along-a-surface", bound=1e-4, figure=DEVIATION,
            expectation="a sun that travels exactly in the floor's plane lights none of it, and all of a wall facing it",
            failure="speckle on the floor: the sign of a cosine of 0 decides")
-def sun_along_a_surface(size: Size) -> Measured:
+def sun_along_a_surface(size: Size) -> CaseMeasured:
     """S on the wall is E / pi."""
     wall = quad(matte(0.3), (-WIDE, 2, 0), (2 * WIDE, 0, 0), (0, 0, HIGH))
     shot = Shot(camera=camera((0, -4, 2), (0, 1, 0.5), 40), max_depth=DIRECT)
@@ -94,7 +94,7 @@ def sun_along_a_surface(size: Size) -> Measured:
 @hard_case(name="light/two-sided", bound=1e-5, figure=DEVIATION,
            expectation="a surface is lit on the viewer's side, whichever way it winds, and black when lit from behind",
            failure="half of the picture black: faces seen from their back take no light")
-def two_sided(size: Size) -> Measured:
+def two_sided(size: Size) -> CaseMeasured:
     """Two halves that wind against each other, under a sun from the viewer's side and from the other."""
     halves = merge([quad(matte(), (-3, 0, -3), (3, 0, 0), (0, 0, 6)), quad(matte(), (3, 0, -3), (-3, 0, 0), (0, 0, 6))])
     shot = Shot(camera=camera((0, -3, 0)), max_depth=DIRECT)

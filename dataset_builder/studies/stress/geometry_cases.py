@@ -20,7 +20,7 @@ from dataset_builder.studies.stress.bench import (
     render,
     sigmas,
 )
-from dataset_builder.studies.stress.case import SIGMAS, Measured, Size, hard_case
+from dataset_builder.studies.stress.case import SIGMAS, CaseMeasured, Size, hard_case
 from dataset_builder.studies.stress.scenes import (
     ball,
     ball_mesh,
@@ -44,7 +44,7 @@ DEVIATION = "largest deviation, relative"
 SPECKLED = "share of pixels more than 1% off"
 
 
-def same_as(size: Size, soup: Soup, plain: Soup, shot: Shot = SEEN) -> Measured:
+def same_as(size: Size, soup: Soup, plain: Soup, shot: Shot = SEEN) -> CaseMeasured:
     """The picture of a soup against that of another, under sun and sky with the same random numbers."""
     picture, truth = (render(each, SUN_AND_SKY, shot, size) for each in (soup, plain))
     off = max(off_by(getattr(picture, name), getattr(truth, name)) for name in ("image", "shading"))
@@ -54,7 +54,7 @@ def same_as(size: Size, soup: Soup, plain: Soup, shot: Shot = SEEN) -> Measured:
 @hard_case(name="geometry/duplicate-faces", bound=1e-4, figure=DEVIATION,
            expectation="a ball of which every face stands twice looks as one of which every face stands once",
            failure="black speckle: a face shades its twin")
-def duplicate_faces(size: Size) -> Measured:
+def duplicate_faces(size: Size) -> CaseMeasured:
     """Bit-equal corners."""
     one = ball(matte())
     return same_as(size, merge([one, one]), one)
@@ -63,7 +63,7 @@ def duplicate_faces(size: Size) -> Measured:
 @hard_case(name="geometry/coplanar-faces", bound=1e-5, figure=DEVIATION,
            expectation="two sheets in one place, cut into other triangles, are lit as one: S is E cos / pi",
            failure="black triangles: rays that leave one sheet meet the other")
-def coplanar_faces(size: Size) -> Measured:
+def coplanar_faces(size: Size) -> CaseMeasured:
     """Whose colour is seen is left open, so only S is judged."""
     sheets = [quad(matte(albedo), (-9, -9, -1), (18, 0, 0), (0, 18, 0), cells=cells)
               for albedo, cells in ((0.8, (7, 5)), (0.2, (4, 9)))]
@@ -80,7 +80,7 @@ def _cosine(normal: tuple[float, float, float]) -> float:
 @hard_case(name="geometry/zero-area-faces", bound=1e-4, figure=DEVIATION,
            expectation="faces of no area, points and lines, change nothing",
            failure="NaN normals that spread, or slits where a face without area hides its neighbours")
-def zero_area_faces(size: Size) -> Measured:
+def zero_area_faces(size: Size) -> CaseMeasured:
     """Repeated corners, and three corners in a row, with normals from `geometry.normals`."""
     mesh = box_mesh((-0.8, -0.8, -0.8), (0.8, 0.8, 0.8))
     extra = np.array([[0, 0, 0], [1, 1, 3], [0, len(mesh.positions), 3], [3, len(mesh.positions), 0]])
@@ -92,7 +92,7 @@ def zero_area_faces(size: Size) -> Measured:
 @hard_case(name="geometry/needle-faces", bound=1e-3, figure=DEVIATION,
            expectation="a floor cut into slivers a thousand times as long as wide is lit as a whole one",
            failure="dark stripes: rays miss thin triangles, or leave them from the wrong place")
-def needle_faces(size: Size) -> Measured:
+def needle_faces(size: Size) -> CaseMeasured:
     """S is E cos / pi everywhere."""
     sheet = quad(matte(), (-8, -8, -1), (16, 0, 0), (0, 16, 0), cells=(1000, 1))
     picture = render(sheet, SUN, Shot(camera=camera((0, -4, 1.5), (0, 0, -1), 30), max_depth=2), size)
@@ -102,7 +102,7 @@ def needle_faces(size: Size) -> Measured:
 @hard_case(name="geometry/inverted-faces", bound=1e-4, figure=DEVIATION,
            expectation="a box of which every other face is inside out looks as it should",
            failure="black triangles: a face seen from its back is taken for unlit")
-def inverted_faces(size: Size) -> Measured:
+def inverted_faces(size: Size) -> CaseMeasured:
     """Two-sided surfaces are lit on the viewer's side."""
     mesh = box_mesh((-0.8, -0.8, -0.8), (0.8, 0.8, 0.8))
     faces = mesh.faces.copy()
@@ -113,7 +113,7 @@ def inverted_faces(size: Size) -> Measured:
 @hard_case(name="geometry/folded-rough-mesh", bound=0.02, figure="how far the brightest S exceeds the sky, relative",
            expectation="a rough mesh that folds and cuts itself is lit by no more than the sky that it stands under",
            failure="NaN or fireflies where faces meet at no angle, or a mask with holes")
-def folded_rough_mesh(size: Size) -> Measured:
+def folded_rough_mesh(size: Size) -> CaseMeasured:
     """Noise of half the object's radius. No point of a scene in a white furnace sees more than the furnace, whatever
     its albedo."""
     clean = box_mesh((-0.5, -0.5, -0.5), (0.5, 0.5, 0.5))
@@ -132,7 +132,7 @@ def folded_rough_mesh(size: Size) -> Measured:
 @hard_case(name="geometry/object-inside-another", bound=1e-4, figure=DEVIATION,
            expectation="an object inside a closed one is not seen, and changes nothing",
            failure="a mask that is not empty, or bright specks: rays pass between triangles")
-def object_inside_another(size: Size) -> Measured:
+def object_inside_another(size: Size) -> CaseMeasured:
     """The inner one is the target, so the mask is empty."""
     shell, inner = box(matte(), (-1, -1, -1), (1, 1, 1)), ball(matte(0.9), radius=0.7)
     picture, truth = (render(soup, SUN_AND_SKY, SEEN, size) for soup in (merge([inner, shell]), shell))
@@ -143,7 +143,7 @@ def object_inside_another(size: Size) -> Measured:
 @hard_case(name="geometry/one-triangle", bound=0.01, figure="deviation of the mask's area, relative",
            expectation="a scene of one triangle is lit by E cos / pi, and covers what its projection covers",
            failure="an empty picture: a bounding box without volume")
-def one_triangle(size: Size) -> Measured:
+def one_triangle(size: Size) -> CaseMeasured:
     """Facing the camera, so that its share of the frame is known: area over (2 d tan(fov / 2))^2."""
     soup = standing(bare(np.array([[-1, 0, -0.5], [1, 0, -0.5], [0, 0, 1]]), [[0, 1, 2]]), matte())
     picture = render(soup, SUN, Shot(camera=camera((0, -4, 0)), max_depth=2), size)
@@ -156,7 +156,7 @@ def one_triangle(size: Size) -> Measured:
 @hard_case(name="geometry/many-triangles", bound=SIGMAS, figure="worst |z| of pixels and picture",
            expectation="a ball of two million triangles (200 thousand in a small run) is lit as the sphere is",
            failure="speckle or holes: triangles smaller than the distance at which rays start")
-def many_triangles(size: Size) -> Measured:
+def many_triangles(size: Size) -> CaseMeasured:
     """The sun stands behind the camera, so that no pixel is at the terminator; judged where the sphere fills pixels."""
     segments = round(math.sqrt(size.faces / 4))
     seen = camera((0, -4, 0), fov=30)
@@ -176,7 +176,7 @@ def many_triangles(size: Size) -> Measured:
 @hard_case(name="geometry/endless-floor", bound=1e-4, figure=DEVIATION,
            expectation="a floor of two triangles 4 km wide is lit evenly, E cos / pi, up to the horizon",
            failure="bands of speckle towards the horizon: rays start below the surface that they leave")
-def endless_floor(size: Size) -> Measured:
+def endless_floor(size: Size) -> CaseMeasured:
     """Seen at a grazing angle."""
     shot = Shot(camera=camera((0, -4, 0), (0, 4, -1), 10), max_depth=2)
     picture = render(floor(half=2000, height=-1), SUN, shot, size)
@@ -186,7 +186,7 @@ def endless_floor(size: Size) -> Measured:
 @hard_case(name="geometry/closed-room-is-dark", bound=0.0, figure="largest S inside",
            expectation="no light of sun and sky gets into a closed ball of many small triangles",
            failure="light leaks: rays slip through edges and vertices")
-def closed_room_is_dark(size: Size) -> Measured:
+def closed_room_is_dark(size: Size) -> CaseMeasured:
     """The camera is inside; flat normals of the facets."""
     mesh = ball_mesh(64, radius=2.0)
     flat = np.repeat(unit(mesh.area_normals)[:, None], 3, axis=1)

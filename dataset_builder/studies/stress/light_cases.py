@@ -7,7 +7,7 @@ import numpy as np
 from dataset_builder.planning.scene.arrangement import TARGET_INSTANCE
 from dataset_builder.rendering.scene.triangle_soup import merge
 from dataset_builder.studies.stress.bench import Shot, at, clear_of, judged, on_floor, render, sigmas
-from dataset_builder.studies.stress.case import SIGMAS, Measured, Size, hard_case
+from dataset_builder.studies.stress.case import SIGMAS, CaseMeasured, Size, hard_case
 from dataset_builder.studies.stress.scenes import (
     WIDE,
     Triple,
@@ -32,7 +32,7 @@ WORST = "worst |z| of pixels and picture"
 DEVIATION = "largest deviation, relative"
 
 
-def sphere_over_floor(size: Size, shot: Shot, radius: float, height: float) -> Measured:
+def sphere_over_floor(size: Size, shot: Shot, radius: float, height: float) -> CaseMeasured:
     """S under a ball light: L r^2 h / d^3, exact while all of the ball is above the floor."""
     power = 1 / radius**2 if radius < 1 else 1.0
     lamp = light("sphere", power, position=(0, 0, height), size=radius)
@@ -50,7 +50,7 @@ def distance(points: np.ndarray, height: float, x: float = 0.0, y: float = 0.0) 
 @hard_case(name="light/touching", bound=SIGMAS, figure=WORST,
            expectation="a ball light lying on the floor lights it as the formula L r^2 h / d^3 says",
            failure="a dark or bright ring about the point of contact: lost shadow rays, or densities beyond bounds")
-def touching(size: Size) -> Measured:
+def touching(size: Size) -> CaseMeasured:
     """The ball's lowest point is on the floor."""
     return sphere_over_floor(size, OBLIQUE, 0.15, 0.15)
 
@@ -58,7 +58,7 @@ def touching(size: Size) -> Measured:
 @hard_case(name="light/tiny", bound=SIGMAS, figure=WORST,
            expectation="a ball light of radius 1e-4 lights the floor as a point of its power does",
            failure="black, infinite or blotchy S: the cone under which the ball is seen vanishes in float32")
-def tiny(size: Size) -> Measured:
+def tiny(size: Size) -> CaseMeasured:
     """Seen under 1e-4 radians."""
     return sphere_over_floor(size, OBLIQUE, 1e-4, 1.0)
 
@@ -66,7 +66,7 @@ def tiny(size: Size) -> Measured:
 @hard_case(name="light/small", bound=SIGMAS, figure=WORST,
            expectation="a ball light of 3 mm at 1 m lights the floor as a point of its power does",
            failure="S some per cent too bright, and blotchy: the density of directions has lost its digits")
-def small(size: Size) -> Measured:
+def small(size: Size) -> CaseMeasured:
     """Between a point and a lamp."""
     return sphere_over_floor(size, OBLIQUE, 3e-3, 1.0)
 
@@ -74,7 +74,7 @@ def small(size: Size) -> Measured:
 @hard_case(name="light/room-sized-ball", bound=SIGMAS, figure=WORST,
            expectation="a ball light of radius 3 m, just above the floor, lights it as the formula says",
            failure="S off by a factor: the ball is sampled as if it were far away")
-def room_sized_ball(size: Size) -> Measured:
+def room_sized_ball(size: Size) -> CaseMeasured:
     """Fills half of the sky."""
     return sphere_over_floor(size, Shot(camera=camera((0, -5.5, 0.5), (0, -3, 0), 20), max_depth=DIRECT), 3.0, 3.05)
 
@@ -82,7 +82,7 @@ def room_sized_ball(size: Size) -> Measured:
 @hard_case(name="light/room-sized-square", bound=SIGMAS, figure=WORST,
            expectation="a square light as wide as the room lights the floor by its form factor",
            failure="S off by a factor, or noise that never settles: one technique takes all the weight")
-def room_sized_square(size: Size) -> Measured:
+def room_sized_square(size: Size) -> CaseMeasured:
     """Form factor of a parallel rectangle: Howell, "A Catalog of Radiation Heat Transfer Configuration Factors",
     B-3."""
     side, height = 6.0, 2.0
@@ -108,7 +108,7 @@ LAMPS_INSIDE = lit_by(light("sphere", 20.0, position=(0.2, 0.1, 0.1), size=0.2),
 @hard_case(name="light/inside-the-object", bound=0.0, figure="largest S outside, in units of S without the object",
            expectation="lights inside a closed object with flat faces light nothing outside it",
            failure="bright specks: rays slip through the edges between triangles")
-def inside_the_object(size: Size) -> Measured:
+def inside_the_object(size: Size) -> CaseMeasured:
     """The shell is seen from outside only: everything is black."""
     shot = Shot(camera=camera((-2, -4, 1.5), (0, 0, -0.3)))
     shell, ground = box(matte(), (-1, -1, -1), (1, 1, 1), TARGET_INSTANCE), floor(height=-1.2)
@@ -120,7 +120,7 @@ def inside_the_object(size: Size) -> Measured:
 @hard_case(name="light/inside-a-smooth-object", bound=1e-3, figure="mean S outside, in units of mean S inside",
            expectation="of the light inside a closed smooth-shaded object less than a thousandth comes out",
            failure="objects that glow: directions above the shading normal's horizon but below the facet's pass it")
-def inside_a_smooth_object(size: Size) -> Measured:
+def inside_a_smooth_object(size: Size) -> CaseMeasured:
     """A ball of flat facets with the normals of the sphere."""
     shell = ball(matte())
     outside, inside = (render(shell, LAMPS_INSIDE, Shot(camera=seen), size)
@@ -131,7 +131,7 @@ def inside_a_smooth_object(size: Size) -> Measured:
 @hard_case(name="light/behind-a-wall", bound=0.0, figure="largest S in the shadow, in units of S without the wall",
            expectation="a wall without thickness keeps all direct light from what is behind it",
            failure="a bright seam where wall and floor meet, or specks on the wall: rays start on the wrong side")
-def behind_a_wall(size: Size) -> Measured:
+def behind_a_wall(size: Size) -> CaseMeasured:
     """The seam is in the picture, and so is the wall's dark side."""
     lamp = lit_by(light("point", 5.0, position=(0.3, 1, 0.7)), light("area", 5.0, position=(0, 1.5, 0.5), size=0.5,
                                                                      direction=(0, -1, 0)))
@@ -145,7 +145,7 @@ def behind_a_wall(size: Size) -> Measured:
 @hard_case(name="light/grazing", bound=SIGMAS, figure=WORST,
            expectation="a point light half a degree above the horizon lights the floor by its cosine",
            failure="streaks or black pixels: shadow rays start below the surface that they leave")
-def grazing(size: Size) -> Measured:
+def grazing(size: Size) -> CaseMeasured:
     """2 cm above the floor, 2 m away."""
     shot = Shot(camera=camera((0, -4, 1.5), (0, 0, 0), 20), max_depth=DIRECT)
     picture = render(floor(), lit_by(light("point", 100.0, position=(2, 2, 0.02))), shot, size)
@@ -156,7 +156,7 @@ def grazing(size: Size) -> Measured:
 @hard_case(name="light/on-the-floor", bound=1e-3, figure="largest S of the floor, in units of S with the light lifted",
            expectation="a point light exactly on the floor lights none of it, and no value is infinite",
            failure="NaN or a blinding pixel where the distance vanishes")
-def on_the_floor(size: Size) -> Measured:
+def on_the_floor(size: Size) -> CaseMeasured:
     """cos = 0 while 1 / d^2 has no bound."""
     shot = OBLIQUE
     flat, lifted = (render(floor(), lit_by(light("point", position=(0, 0, z))), shot, size) for z in (0.0, 1.0))
@@ -166,7 +166,7 @@ def on_the_floor(size: Size) -> Measured:
 @hard_case(name="light/at-the-camera", bound=SIGMAS, figure=WORST,
            expectation="a point light in the camera's place lights the floor as the formula says, without shadows",
            failure="NaN, or black specks where shadow ray and camera ray coincide")
-def at_the_camera(size: Size) -> Measured:
+def at_the_camera(size: Size) -> CaseMeasured:
     """Every shadow ray goes back along the camera ray."""
     place: Triple = OBLIQUE.camera.position
     picture = render(floor(), lit_by(light("point", position=place)), OBLIQUE, size)

@@ -8,7 +8,7 @@ import numpy as np
 from dataset_builder.assets.asset import Material
 from dataset_builder.rendering.scene.triangle_soup import merge
 from dataset_builder.studies.stress.bench import Picture, Shot, judged, render, sigmas
-from dataset_builder.studies.stress.case import SIGMAS, Measured, Size, hard_case
+from dataset_builder.studies.stress.case import SIGMAS, CaseMeasured, Size, hard_case
 from dataset_builder.studies.stress.scenes import WIDE, ball, box, camera, floor, light, lit_by, matte, quad
 
 SKY = lit_by(light("dome"))
@@ -41,7 +41,7 @@ def beyond(picture: Picture) -> tuple[str, ...]:
 @hard_case(name="material/albedo-0", bound=0.0, figure="largest I",
            expectation="a black object sends nothing back, while its S is that of any convex one: the sky",
            failure="NaN where 0 is divided by 0: lobes are sampled in proportion to what they reflect")
-def albedo_zero(size: Size) -> Measured:
+def albedo_zero(size: Size) -> CaseMeasured:
     """Both lobes are zero. A box, since flat faces see no other: on a smooth-shaded ball facets hide a little sky."""
     picture = render(box(matte(0.0), (-1, -1, -1), (1, 1, 1), 1), SKY, Shot(camera=SEEN), size)
     inside = picture.mask > 1 - 1e-6
@@ -53,7 +53,7 @@ def albedo_zero(size: Size) -> Measured:
 @hard_case(name="material/albedo-1", bound=SIGMAS, figure="worst |z| of pixels and picture",
            expectation="a white ball under a white sky cannot be told from the sky: I = S = 1",
            failure="a ball that shows: a wrong density, a lost or doubled sample")
-def albedo_one(size: Size) -> Measured:
+def albedo_one(size: Size) -> CaseMeasured:
     """The open white furnace."""
     picture = furnace(matte(1.0), size)
     inside = picture.mask > 1 - 1e-6
@@ -63,7 +63,7 @@ def albedo_one(size: Size) -> Measured:
 @hard_case(name="material/closed-white-furnace", bound=0.01, figure=ENERGY,
            expectation="in a closed white room with a black lamp, paths of 64 edges find its radiance everywhere",
            failure="darkness in proportion to depth: paths are cut, or roulette takes more than it gives back")
-def closed_white_furnace(size: Size) -> Measured:
+def closed_white_furnace(size: Size) -> CaseMeasured:
     """Walls of albedo 1 lose nothing, so in equilibrium all that arrives anywhere is what the lamp, which absorbs all,
     sends. A path misses the lamp 63 times with a probability of 1e-4."""
     room = box(matte(1.0), (-1, -1, -1), (1, 1, 1), 1)
@@ -76,7 +76,7 @@ def closed_white_furnace(size: Size) -> Measured:
 @hard_case(name="material/white-cup", bound=0.01, figure=ENERGY,
            expectation="down in a white cup twice as deep as wide, I = S = 1 under a sky of 1",
            failure="a dark bottom: long paths are lost")
-def white_cup(size: Size) -> Measured:
+def white_cup(size: Size) -> CaseMeasured:
     """Open at the top, seen from above; light needs many bounces down."""
     cup = merge([floor(matte(1.0), half=0.5, instance=1), *(
         quad(matte(1.0), corner, along, (0, 0, 2)) for corner, along in (
@@ -93,7 +93,7 @@ def undiffuse(picture: Picture, where: np.ndarray | None = None) -> tuple[str, .
     return () if most <= 1e-6 else (f"D: expected 0, got {most:g}",)
 
 
-def metal(size: Size, roughness: float) -> Measured:
+def metal(size: Size, roughness: float) -> CaseMeasured:
     """White metal in the furnace sends back R, its tabulated reflectance, and D = 0."""
     picture = furnace(replace(MIRROR, roughness=roughness), size, max_depth=2)
     return judged(picture, kept(picture, picture.r), diffuse=False, also=(*undiffuse(picture), *beyond(picture)))
@@ -102,7 +102,7 @@ def metal(size: Size, roughness: float) -> Measured:
 @hard_case(name="material/roughness-0", bound=0.01, figure=ENERGY,
            expectation="metal of roughness 0 sends back R, all but 1% of it",
            failure="black or blazing metal: the lobe is narrower than float32 resolves")
-def roughness_zero(size: Size) -> Measured:
+def roughness_zero(size: Size) -> CaseMeasured:
     """The limit of the microfacet lobe."""
     return metal(size, 0.0)
 
@@ -110,7 +110,7 @@ def roughness_zero(size: Size) -> Measured:
 @hard_case(name="material/roughness-1e-4", bound=0.01, figure=ENERGY,
            expectation="metal of roughness 1e-4 sends back R, all but 1% of it",
            failure="as for roughness 0, or a step between the two")
-def roughness_tiny(size: Size) -> Measured:
+def roughness_tiny(size: Size) -> CaseMeasured:
     """Alpha would be 1e-8."""
     return metal(size, 1e-4)
 
@@ -118,7 +118,7 @@ def roughness_tiny(size: Size) -> Measured:
 @hard_case(name="material/roughness-1", bound=0.01, figure=ENERGY,
            expectation="metal of roughness 1 sends back R, all but 1% of it",
            failure="R that is not what the surface does: a table that differs from the lobe")
-def roughness_one(size: Size) -> Measured:
+def roughness_one(size: Size) -> CaseMeasured:
     """The widest lobe."""
     return metal(size, 1.0)
 
@@ -126,7 +126,7 @@ def roughness_one(size: Size) -> Measured:
 @hard_case(name="material/metallic-1", bound=1e-6, figure="largest D, or I not in the specular part",
            expectation="metal under a lamp has no diffuse part: D = 0, and I is all specular",
            failure="metal with a milky film")
-def metallic_one(size: Size) -> Measured:
+def metallic_one(size: Size) -> CaseMeasured:
     """Half rough gold, lamp and floor about it."""
     gold = Material(name="gold", base_color=(1.0, 0.8, 0.3), roughness=0.5, metallic=1.0)
     scene = merge([ball(gold), floor(height=-1)])
@@ -140,7 +140,7 @@ def metallic_one(size: Size) -> Measured:
 @hard_case(name="material/perfect-mirror", bound=0.01, figure="deviation from what is mirrored, relative",
            expectation="a mirror shows a sunlit wall with the wall's own radiance",
            failure="a dark or grainy mirror image: the lobe and its density disagree where both are huge")
-def perfect_mirror(size: Size) -> Measured:
+def perfect_mirror(size: Size) -> CaseMeasured:
     """The wall faces the sun: its radiance is albedo E / pi everywhere, of which the mirror reflects R."""
     ground = floor(MIRROR, instance=1)
     wall = quad(matte(0.5), (-WIDE, 3, 0), (2 * WIDE, 0, 0), (0, 0, WIDE))
@@ -151,7 +151,7 @@ def perfect_mirror(size: Size) -> Measured:
     return judged(picture, abs(float(picture.i[seen].mean() / truth) - 1), diffuse=False)
 
 
-def layered(material: Material, size: Size) -> Measured:
+def layered(material: Material, size: Size) -> CaseMeasured:
     """No more comes out than goes in, and I is D S and R of the sky."""
     picture = furnace(material, size, max_depth=2)
     return judged(picture, kept(picture, picture.d + picture.r), diffuse=False, also=beyond(picture))
@@ -160,7 +160,7 @@ def layered(material: Material, size: Size) -> Measured:
 @hard_case(name="material/coat", bound=0.01, figure=ENERGY,
            expectation="a white plastic under a clear coat sends back D + R, and no more than it gets",
            failure="varnish that glows: the coat's light is added without being taken from below")
-def coated(size: Size) -> Measured:
+def coated(size: Size) -> CaseMeasured:
     """Full weight, smooth coat over a glossy base."""
     return layered(Material(name="coat", base_color=WHITE, roughness=0.4, coat=1.0, coat_roughness=0.1), size)
 
@@ -168,7 +168,7 @@ def coated(size: Size) -> Measured:
 @hard_case(name="material/sheen", bound=0.01, figure=ENERGY,
            expectation="white cloth with a white sheen sends back D + R, and no more than it gets",
            failure="rims that glow: fibres add light at grazing angles")
-def sheened(size: Size) -> Measured:
+def sheened(size: Size) -> CaseMeasured:
     """Full sheen, the roughest and the most glancing."""
     return layered(Material(name="sheen", base_color=WHITE, specular=0.0, sheen=WHITE, sheen_roughness=0.3), size)
 
@@ -176,7 +176,7 @@ def sheened(size: Size) -> Measured:
 @hard_case(name="material/everything", bound=0.05, figure=ENERGY,
            expectation="half metal, half glass, coated and with sheen: finite, and no more than goes in",
            failure="NaN or energy out of nothing where lobes meet")
-def everything(size: Size) -> Measured:
+def everything(size: Size) -> CaseMeasured:
     """All lobes at once, at the middle of their ranges; what comes out is at most 1 and most of it."""
     mixed = Material(name="all", base_color=WHITE, roughness=0.3, metallic=0.5, transmission=0.5, coat=0.5,
                      coat_roughness=0.2, sheen=(0.5, 0.5, 0.5), sheen_roughness=0.4)

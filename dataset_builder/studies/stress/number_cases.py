@@ -11,7 +11,7 @@ from dataset_builder.shards.gates import s_prime_energy
 from dataset_builder.shards.identities import MASK, check_layers, identity_table
 from dataset_builder.spec.dataset import GatesSpec
 from dataset_builder.studies.stress.bench import Picture, Shot, judged, off_by, render
-from dataset_builder.studies.stress.case import Measured, Size, hard_case
+from dataset_builder.studies.stress.case import CaseMeasured, Size, hard_case
 from dataset_builder.studies.stress.scenes import ball, bare, camera, floor, light, lit_by, matte, standing
 
 KEY = "00000000"
@@ -36,28 +36,28 @@ def stored_wrong(values: np.ndarray, layer: str = "i_t") -> int:
 @hard_case(name="number/denormals", bound=0.0, figure=LOST,
            expectation="denormal values of either type come back from an EXR file bit by bit",
            failure="values flushed to 0: a layer's darkest parts lose their steps")
-def denormals(size: Size) -> Measured:
+def denormals(size: Size) -> CaseMeasured:
     """The smallest of float32 and of half, both zeros, and what lies between."""
     tiny = np.array([0.0, -0.0, 1e-45, 1e-40, 1.1754942e-38, 6e-8, 1.19e-7, 6.0975552e-5, 6.1035156e-5])
     kept = np.float32(1e-45) > 0
-    return Measured(figure=stored_wrong(np.concatenate([tiny, -tiny]), "normal"),
-                    wrong=() if kept else ("expected float32 arithmetic with denormals",))
+    return CaseMeasured(figure=stored_wrong(np.concatenate([tiny, -tiny]), "normal"),
+                        wrong=() if kept else ("expected float32 arithmetic with denormals",))
 
 
 @hard_case(name="number/half-range", bound=0.0, figure=LOST,
            expectation="the largest half, and all about powers of two, come back from a file as rounded",
            failure="infinite or clipped highlights")
-def half_range(size: Size) -> Measured:
+def half_range(size: Size) -> CaseMeasured:
     """Up to 65504, each power's neighbours included."""
     powers = 2.0 ** np.arange(-24, 16)
     about = [powers, powers * (1 - 2**-12), powers * (1 + 2**-11), np.array([65504.0])]
-    return Measured(figure=stored_wrong(np.concatenate(about)))
+    return CaseMeasured(figure=stored_wrong(np.concatenate(about)))
 
 
 @hard_case(name="number/all-black-layer", bound=0.0, figure="values that are not 0",
            expectation="where no light arrives, I and S are 0 in picture and file, and the energy gate says so",
            failure="NaN from 0 / 0, or a black example that is shipped")
-def all_black_layer(size: Size) -> Measured:
+def all_black_layer(size: Size) -> CaseMeasured:
     """A sun from below the floor."""
     picture = render(floor(instance=TARGET_INSTANCE), lit_by(light("sun", direction=(0, 0, 1))),
                      Shot(camera=DOWN, max_depth=2, replicas=1), size)
@@ -81,7 +81,7 @@ def checked(picture: Picture) -> list[str]:
 @hard_case(name="number/mask-of-one-pixel", bound=0.0, figure="pixels of the mask but one",
            expectation="an object that covers part of one pixel has a mask of one pixel, and layers as they should be",
            failure="an object that is lost, or broken identities: means over a handful of samples")
-def mask_of_one_pixel(size: Size) -> Measured:
+def mask_of_one_pixel(size: Size) -> CaseMeasured:
     """A chip in the middle of a pixel's footprint."""
     width = 3.2 * math.tan(math.radians(15)) * 2 / size.side
     x, y = 0.5 * width, 0.5 * width
@@ -96,7 +96,7 @@ def mask_of_one_pixel(size: Size) -> Measured:
 @hard_case(name="number/empty-mask", bound=0.0, figure="pixels of the mask",
            expectation="an object out of the frame has an empty mask, no NaN anywhere, and breaks the identity mask",
            failure="depth or normals of 0 / 0, or an example without its object that is shipped")
-def empty_mask(size: Size) -> Measured:
+def empty_mask(size: Size) -> CaseMeasured:
     """The object is behind the camera, the frame sees the floor and nothing else."""
     soup = merge([ball(matte(), centre=(0, -9, 3)), floor()])
     picture = render(soup, SUN, Shot(camera=DOWN, max_depth=2, replicas=1), size)
@@ -105,7 +105,7 @@ def empty_mask(size: Size) -> Measured:
                   also=() if broken == [MASK] else (f"expected the identity {MASK} to break, got {broken}",))
 
 
-def frame_of(size: Size, width: int, height: int) -> Measured:
+def frame_of(size: Size, width: int, height: int) -> CaseMeasured:
     """A floor in the sun, in a frame of any size: S is E cos / pi in every pixel, and the file has its shape."""
     narrow = camera((0, -1, 3), (0, 0, 0), 30 if width >= height else 30 * width / height)
     shot = Shot(camera=narrow, size=(width, height), max_depth=2, replicas=1)
@@ -122,7 +122,7 @@ FRAME = "largest deviation of S and mask, relative"
 @hard_case(name="number/image-1x1", bound=1e-5, figure=FRAME,
            expectation="a picture of one pixel shows what it should",
            failure="a crash, or pixels of another size")
-def one_pixel(size: Size) -> Measured:
+def one_pixel(size: Size) -> CaseMeasured:
     """The least picture."""
     return frame_of(size, 1, 1)
 
@@ -130,7 +130,7 @@ def one_pixel(size: Size) -> Measured:
 @hard_case(name="number/image-1x4096", bound=1e-5, figure=FRAME,
            expectation="a picture one pixel wide and 4096 high shows what it should",
            failure="rows and columns mixed up, or a field of view that is measured along the wrong side")
-def one_column(size: Size) -> Measured:
+def one_column(size: Size) -> CaseMeasured:
     """The field of view is horizontal."""
     return frame_of(size, 1, 4096)
 
@@ -138,7 +138,7 @@ def one_column(size: Size) -> Measured:
 @hard_case(name="number/image-4096x1", bound=1e-5, figure=FRAME,
            expectation="a picture 4096 pixels wide and one high shows what it should",
            failure="rows and columns mixed up")
-def one_row(size: Size) -> Measured:
+def one_row(size: Size) -> CaseMeasured:
     """The other way round."""
     return frame_of(size, 4096, 1)
 
@@ -146,7 +146,7 @@ def one_row(size: Size) -> Measured:
 @hard_case(name="number/image-37x23", bound=1e-5, figure=FRAME,
            expectation="a picture whose sides are multiples of nothing shows what it should",
            failure="missing pixels at the end of a block")
-def odd_size(size: Size) -> Measured:
+def odd_size(size: Size) -> CaseMeasured:
     """Two primes."""
     return frame_of(size, 37, 23)
 

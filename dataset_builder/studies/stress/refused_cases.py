@@ -19,7 +19,7 @@ from dataset_builder.seeding import derive_seed, rng
 from dataset_builder.shards.exr import encode
 from dataset_builder.shards.identities import check_layers, identity_table, storable
 from dataset_builder.spec.light import SourceSpec
-from dataset_builder.studies.stress.case import Measured, Size, hard_case
+from dataset_builder.studies.stress.case import CaseMeasured, Size, hard_case
 from dataset_builder.studies.stress.scenes import bare, box_mesh, light, lit_by
 
 TAKEN = "inputs that are taken, or refused without a reason"
@@ -27,7 +27,7 @@ KEY = "00000000"
 
 
 def taken(attempts: Mapping[str, Callable[[], object]], *, says: str = "expected",
-          error: type[Exception] = UserError) -> Measured:
+          error: type[Exception] = UserError) -> CaseMeasured:
     """How many of some attempts are not refused by an error whose text holds `says`; `wrong` names them."""
     wrong = []
     for name, attempt in attempts.items():
@@ -38,13 +38,13 @@ def taken(attempts: Mapping[str, Callable[[], object]], *, says: str = "expected
                 wrong.append(f"{name}: expected a reason with {says!r}, got {refusal}")
         else:
             wrong.append(f"{name}: expected to be refused, was taken")
-    return Measured(figure=len(wrong), wrong=tuple(wrong))
+    return CaseMeasured(figure=len(wrong), wrong=tuple(wrong))
 
 
 @hard_case(name="refused/no-light", bound=0.0, figure=TAKEN,
            expectation="a scene without light is refused at planning, and again before it is rendered",
            failure="an example of black layers, or a division by the lights' weights, which are 0")
-def no_light(size: Size) -> Measured:
+def no_light(size: Size) -> CaseMeasured:
     """No lights, lights of no radiance, lights that are never sampled."""
     from dataset_builder.rendering.scene.emitters import emitters
 
@@ -56,7 +56,7 @@ def no_light(size: Size) -> Measured:
     return taken(attempts)
 
 
-def textured(value: float) -> Measured:
+def textured(value: float) -> CaseMeasured:
     """One texel of each map has the value."""
     def texture(name: str) -> Texture:
         maps = {"base_color": np.full((4, 4, 3), 0.5, np.float32), "roughness": np.full((4, 4), 0.5, np.float32),
@@ -73,7 +73,7 @@ def textured(value: float) -> Measured:
 @hard_case(name="refused/texture-nan", bound=0.0, figure=TAKEN,
            expectation="a NaN in any map of a texture is refused, with the material's name",
            failure="one black or white pixel, from where NaN spreads over the picture")
-def texture_nan(size: Size) -> Measured:
+def texture_nan(size: Size) -> CaseMeasured:
     """One texel."""
     return textured(np.nan)
 
@@ -81,7 +81,7 @@ def texture_nan(size: Size) -> Measured:
 @hard_case(name="refused/texture-inf", bound=0.0, figure=TAKEN,
            expectation="an infinite texel in any map is refused, with the material's name",
            failure="an object that shines without bound")
-def texture_inf(size: Size) -> Measured:
+def texture_inf(size: Size) -> CaseMeasured:
     """One texel."""
     return textured(np.inf)
 
@@ -89,7 +89,7 @@ def texture_inf(size: Size) -> Measured:
 @hard_case(name="refused/texture-negative", bound=0.0, figure=TAKEN,
            expectation="a texel of -8 in any map is refused, with the material's name",
            failure="negative light")
-def texture_negative(size: Size) -> Measured:
+def texture_negative(size: Size) -> CaseMeasured:
     """Below the range of normals, too."""
     return textured(-8.0)
 
@@ -97,7 +97,7 @@ def texture_negative(size: Size) -> Measured:
 @hard_case(name="refused/texture-1e8", bound=0.0, figure=TAKEN,
            expectation="a texel of 1e8 in any map is refused, with the material's name",
            failure="a texel that half makes infinite, or a surface that sends back more than it gets")
-def texture_huge(size: Size) -> Measured:
+def texture_huge(size: Size) -> CaseMeasured:
     """Beyond half's range."""
     return textured(1e8)
 
@@ -105,7 +105,7 @@ def texture_huge(size: Size) -> Measured:
 @hard_case(name="refused/material", bound=0.0, figure=TAKEN,
            expectation="factors outside their range are refused, with the material's name",
            failure="a surface that sends back more than it gets, or NaN")
-def material(size: Size) -> Measured:
+def material(size: Size) -> CaseMeasured:
     """NaN, albedo above 1, negative roughness, less than no refraction."""
     plain = Material(name="painted", base_color=(1, 1, 1))
     changes: dict[str, dict[str, Any]] = {
@@ -119,7 +119,7 @@ def material(size: Size) -> Measured:
 @hard_case(name="refused/beyond-half", bound=0.0, figure=TAKEN,
            expectation="a value beyond 65504 is not stored as half: gate and encoder both say so",
            failure="Inf in a file, or a highlight that was clipped")
-def beyond_half(size: Size) -> Measured:
+def beyond_half(size: Size) -> CaseMeasured:
     """The next float32 above, and a million."""
     attempts: dict[str, Callable[[], object]] = {}
     silent = []
@@ -128,13 +128,13 @@ def beyond_half(size: Size) -> Measured:
         attempts[f"{value:g}"] = partial(encode, layer, layer="i_t", key=KEY, dtype="float16")
         silent += [] if storable({"i_t": layer}, "float16") else [f"storable: expected to tell {value:g}"]
     found = taken(attempts, says="65504")
-    return Measured(figure=found.figure + len(silent), wrong=(*found.wrong, *silent))
+    return CaseMeasured(figure=found.figure + len(silent), wrong=(*found.wrong, *silent))
 
 
 @hard_case(name="refused/layer-nan", bound=0.0, figure=TAKEN,
            expectation="a layer with one NaN, Inf or negative value is not stored: identities tell it, and the encoder",
            failure="rubbish in a shard that passes for an example")
-def layer_nan(size: Size) -> Measured:
+def layer_nan(size: Size) -> CaseMeasured:
     """The last line of defence, whatever the renderer does."""
     attempts: dict[str, Callable[[], object]] = {}
     silent = []
@@ -146,13 +146,13 @@ def layer_nan(size: Size) -> Measured:
         if not np.isfinite(value):
             attempts[f"{value:g}"] = partial(encode, layer, layer="s", key=KEY, dtype="float32")
     found = taken(attempts)
-    return Measured(figure=found.figure + len(silent), wrong=(*found.wrong, *silent))
+    return CaseMeasured(figure=found.figure + len(silent), wrong=(*found.wrong, *silent))
 
 
 @hard_case(name="refused/mesh", bound=0.0, figure=TAKEN,
            expectation="meshes of NaN, of nothing but flat faces, and too fine for memory are refused",
            failure="a crash deep inside, or hours of swapping")
-def mesh(size: Size) -> Measured:
+def mesh(size: Size) -> CaseMeasured:
     """And noise without a bound."""
     cube = box_mesh((0, 0, 0), (1, 1, 1))
     return taken({
@@ -167,7 +167,7 @@ def mesh(size: Size) -> Measured:
 @hard_case(name="refused/seed", bound=0.0, figure=TAKEN,
            expectation="seeds of more than 64 bits, and negative ones, are refused",
            failure="two seeds that give the same dataset")
-def seed(size: Size) -> Measured:
+def seed(size: Size) -> CaseMeasured:
     """2^64 and -1."""
     return taken({"2^64": lambda: derive_seed(2**64), "-1": lambda: derive_seed(-1)}, error=ValueError)
 

@@ -7,7 +7,7 @@ import numpy as np
 from dataset_builder.planning.example_plan import CameraPlan, IlluminationPlan, LightPlan
 from dataset_builder.rendering.scene.local_frame import INTENSITIES
 from dataset_builder.studies.stress.bench import Picture, Shot, judged, moved, render
-from dataset_builder.studies.stress.case import Measured, Size, hard_case
+from dataset_builder.studies.stress.case import CaseMeasured, Size, hard_case
 from dataset_builder.studies.stress.scenes import ball, camera, light, lit_by, matte, still_life
 
 SPECKLED = "share of pixels more than 1% off"
@@ -19,7 +19,7 @@ def speckled(picture: Picture, truth: Picture) -> float:
     return float(np.mean(~(off <= 0.01)))
 
 
-def elsewhere(size: Size, scale: float, offset: tuple[float, float, float]) -> Measured:
+def elsewhere(size: Size, scale: float, offset: tuple[float, float, float]) -> CaseMeasured:
     """A scene, scaled and moved in double precision, against the scene itself, both in the frame of their object."""
     shift = np.array(offset)
     lamps = (light("area", 8, position=(1.5, -2, 2), direction=(-1.5, 2, -2), size=0.8),
@@ -53,7 +53,7 @@ def _place(point: tuple[float, float, float], scale: float, shift: np.ndarray) -
 @hard_case(name="geometry/scaled-1e-3", bound=0.01, figure=SPECKLED,
            expectation="a scene a thousand times smaller gives the same picture",
            failure="self-shadow speckle and lost contact shadows: rays start further off than the scene is large")
-def scaled_down(size: Size) -> Measured:
+def scaled_down(size: Size) -> CaseMeasured:
     """Millimetres."""
     return elsewhere(size, 1e-3, (0, 0, 0))
 
@@ -61,7 +61,7 @@ def scaled_down(size: Size) -> Measured:
 @hard_case(name="geometry/scaled-1e3", bound=0.01, figure=SPECKLED,
            expectation="a scene a thousand times larger gives the same picture",
            failure="pixels that see nothing or shade themselves: clipped rays, coordinates without digits")
-def scaled_up(size: Size) -> Measured:
+def scaled_up(size: Size) -> CaseMeasured:
     """Kilometres."""
     return elsewhere(size, 1e3, (0, 0, 0))
 
@@ -69,7 +69,7 @@ def scaled_up(size: Size) -> Measured:
 @hard_case(name="geometry/moved-1e4", bound=0.01, figure=SPECKLED,
            expectation="a scene 10 km from the origin gives the same picture",
            failure="steps, cracks and speckle: float32 resolves a millimetre there")
-def moved_far(size: Size) -> Measured:
+def moved_far(size: Size) -> CaseMeasured:
     """All three axes."""
     return elsewhere(size, 1.0, (1e4, -1e4, 1e4))
 
@@ -77,7 +77,7 @@ def moved_far(size: Size) -> Measured:
 @hard_case(name="geometry/tiny-and-far", bound=0.01, figure=SPECKLED,
            expectation="a scene of a tenth, a kilometre from the origin, gives the same picture",
            failure="as for the two of which it is made, each ten thousand times worse than the other allows for")
-def tiny_and_far(size: Size) -> Measured:
+def tiny_and_far(size: Size) -> CaseMeasured:
     """Both at once."""
     return elsewhere(size, 0.1, (1e3, 1e3, -1e3))
 

@@ -4,7 +4,7 @@ import csv
 from collections.abc import Iterable
 from io import StringIO
 
-from dataset_builder.studies.stress.case import Case, Result
+from dataset_builder.studies.stress.case import Case, CaseResult
 
 COLUMNS = ("case", "expectation", "figure", "measured", "bound", "passed", "wrong", "seconds", "size", "backend")
 
@@ -17,7 +17,7 @@ def markdown(cases: Iterable[Case]) -> str:
                       "| --- | --- | --- | --- | --- |", *rows, ""])
 
 
-def comma_separated(results: Iterable[Result], *, size: str, backend: str) -> bytes:
+def comma_separated(results: Iterable[CaseResult], *, size: str, backend: str) -> bytes:
     """One row per result, columns as `COLUMNS`; passed is 1 or 0, broken laws are joined by semicolons."""
     stream = StringIO()
     writer = csv.writer(stream, lineterminator="\n")
@@ -29,7 +29,7 @@ def comma_separated(results: Iterable[Result], *, size: str, backend: str) -> by
     return stream.getvalue().encode()
 
 
-def summary(results: Iterable[Result], seconds: float) -> str:
+def summary(results: Iterable[CaseResult], seconds: float) -> str:
     """The last line of a run."""
     verdicts = [result.passed for result in results]
     passed = sum(verdicts)

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from dataset_builder.studies.stress.bench import Shot, at, judged, off_by, on_floor, render, sigmas
-from dataset_builder.studies.stress.case import SIGMAS, Measured, Size, hard_case
+from dataset_builder.studies.stress.case import SIGMAS, CaseMeasured, Size, hard_case
 from dataset_builder.studies.stress.number_cases import DOWN, S_OF_FLOOR, SUN
 from dataset_builder.studies.stress.scenes import floor, light, lit_by
 
 
-def seeded(size: Size, seed: int) -> Measured:
+def seeded(size: Size, seed: int) -> CaseMeasured:
     """S under a ball light against its formula; repeated, the same bits; with the next seed, others."""
     shots = [Shot(camera=DOWN, max_depth=2, seed=each) for each in (seed, seed, (seed + 1) % 2**64)]
     lamp = lit_by(light("sphere", 4.0, position=(0, 1, 1), size=0.5))
@@ -28,7 +28,7 @@ def seeded(size: Size, seed: int) -> Measured:
 @hard_case(name="number/seed-0", bound=SIGMAS, figure="worst |z| of pixels and picture",
            expectation="seed 0 is a seed like any other: right on average, repeatable, unlike its neighbour",
            failure="a generator that stands still, so that all pixels err alike")
-def seed_zero(size: Size) -> Measured:
+def seed_zero(size: Size) -> CaseMeasured:
     """Generators that multiply dislike it."""
     return seeded(size, 0)
 
@@ -36,7 +36,7 @@ def seed_zero(size: Size) -> Measured:
 @hard_case(name="number/seed-2^64-1", bound=SIGMAS, figure="worst |z| of pixels and picture",
            expectation="the largest seed is a seed like any other",
            failure="an overflow, or the same picture as for another seed: only half of the bits are used")
-def seed_largest(size: Size) -> Measured:
+def seed_largest(size: Size) -> CaseMeasured:
     """All bits set; its neighbour is 0."""
     return seeded(size, 2**64 - 1)
 
@@ -68,23 +68,23 @@ def long_mean(function: Callable[[Any], Any], size: Size) -> float:
 @hard_case(name="number/long-sum", bound=DRIFT, figure=AGAINST_DOUBLE,
            expectation="the mean of a million equal samples (65 thousand in a small run) is that of a sum in double",
            failure="drift: a float32 sum grows by rounded steps, all in the same direction")
-def long_sum(size: Size) -> Measured:
+def long_sum(size: Size) -> CaseMeasured:
     """A tenth, which float32 cannot hold."""
-    return Measured(figure=long_mean(lambda x: 0.1 + (x - x), size))
+    return CaseMeasured(figure=long_mean(lambda x: 0.1 + (x - x), size))
 
 
 @hard_case(name="number/long-sum-of-unlike", bound=DRIFT, figure=AGAINST_DOUBLE,
            expectation="so is the mean of samples between 0 and 2000, most of them small",
            failure="small samples that are lost beside a large sum")
-def long_sum_of_unlike(size: Size) -> Measured:
+def long_sum_of_unlike(size: Size) -> CaseMeasured:
     """2000 x^9 over the pixel."""
-    return Measured(figure=long_mean(lambda x: 2000 * x**9, size))
+    return CaseMeasured(figure=long_mean(lambda x: 2000 * x**9, size))
 
 
 @hard_case(name="number/long-render", bound=DRIFT, figure="deviation of S from E cos / pi, relative",
            expectation="a pixel in the sun has its value after a million samples, too (65 thousand in a small run)",
            failure="drift of the sums in a pass")
-def long_render(size: Size) -> Measured:
+def long_render(size: Size) -> CaseMeasured:
     """All samples are equal, so the sum is known."""
     shot = Shot(camera=DOWN, size=(2, 1), max_depth=2, replicas=1, spp=size.long, batches=64)
     picture = render(floor(), SUN, shot, size)

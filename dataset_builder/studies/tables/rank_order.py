@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from itertools import combinations
 from typing import Literal
 
-from dataset_builder.lightnet.results.clustered_means import Estimate
+from dataset_builder.lightnet.results.clustered_means import ClusteredMean
 from dataset_builder.studies.tables.paper import Printed
 
 Better = Literal["low", "high"]
@@ -28,7 +28,7 @@ class Pair:
     better: str
     worse: str
     printed: float
-    gain: Estimate
+    gain: ClusteredMean
     altered: bool
 
     @property

@@ -7,19 +7,19 @@ from statistics import fmean, stdev
 from typing import Any
 
 from dataset_builder.lightnet.measures.metrics import METRICS, Metric
-from dataset_builder.lightnet.results.clustered_means import Estimate, estimate, reach
-from dataset_builder.lightnet.results.evaluate import Row
+from dataset_builder.lightnet.results.clustered_means import ClusteredMean, estimate, reach
+from dataset_builder.lightnet.results.evaluate import ScoreRow
 from dataset_builder.studies.tables.rank_order import Order, Pair, printed_pairs
 from dataset_builder.studies.tables.row import Group, Table, TableRow
 from dataset_builder.studies.tables.variants import NO_WEIGHTS
 
 
 @dataclass(frozen=True, kw_only=True)
-class Result:
+class RowResult:
     """One row measured. scores: rows of every seed, examples in the same order. facts: what its trainings said."""
 
     row: TableRow
-    scores: tuple[tuple[Row, ...], ...]
+    scores: tuple[tuple[ScoreRow, ...], ...]
     facts: dict[str, Any]
 
     @property
@@ -33,7 +33,7 @@ class Result:
         off = [NO_WEIGHTS if text.startswith("fr ") else text for text in self.facts.get("off", [])]
         return "; ".join([*([self.row.note] if self.row.note else []), *off])
 
-    def mean(self, metric: str) -> Estimate:
+    def mean(self, metric: str) -> ClusteredMean:
         """Mean of a metric, with its error."""
         return over_seeds([values(rows, metric) for rows in self.scores], objects(self.scores[0]))
 
@@ -42,23 +42,23 @@ class Result:
         means = [fmean(values(rows, metric)) for rows in self.scores]
         return stdev(means) if len(means) > 1 else nan
 
-    def less(self, other: "Result", metric: str) -> Estimate:
+    def less(self, other: "RowResult", metric: str) -> ClusteredMean:
         """Mean of a metric less the other's, example by example and seed by seed."""
         return over_seeds([[one - two for one, two in zip(values(mine, metric), values(theirs, metric), strict=True)]
                            for mine, theirs in _beside(self.scores, other.scores)], objects(self.scores[0]))
 
 
-def values(rows: Sequence[Row], metric: str) -> list[float]:
+def values(rows: Sequence[ScoreRow], metric: str) -> list[float]:
     """A metric of every row."""
     return [getattr(row.metrics, metric) for row in rows]
 
 
-def objects(rows: Sequence[Row]) -> list[str]:
+def objects(rows: Sequence[ScoreRow]) -> list[str]:
     """The object of every row."""
     return [row.object for row in rows]
 
 
-def over_seeds(by_seed: Sequence[Sequence[float]], clusters: Sequence[str]) -> Estimate:
+def over_seeds(by_seed: Sequence[Sequence[float]], clusters: Sequence[str]) -> ClusteredMean:
     """Mean over examples of values that were measured with each of K seeds.
 
     The variance over objects, of each example's mean over seeds, and that of the mean over K seeds add up: neither
@@ -74,7 +74,7 @@ def over_seeds(by_seed: Sequence[Sequence[float]], clusters: Sequence[str]) -> E
                    half_width=hypot(found.half_width, reach(len(by_seed) - 1) * between))
 
 
-def orders(table: Table, results: Sequence[Result]) -> list[Order]:
+def orders(table: Table, results: Sequence[RowResult]) -> list[Order]:
     """For every metric the pairs of every group of rows that the paper compares; none where it prints no numbers."""
     found = [Order(metric=metric.name, pairs=tuple(pair for group in table.groups
                                                    for pair in _pairs(group, table, results, metric)))
@@ -82,7 +82,7 @@ def orders(table: Table, results: Sequence[Result]) -> list[Order]:
     return [order for order in found if order.pairs]
 
 
-def _pairs(group: Group, table: Table, results: Sequence[Result], metric: Metric) -> list[Pair]:
+def _pairs(group: Group, table: Table, results: Sequence[RowResult], metric: Metric) -> list[Pair]:
     by_name = {result.row.name: result for result in results}
     printed = {name: numbers for name in group.rows if name in by_name and (numbers := table.row(name).printed)}
     pairs = []
@@ -94,8 +94,8 @@ def _pairs(group: Group, table: Table, results: Sequence[Result], metric: Metric
     return pairs
 
 
-def _beside(mine: Sequence[tuple[Row, ...]], theirs: Sequence[tuple[Row, ...]]) \
-        -> list[tuple[tuple[Row, ...], tuple[Row, ...]]]:
+def _beside(mine: Sequence[tuple[ScoreRow, ...]], theirs: Sequence[tuple[ScoreRow, ...]]) \
+        -> list[tuple[tuple[ScoreRow, ...], tuple[ScoreRow, ...]]]:
     """Seeds of two rows beside each other; what learns nothing has one for all."""
     count = max(len(mine), len(theirs))
     first, second = ([*scores] if len(scores) == count else [*scores] * count for scores in (mine, theirs))

@@ -7,7 +7,7 @@ from dataset_builder.files import write_atomic
 from dataset_builder.lightnet.measures.metrics import METRICS
 from dataset_builder.studies.comma_separated import comma_separated
 from dataset_builder.studies.tables.rank_order import Pair
-from dataset_builder.studies.tables.result import Result, orders
+from dataset_builder.studies.tables.result import RowResult, orders
 from dataset_builder.studies.tables.row import Table
 
 TABLE_COLUMNS = ("row", "title", "note", "seeds", "examples", "objects", "steps", "parameters", "seconds_per_step",
@@ -16,14 +16,14 @@ PAIR_COLUMNS = ("group", "metric", "better_in_paper", "worse_in_paper", "printed
                 "half_width", "verdict", "altered")
 
 
-def write_files(table: Table, results: Sequence[Result], folder: Path) -> None:
+def write_files(table: Table, results: Sequence[RowResult], folder: Path) -> None:
     """Write both. Raises OutputError."""
     pairs = [pair for order in orders(table, results) for pair in order.pairs]
     write_atomic(folder / "table.csv", comma_separated(TABLE_COLUMNS, map(_line, results)))
     write_atomic(folder / "pairs.csv", comma_separated(PAIR_COLUMNS, map(_pair_line, pairs)))
 
 
-def _line(result: Result) -> list[object]:
+def _line(result: RowResult) -> list[object]:
     means = {metric.name: result.mean(metric.name) for metric in METRICS}
     cells: list[object] = [result.row.name, result.row.title, result.note, len(result.scores), means["psnr"].examples,
                            means["psnr"].objects, result.row.spec.steps if result.row.spec else "",

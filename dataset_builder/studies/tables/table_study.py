@@ -9,14 +9,14 @@ from dataset_builder.digest import digest
 from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
 from dataset_builder.lightnet.methods.checkpoint import load_trained
 from dataset_builder.lightnet.methods.vgg import check_file
-from dataset_builder.lightnet.results.evaluate import Contender, Row, contender, evaluate, trivial
+from dataset_builder.lightnet.results.evaluate import Contender, ScoreRow, contender, evaluate, trivial
 from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.lightnet.training.events import Event
-from dataset_builder.lightnet.training.fit import LAST, Job
+from dataset_builder.lightnet.training.fit import LAST, TrainingJob
 from dataset_builder.shards.reader import load_manifest
 from dataset_builder.studies.derived import changed, settings_of
 from dataset_builder.studies.scores import read_scores, write_scores
-from dataset_builder.studies.tables.result import Result
+from dataset_builder.studies.tables.result import RowResult
 from dataset_builder.studies.tables.row import Table, TableRow
 from dataset_builder.studies.trainings import SCORES, about, claim, read_facts, train
 
@@ -41,7 +41,7 @@ class TableStudy:
 
 
 @dataclass(frozen=True, kw_only=True)
-class News:
+class RowNews:
     """What a training said. number: of `count` trainings, from 1."""
 
     row: TableRow
@@ -52,19 +52,19 @@ class News:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Measured:
+class RowMeasured:
     """A row with one seed is done; kept: an earlier run had done it."""
 
     row: TableRow
     seed: int
     number: int
     count: int
-    scores: tuple[Row, ...]
+    scores: tuple[ScoreRow, ...]
     facts: dict[str, Any]
     kept: bool
 
 
-def run(study: TableStudy) -> Iterator[News | Measured]:
+def run(study: TableStudy) -> Iterator[RowNews | RowMeasured]:
     """Train and measure what is missing, row by row and seed by seed; an interrupted study goes on where it ended.
 
     Raises UserError as `lightnet.fit.fit` does, and where the dataset lacks what is needed.
@@ -78,10 +78,10 @@ def run(study: TableStudy) -> Iterator[News | Measured]:
         if not (kept := about(job.out, identity) and bool(read_scores(job.out / SCORES))):
             claim(job.out, identity)
             for event in () if row.spec is None else train(job):
-                yield News(row=row, seed=seed, number=number, count=len(work), event=event)
+                yield RowNews(row=row, seed=seed, number=number, count=len(work), event=event)
             write_scores(_measure(study, row, job), job.out / SCORES)
-        yield Measured(row=row, seed=seed, number=number, count=len(work), scores=read_scores(job.out / SCORES),
-                       facts=read_facts(job.out), kept=kept)
+        yield RowMeasured(row=row, seed=seed, number=number, count=len(work), scores=read_scores(job.out / SCORES),
+                          facts=read_facts(job.out), kept=kept)
 
 
 def seeds_of(study: TableStudy, row: TableRow) -> tuple[int, ...]:
@@ -89,20 +89,20 @@ def seeds_of(study: TableStudy, row: TableRow) -> tuple[int, ...]:
     return tuple(study.base.seed + number for number in range(1 if row.spec is None else study.seeds))
 
 
-def results(table: Table, measured: list[Measured]) -> list[Result]:
+def results(table: Table, measured: list[RowMeasured]) -> list[RowResult]:
     """Rows of which every seed is done, in the table's order."""
     found = {row.name: [one for one in measured if one.row.name == row.name] for row in table.rows}
-    return [Result(row=table.row(name), scores=tuple(one.scores for one in done), facts=done[-1].facts)
+    return [RowResult(row=table.row(name), scores=tuple(one.scores for one in done), facts=done[-1].facts)
             for name, done in found.items() if done]
 
 
-def _job(study: TableStudy, row: TableRow, seed: int) -> Job:
+def _job(study: TableStudy, row: TableRow, seed: int) -> TrainingJob:
     spec = changed(row.spec or study.base, seed=seed)
-    return Job(dataset=study.dataset, out=study.out / row.name / f"seed-{seed}", spec=spec,
-               vgg_weights=study.vgg_weights, device=study.device)
+    return TrainingJob(dataset=study.dataset, out=study.out / row.name / f"seed-{seed}", spec=spec,
+                       vgg_weights=study.vgg_weights, device=study.device)
 
 
-def _identity(study: TableStudy, row: TableRow, job: Job) -> str:
+def _identity(study: TableStudy, row: TableRow, job: TrainingJob) -> str:
     """What a row's results depend on."""
     if row.spec is not None:
         return job.identity()
@@ -110,13 +110,13 @@ def _identity(study: TableStudy, row: TableRow, job: Job) -> str:
     return digest({"formula": row.name, "data": study.base.data.model_dump(mode="json"), "shards": shards})
 
 
-def _measure(study: TableStudy, row: TableRow, job: Job) -> tuple[Row, ...]:
+def _measure(study: TableStudy, row: TableRow, job: TrainingJob) -> tuple[ScoreRow, ...]:
     """Every held-out example. The last weights, not the best ones: those were chosen by what is measured here."""
     held_out = LightingDataset(study.dataset, job.spec.data.held_out, job.spec.data)
     return tuple(evaluate([_contender(row, job)], held_out, range(len(held_out))))
 
 
-def _contender(row: TableRow, job: Job) -> Contender:
+def _contender(row: TableRow, job: TrainingJob) -> Contender:
     if row.spec is None:
         return next(one for one in trivial() if one.name == row.name)
     return contender(row.name, load_trained(job.out / LAST, job.device))

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from dataset_builder.geometry.harmonics import basis
-from dataset_builder.lightnet.data.assemble import Part, Shape, assemble, batch_of, fill, planes_of
+from dataset_builder.lightnet.data.assemble import ExamplePart, Shape, assemble, batch_of, fill, planes_of
 from dataset_builder.lightnet.data.augment import (
     STILL,
     Variation,
@@ -24,7 +24,7 @@ HEIGHT, WIDTH = 20, 26
 SPEC = DataSpec(crop=16)
 
 
-def part(seed: int = 0, *, spec_is_zero: bool = False) -> Part:
+def part(seed: int = 0, *, spec_is_zero: bool = False) -> ExamplePart:
     """An example with s_prime = S and I_t = D S + spec in whole numbers over powers of two: sums have no rounding."""
     stream = rng(seed, "part")
 
@@ -36,11 +36,11 @@ def part(seed: int = 0, *, spec_is_zero: bool = False) -> Part:
     inside[4, 6] = inside[14, 16] = True
     d, s, spec = colours(64), colours(128), colours(32) * (not spec_is_zero)
     layers = {"i_s": colours(64), "d": d, "r": colours(8), "i_t": d * s + spec, "s_prime": s}
-    return Part(key="00000007", layers=[(name, planes_of(picture)) for name, picture in layers.items()], inside=inside,
-                exposure=0.5, source_exposure=2.0, lighting=stream.normal(size=(3, 9)))
+    return ExamplePart(key="00000007", layers=[(name, planes_of(picture)) for name, picture in layers.items()],
+                       inside=inside, exposure=0.5, source_exposure=2.0, lighting=stream.normal(size=(3, 9)))
 
 
-def batch(one: Part, variation: Variation, window: Window) -> Batch:
+def batch(one: ExamplePart, variation: Variation, window: Window) -> Batch:
     """The batch of one example."""
     return assemble([(one, variation, window)], Shape(count=1, height=window.height, width=window.width))
 

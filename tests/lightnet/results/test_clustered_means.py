@@ -7,14 +7,15 @@ import pytest
 
 from dataset_builder.lightnet.measures.metrics import METRICS, Metrics
 from dataset_builder.lightnet.results.clustered_means import Paired, chosen, compare, estimate, methods, summarise
-from dataset_builder.lightnet.results.evaluate import Row
+from dataset_builder.lightnet.results.evaluate import ScoreRow
 from dataset_builder.seeding import rng
 
 
-def row(method: str, index: int, psnr: float, *, thing: str = "", l1: float = 0.1, seconds: float = 1.0) -> Row:
+def row(method: str, index: int, psnr: float, *, thing: str = "", l1: float = 0.1, seconds: float = 1.0) -> ScoreRow:
     """A row whose other figures do not matter."""
-    return Row(method=method, key=f"{index:08d}", view=f"evaluation/{index:06d}", object=thing or f"object-{index}",
-               room="room", level=0, sigma=0.004, seconds=seconds, metrics=Metrics(l1=l1, psnr=psnr, ssim=0.5, lab=0.2))
+    return ScoreRow(method=method, key=f"{index:08d}", view=f"evaluation/{index:06d}",
+                    object=thing or f"object-{index}", room="room", level=0, sigma=0.004, seconds=seconds,
+                    metrics=Metrics(l1=l1, psnr=psnr, ssim=0.5, lab=0.2))
 
 
 def by_metric(found: list[Paired], name: str) -> Paired:

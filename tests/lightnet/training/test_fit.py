@@ -17,7 +17,7 @@ from dataset_builder.lightnet.methods.lightnet import LighTNet
 from dataset_builder.lightnet.methods.method import Loss
 from dataset_builder.lightnet.settings import load_training
 from dataset_builder.lightnet.training.events import Checked, Event, Finished, Started, Stepped
-from dataset_builder.lightnet.training.fit import Job, fit
+from dataset_builder.lightnet.training.fit import TrainingJob, fit
 from tests.lightnet.formula_method import write_checkpoint
 from tests.lightnet.synthetic import write_synthetic
 
@@ -30,11 +30,11 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_synthetic(tmp_path_factory.mktemp("data") / "set", levels=2)
 
 
-def job(dataset: Path, out: Path, *overrides: str) -> Job:
-    return Job(dataset=dataset, out=out, spec=load_training(None, [*TINY, *overrides]), device="cpu")
+def job(dataset: Path, out: Path, *overrides: str) -> TrainingJob:
+    return TrainingJob(dataset=dataset, out=out, spec=load_training(None, [*TINY, *overrides]), device="cpu")
 
 
-def run(job: Job) -> list[Event]:
+def run(job: TrainingJob) -> list[Event]:
     return list(fit(job))
 
 
@@ -43,7 +43,7 @@ def one(events: list[Event], kind: type[Event]) -> Event:
     return found
 
 
-def weights(job: Job, name: str = "last.pt") -> dict[str, torch.Tensor]:
+def weights(job: TrainingJob, name: str = "last.pt") -> dict[str, torch.Tensor]:
     return load_state(job.out / name)["method"]
 
 

@@ -9,8 +9,8 @@ from dataset_builder.assets.asset import Material, Texture
 from dataset_builder.assets.glass_kinds import roughness_range
 from dataset_builder.planning.effects.materials_used import MaterialUse
 from dataset_builder.planning.effects.path_depth import (
-    LEAST,
-    MOST,
+    MAX_DEPTH,
+    MIN_DEPTH,
     PANE_CROSSINGS,
     SOLID_CROSSINGS,
     crossings,
@@ -33,17 +33,17 @@ def use(scattered: float, **more: object) -> MaterialUse:
 @given(share=SHARES, bias=BIASES)
 def test_the_bound_holds_and_no_shorter_path_keeps_it(share: float, bias: float) -> None:
     depth = needed_depth(share, bias)
-    if depth <= MOST:
+    if depth <= MAX_DEPTH:
         assert share ** (depth - 1) <= bias
     else:
-        assert share ** (MOST - 1) > bias
-    assert depth == 2 or share ** (min(depth, MOST + 1) - 2) > bias
+        assert share ** (MAX_DEPTH - 1) > bias
+    assert depth == 2 or share ** (min(depth, MAX_DEPTH + 1) - 2) > bias
 
 
 @given(share=SHARES, bias=BIASES)
 def test_planned_depths_keep_the_bias_or_say_that_they_are_cut(share: float, bias: float) -> None:
     found = path_depth("auto", bias, [use(0.0), use(share)], CLEAR, 5.0)
-    assert LEAST <= found.depth <= MOST
+    assert MIN_DEPTH <= found.depth <= MAX_DEPTH
     assert found.left_out == pytest.approx(share ** (found.depth - 1))
     assert (found.left_out <= bias) or "cut at 64" in found.reason
 
@@ -51,8 +51,8 @@ def test_planned_depths_keep_the_bias_or_say_that_they_are_cut(share: float, bia
 def test_worked_by_hand() -> None:
     """0.5^4 = 0.0625, 0.5^5 = 0.03125."""
     assert path_depth("auto", 0.05, [use(0.5)], CLEAR, 5.0).depth == 6
-    assert path_depth("auto", 0.05, [use(0.01)], CLEAR, 5.0).depth == LEAST
-    assert path_depth("auto", 0.05, [use(1.0)], CLEAR, 5.0).depth == MOST
+    assert path_depth("auto", 0.05, [use(0.01)], CLEAR, 5.0).depth == MIN_DEPTH
+    assert path_depth("auto", 0.05, [use(1.0)], CLEAR, 5.0).depth == MAX_DEPTH
 
 
 @pytest.mark.parametrize(("glass", "extra"), [

@@ -13,7 +13,7 @@ from dataset_builder.planning.plan import Planner
 from dataset_builder.planning.scene import assets_of_plan
 from dataset_builder.planning.scene.assets_of_plan import asset_of, room_parts, world_from_object
 from dataset_builder.planning.scene.contents import contents
-from dataset_builder.planning.view.visibility import Frame, look
+from dataset_builder.planning.view.visibility import Pinhole, look
 from dataset_builder.spec.loaded import LoadedSpec
 from dataset_builder.spec.mesh_source import companions, mesh_source
 
@@ -74,10 +74,10 @@ def test_embedded_furniture_in_embedded_rooms_is_seen_as_planned(load: Callable[
     loaded = load()
     planner = Planner(loaded)
     for ref in planner.examples[:12:4]:
-        plan, stage = planner.example(ref), planner.stage(ref.view.pair)
+        plan, arrangement = planner.example(ref), planner.arrangement(ref.view.pair)
         assert set(room_parts(plan.room)) == {"floor", "walls", "ceiling"}
-        frame = Frame(position=np.array(plan.camera.position), target=np.array(plan.camera.target), fov=plan.camera.fov,
-                      aspect=1.0)
-        sight = look(stage, frame, grid=160)
+        frame = Pinhole(position=np.array(plan.camera.position), target=np.array(plan.camera.target),
+                        fov=plan.camera.fov, aspect=1.0)
+        sight = look(arrangement, frame, grid=160)
         assert sight.coverage == pytest.approx(plan.camera.coverage, rel=0.1)
         assert sight.visibility == pytest.approx(plan.camera.visibility, abs=0.05)

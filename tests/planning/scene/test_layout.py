@@ -7,7 +7,7 @@ import pytest
 
 from dataset_builder.errors import PlanError
 from dataset_builder.planning.example_plan import RoomPlan
-from dataset_builder.planning.scene.footprint import Extent, Footprint, footprint, overlap
+from dataset_builder.planning.scene.footprint import Box, Footprint, footprint, overlap
 from dataset_builder.planning.scene.layout import Layout, Piece, Place, front_zone, lay_out
 from dataset_builder.seeding import rng
 
@@ -17,7 +17,7 @@ RoomOf = Callable[..., RoomPlan]
 def piece(name: str, size: tuple[float, float, float], place: Place, seed: int, shift: float = 0.0) -> Piece:
     low = (shift - size[0] / 2, -size[1] / 2, 0.0)
     high = (shift + size[0] / 2, size[1] / 2, size[2])
-    return Piece(name=name, extent=Extent(low=low, high=high), place=place, rng=partial(rng, seed, name))
+    return Piece(name=name, extent=Box(low=low, high=high), place=place, rng=partial(rng, seed, name))
 
 
 def crowd(seed: int) -> list[Piece]:
@@ -118,7 +118,7 @@ def test_a_piece_more_moves_none_that_was_placed_before_it(room_of: RoomOf) -> N
 
 
 def test_footprints_turn_about_the_base_point() -> None:
-    extent = Extent(low=(0.0, 0.0, 0.0), high=(2.0, 1.0, 1.0))
+    extent = Box(low=(0.0, 0.0, 0.0), high=(2.0, 1.0, 1.0))
     box = footprint(extent, (10.0, 0.0, 0.0), 90.0)
     assert box.centre == pytest.approx((9.5, 1.0))
     assert sorted(map(tuple, box.corners().round(9).tolist())) == [(9.0, 0.0), (9.0, 2.0), (10.0, 0.0), (10.0, 2.0)]

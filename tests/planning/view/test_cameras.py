@@ -7,14 +7,14 @@ import pytest
 
 from dataset_builder.errors import PlanError
 from dataset_builder.planning.example_plan import CameraPlan, RoomPlan
-from dataset_builder.planning.scene.arrangement import Stage
+from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.planning.view.cameras import place_camera, towards
-from dataset_builder.planning.view.visibility import Frame, look, silhouette_area, window_share
+from dataset_builder.planning.view.visibility import Pinhole, look, silhouette_area, window_share
 from dataset_builder.seeding import rng
 from dataset_builder.spec.camera import CameraSpec
 from dataset_builder.spec.render import ImageSpec
 
-BoxStage = Callable[..., Stage]
+BoxStage = Callable[..., Arrangement]
 CHAIR = ((-0.3, -0.25, 0.0), (0.3, 0.25, 0.9))
 AROUND = {"azimuth": {"uniform": [-180, 180]}, "elevation": {"uniform": [5, 40]}, "fov": {"uniform": [35, 60]}}
 
@@ -23,35 +23,36 @@ def camera_spec(**more: Any) -> CameraSpec:
     return CameraSpec.model_validate(AROUND | more)
 
 
-def frame_of(camera: CameraPlan, image: ImageSpec) -> Frame:
-    return Frame(position=np.array(camera.position), target=np.array(camera.target), fov=camera.fov,
-                 aspect=image.height / image.width)
+def frame_of(camera: CameraPlan, image: ImageSpec) -> Pinhole:
+    return Pinhole(position=np.array(camera.position), target=np.array(camera.target), fov=camera.fov,
+                   aspect=image.height / image.width)
 
 
 @pytest.mark.parametrize("size", [(160, 120), (96, 192), (64, 64)])
-def test_cameras_keep_every_bound_when_measured_again_finely(size: tuple[int, int], box_stage: BoxStage) -> None:
-    stage, image = box_stage(CHAIR, (((0.6, -0.3, 0.0), (1.1, 0.4, 1.2)),)), ImageSpec(width=size[0], height=size[1])
+def test_cameras_keep_every_bound_when_measured_again_finely(size: tuple[int, int], box_arrangement: BoxStage) -> None:
+    arrangement, image = box_arrangement(CHAIR, (((0.6, -0.3, 0.0),
+                                                  (1.1, 0.4, 1.2)),)), ImageSpec(width=size[0], height=size[1])
     spec = camera_spec(coverage=(0.1, 0.4), visibility=0.7, clearance=0.2)
     for k in range(12):
-        camera = place_camera(stage, spec, image, rng(1, "camera", k), "").camera
-        sight = look(stage, frame_of(camera, image), grid=192)
+        camera = place_camera(arrangement, spec, image, rng(1, "camera", k), "").camera
+        sight = look(arrangement, frame_of(camera, image), grid=192)
         assert sight.coverage == pytest.approx(camera.coverage, rel=0.08)
         assert 0.1 * 0.95 <= sight.coverage <= 0.4 * 1.05 and sight.visibility >= 0.7 - 0.03
-        low, high = stage.room_bounds
+        low, high = arrangement.room_bounds
         assert (camera.position > low).all() and (camera.position < high).all()
-        assert stage.everything.distance(np.array([camera.position]))[0] >= 0.2 - 1e-5
+        assert arrangement.everything.distance(np.array([camera.position]))[0] >= 0.2 - 1e-5
 
 
-def test_coverages_fill_the_range(box_stage: BoxStage, room_of: Callable[..., RoomPlan]) -> None:
-    stage = box_stage(CHAIR, room=room_of(20.0, 20.0, 15.0))
-    drawn = [place_camera(stage, camera_spec(coverage=(0.05, 0.35)), ImageSpec(), rng(2, k), "").camera.coverage
+def test_coverages_fill_the_range(box_arrangement: BoxStage, room_of: Callable[..., RoomPlan]) -> None:
+    arrangement = box_arrangement(CHAIR, room=room_of(20.0, 20.0, 15.0))
+    drawn = [place_camera(arrangement, camera_spec(coverage=(0.05, 0.35)), ImageSpec(), rng(2, k), "").camera.coverage
              for k in range(40)]
     assert min(drawn) < 0.1 and max(drawn) > 0.3 and np.mean(drawn) == pytest.approx(0.2, abs=0.05)
 
 
-def test_azimuth_zero_is_in_front_of_a_turned_object(box_stage: BoxStage) -> None:
+def test_azimuth_zero_is_in_front_of_a_turned_object(box_arrangement: BoxStage) -> None:
     spec = CameraSpec.model_validate({"azimuth": 0, "elevation": 10, "fov": 40})
-    camera = place_camera(box_stage(CHAIR, yaw=90.0), spec, ImageSpec(), rng(0), "").camera
+    camera = place_camera(box_arrangement(CHAIR, yaw=90.0), spec, ImageSpec(), rng(0), "").camera
     assert camera.position[0] > 0.8 and abs(camera.position[1]) < 1e-6
 
 
@@ -60,63 +61,64 @@ def test_directions() -> None:
     assert towards(123, 90) == pytest.approx([0, 0, 1])
 
 
-def test_a_room_too_small_for_the_coverage_says_so(box_stage: BoxStage, room_of: Callable[..., RoomPlan]) -> None:
-    stage = box_stage(((-1.2, -1.2, 0.0), (1.2, 1.2, 1.5)), room=room_of(3.0, 3.0, 2.5))
+def test_a_room_too_small_for_the_coverage_says_so(box_arrangement: BoxStage, room_of: Callable[..., RoomPlan]) -> None:
+    arrangement = box_arrangement(((-1.2, -1.2, 0.0), (1.2, 1.2, 1.5)), room=room_of(3.0, 3.0, 2.5))
     with pytest.raises(PlanError, match=r"none in 200 draws: \d+ outside the room at any coverage") as caught:
-        place_camera(stage, camera_spec(coverage=(0.05, 0.1)), ImageSpec(), rng(0), "train/000001 (bed)")
+        place_camera(arrangement, camera_spec(coverage=(0.05, 0.1)), ImageSpec(), rng(0), "train/000001 (bed)")
     assert "widen `fov`" in str(caught.value) and str(caught.value).startswith("train/000001 (bed): camera")
 
 
-def test_an_object_in_a_closed_box_can_never_be_seen(box_stage: BoxStage) -> None:
-    stage = box_stage(CHAIR, (((-0.4, -0.4, -0.01), (0.4, 0.4, 1.0)),))
+def test_an_object_in_a_closed_box_can_never_be_seen(box_arrangement: BoxStage) -> None:
+    arrangement = box_arrangement(CHAIR, (((-0.4, -0.4, -0.01), (0.4, 0.4, 1.0)),))
     with pytest.raises(PlanError, match="hidden or cut by the frame") as caught:
-        place_camera(stage, camera_spec(attempts=40), ImageSpec(), rng(0), "")
+        place_camera(arrangement, camera_spec(attempts=40), ImageSpec(), rng(0), "")
     assert "camera.visibility" in str(caught.value) and "in 40 draws" in str(caught.value)
 
 
-def test_an_object_of_which_nothing_is_seen_is_refused_even_where_no_share_is_asked(box_stage: BoxStage) -> None:
-    stage = box_stage(CHAIR, (((-0.4, -0.4, -0.01), (0.4, 0.4, 1.0)),))
+def test_an_object_of_which_nothing_is_seen_is_refused_even_where_no_share_is_asked(box_arrangement: BoxStage) -> None:
+    arrangement = box_arrangement(CHAIR, (((-0.4, -0.4, -0.01), (0.4, 0.4, 1.0)),))
     with pytest.raises(PlanError, match="hidden or cut by the frame"):
-        place_camera(stage, camera_spec(attempts=20, visibility=0, coverage=(0, 0.5)), ImageSpec(), rng(0), "")
+        place_camera(arrangement, camera_spec(attempts=20, visibility=0, coverage=(0, 0.5)), ImageSpec(), rng(0), "")
 
 
-def test_clearance_that_no_place_has_says_so(box_stage: BoxStage) -> None:
+def test_clearance_that_no_place_has_says_so(box_arrangement: BoxStage) -> None:
     with pytest.raises(PlanError, match=r"clearance >= 1\.5 m"):
-        place_camera(box_stage(CHAIR), camera_spec(clearance=1.5, attempts=30), ImageSpec(), rng(0), "")
+        place_camera(box_arrangement(CHAIR), camera_spec(clearance=1.5, attempts=30), ImageSpec(), rng(0), "")
 
 
-def test_a_square_in_front_covers_what_geometry_says(box_stage: BoxStage) -> None:
+def test_a_square_in_front_covers_what_geometry_says(box_arrangement: BoxStage) -> None:
     """A thin unit square, 2 m away, in a frame of 90 degrees: 1 / 16 of a square frame, 1 / 8 of one half as high."""
-    stage = box_stage(((-0.5, -1e-3, 0.5), (0.5, 1e-3, 1.5)), closed=False)
+    arrangement = box_arrangement(((-0.5, -1e-3, 0.5), (0.5, 1e-3, 1.5)), closed=False)
     for aspect, share in ((1.0, 1 / 16), (0.5, 1 / 8)):
-        frame = Frame(position=np.array([0.0, -2.001, 1.0]), target=np.array([0.0, 0.0, 1.0]), fov=90.0, aspect=aspect)
-        sight = look(stage, frame, grid=192)
+        frame = Pinhole(position=np.array([0.0, -2.001, 1.0]), target=np.array([0.0, 0.0, 1.0]), fov=90.0,
+                        aspect=aspect)
+        sight = look(arrangement, frame, grid=192)
         assert sight.coverage == pytest.approx(share, rel=0.03) and sight.visibility == 1
         assert sight.normals == pytest.approx(np.tile([0.0, -1.0, 0.0], (len(sight.points), 1)))
         assert sight.points[:, 1] == pytest.approx(np.full(len(sight.points), -1e-3), abs=1e-5)
         camera = CameraPlan(position=(0.0, -2.001, 1.0), target=(0.0, 0.0, 1.0), up=(0.0, 0.0, 1.0), fov=90.0,
                             coverage=0.0, visibility=0.0)
-        assert window_share(stage, camera, aspect) == pytest.approx(share, rel=0.01)
+        assert window_share(arrangement, camera, aspect) == pytest.approx(share, rel=0.01)
 
 
-def test_hidden_and_cut_halves_count_as_not_visible(box_stage: BoxStage) -> None:
+def test_hidden_and_cut_halves_count_as_not_visible(box_arrangement: BoxStage) -> None:
     square = ((-0.5, -1e-3, 0.5), (0.5, 1e-3, 1.5))
-    screened = box_stage(square, (((-0.5, -0.1, 0.5), (0.0, -0.05, 1.5)),), closed=False)
-    ahead = Frame(position=np.array([0.0, -30.0, 1.0]), target=np.array([0.0, 0.0, 1.0]), fov=3.0, aspect=1.0)
+    screened = box_arrangement(square, (((-0.5, -0.1, 0.5), (0.0, -0.05, 1.5)),), closed=False)
+    ahead = Pinhole(position=np.array([0.0, -30.0, 1.0]), target=np.array([0.0, 0.0, 1.0]), fov=3.0, aspect=1.0)
     assert look(screened, ahead, grid=128).visibility == pytest.approx(0.5, abs=0.02)
-    aside = Frame(position=np.array([0.0, -30.0, 1.0]), target=np.array([30 * tan(radians(1.5)), 0.0, 1.0]), fov=3.0,
-                  aspect=1.0)
-    assert look(box_stage(square, closed=False), aside, grid=128).visibility == pytest.approx(0.5, abs=0.02)
+    aside = Pinhole(position=np.array([0.0, -30.0, 1.0]), target=np.array([30 * tan(radians(1.5)), 0.0, 1.0]), fov=3.0,
+                    aspect=1.0)
+    assert look(box_arrangement(square, closed=False), aside, grid=128).visibility == pytest.approx(0.5, abs=0.02)
 
 
-def test_the_silhouette_of_a_box_is_its_face(box_stage: BoxStage) -> None:
-    stage = box_stage(CHAIR)
-    assert silhouette_area(stage, np.array([0.0, -1.0, 0.0])) == pytest.approx(0.6 * 0.9, rel=0.06)
-    assert silhouette_area(stage, np.array([1.0, 0.0, 0.0])) == pytest.approx(0.5 * 0.9, rel=0.06)
+def test_the_silhouette_of_a_box_is_its_face(box_arrangement: BoxStage) -> None:
+    arrangement = box_arrangement(CHAIR)
+    assert silhouette_area(arrangement, np.array([0.0, -1.0, 0.0])) == pytest.approx(0.6 * 0.9, rel=0.06)
+    assert silhouette_area(arrangement, np.array([1.0, 0.0, 0.0])) == pytest.approx(0.5 * 0.9, rel=0.06)
 
 
 def test_pixels_of_the_frame_span_its_field_of_view() -> None:
-    frame = Frame(position=np.zeros(3), target=np.array([0.0, 1.0, 0.0]), fov=80.0, aspect=0.5)
+    frame = Pinhole(position=np.zeros(3), target=np.array([0.0, 1.0, 0.0]), fov=80.0, aspect=0.5)
     directions, inside = frame.rays(margin=2)
     x, z = (directions[:, k] / directions[:, 1] for k in (0, 2))
     assert degrees(atan(np.abs(x[inside]).max())) == pytest.approx(40, abs=1)

@@ -9,7 +9,7 @@ import pytest
 
 from dataset_builder.digest import sha256_file
 from dataset_builder.errors import PlanError
-from dataset_builder.planning.scene.arrangement import Stage
+from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.planning.view import lights as planned
 from dataset_builder.planning.view.blackbody import LUMINANCE
 from dataset_builder.planning.view.cameras import place_camera
@@ -20,7 +20,7 @@ from dataset_builder.spec.camera import CameraSpec
 from dataset_builder.spec.light import SourceSpec, TargetSpec
 from dataset_builder.spec.render import ImageSpec
 
-BoxStage = Callable[..., Stage]
+BoxStage = Callable[..., Arrangement]
 CHAIR = ((-0.3, -0.25, 0.0), (0.3, 0.25, 0.9))
 SHELF = ((0.7, -0.5, 0.0), (1.2, 0.5, 1.8))
 KINDS = ("area", "sphere", "spot", "point")
@@ -30,10 +30,11 @@ def stream_of(seed: int) -> Stream:
     return partial(rng, seed)
 
 
-def lit_view(stage: Stage, seed: int = 0, dome: float = 2.0) -> LitView:
+def lit_view(arrangement: Arrangement, seed: int = 0, dome: float = 2.0) -> LitView:
     spec = CameraSpec.model_validate({"azimuth": {"uniform": [-60, 60]}, "elevation": {"uniform": [5, 40]}})
-    view = place_camera(stage, spec, ImageSpec(), rng(seed, "camera"), "")
-    return LitView(stage=stage, camera=view.camera, sight=view.sight, unit=pi * dome, sky=sky_share(stage, view.sight))
+    view = place_camera(arrangement, spec, ImageSpec(), rng(seed, "camera"), "")
+    return LitView(arrangement=arrangement, camera=view.camera, sight=view.sight, unit=pi * dome,
+                   sky=sky_share(arrangement, view.sight))
 
 
 def target_spec(**more: Any) -> TargetSpec:
@@ -43,10 +44,10 @@ def target_spec(**more: Any) -> TargetSpec:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_strength_is_the_irradiance_at_the_objects_centre(kind: str, box_stage: BoxStage) -> None:
-    view = lit_view(box_stage(CHAIR))
+def test_strength_is_the_irradiance_at_the_objects_centre(kind: str, box_arrangement: BoxStage) -> None:
+    view = lit_view(box_arrangement(CHAIR))
     plan, _ = target_light(view, target_spec(kinds=[kind], strength=3, lights=2), stream_of(4), "")
-    centre = view.stage.centre[None]
+    centre = view.arrangement.centre[None]
     for light in plan.lights[:2]:
         facing = np.array([light.position]) - centre
         found = direct_irradiance(light, centre, facing / np.linalg.norm(facing))[0]
@@ -55,29 +56,30 @@ def test_strength_is_the_irradiance_at_the_objects_centre(kind: str, box_stage: 
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_lights_are_in_the_room_clear_of_things_and_within_the_brightness_asked(seed: int, box_stage: BoxStage) -> None:
-    view = lit_view(box_stage(CHAIR, (SHELF,)), seed)
+def test_lights_are_in_the_room_clear_of_things_and_within_the_brightness_asked(seed: int,
+                                                                                box_arrangement: BoxStage) -> None:
+    view = lit_view(box_arrangement(CHAIR, (SHELF,)), seed)
     spec = target_spec(lights={"choice": [1, 2, 3]}, brightness=(0.3, 3))
     plan, note = target_light(view, spec, stream_of(seed), "")
     *lights, outside = plan.lights
-    low, high = view.stage.room_bounds
+    low, high = view.arrangement.room_bounds
     for light in lights:
         reach = max(light.size, 0.02)
         assert (light.position >= low + reach).all() and (light.position <= high - reach).all()
-        assert view.stage.everything.distance(np.array([light.position]))[0] >= reach - 1e-6
+        assert view.arrangement.everything.distance(np.array([light.position]))[0] >= reach - 1e-6
         assert (light.size > 0) == (light.kind in ("area", "sphere")) and (light.cutoff > 0) == (light.kind == "spot")
-        assert 1.2 <= np.linalg.norm(np.array(light.position) - view.stage.centre) <= 2.2
+        assert 1.2 <= np.linalg.norm(np.array(light.position) - view.arrangement.centre) <= 2.2
         if light.kind in ("area", "spot"):
-            aim = view.stage.centre - np.array(light.position)
+            aim = view.arrangement.centre - np.array(light.position)
             assert light.direction == pytest.approx(aim / np.linalg.norm(aim))
-    shown = planned.expose(view.stage, view.sight, plan.lights, view.unit, view.sky)
+    shown = planned.expose(view.arrangement, view.sight, plan.lights, view.unit, view.sky)
     assert 0.3 <= shown.mean <= 3 and shown.lit >= 0.25 and f"{shown.mean:.2f}" in note
     assert outside.kind == "dome" and outside.weight == pytest.approx(0.02 * 0.05 * pi) and plan.open == ()
 
 
-def test_emitters_do_not_come_between_camera_and_object(box_stage: BoxStage) -> None:
+def test_emitters_do_not_come_between_camera_and_object(box_arrangement: BoxStage) -> None:
     for seed in range(6):
-        view = lit_view(box_stage(CHAIR), seed)
+        view = lit_view(box_arrangement(CHAIR), seed)
         spec = target_spec(kinds=["sphere"], size=0.3, lights=4, elevation={"uniform": [-10, 40]})
         plan, _ = target_light(view, spec, stream_of(seed), "")
         camera = np.array(view.camera.position)
@@ -87,8 +89,8 @@ def test_emitters_do_not_come_between_camera_and_object(box_stage: BoxStage) -> 
                 assert np.linalg.norm(points - np.array(light.position), axis=1).min() >= 0.3 - 1e-9
 
 
-def test_one_light_more_moves_no_kind_colour_or_place_of_the_others(box_stage: BoxStage) -> None:
-    view = lit_view(box_stage(CHAIR))
+def test_one_light_more_moves_no_kind_colour_or_place_of_the_others(box_arrangement: BoxStage) -> None:
+    view = lit_view(box_arrangement(CHAIR))
     spec = {"brightness": (0, 1e6)}
     two, _ = target_light(view, target_spec(lights=2, **spec), stream_of(8), "")
     three, _ = target_light(view, target_spec(lights=3, **spec), stream_of(8), "")
@@ -97,43 +99,44 @@ def test_one_light_more_moves_no_kind_colour_or_place_of_the_others(box_stage: B
         assert np.array(a.radiance) * 2 == pytest.approx(np.array(b.radiance) * 3)
 
 
-def test_a_light_too_weak_leaves_the_object_black(box_stage: BoxStage) -> None:
+def test_a_light_too_weak_leaves_the_object_black(box_arrangement: BoxStage) -> None:
     with pytest.raises(PlanError, match="it would stay black") as caught:
-        target_light(lit_view(box_stage(CHAIR)), target_spec(strength=1e-3, attempts=20), stream_of(0), "train/000000")
+        target_light(lit_view(box_arrangement(CHAIR)), target_spec(strength=1e-3, attempts=20), stream_of(0),
+                     "train/000000")
     assert str(caught.value).startswith("train/000000: target") and "target.strength" in str(caught.value)
 
 
-def test_a_light_too_strong_blows_the_object_out(box_stage: BoxStage) -> None:
+def test_a_light_too_strong_blows_the_object_out(box_arrangement: BoxStage) -> None:
     with pytest.raises(PlanError, match=r"at least .* in 20 draws: it would be blown out"):
-        target_light(lit_view(box_stage(CHAIR)), target_spec(strength=1e4, attempts=20), stream_of(0), "")
+        target_light(lit_view(box_arrangement(CHAIR)), target_spec(strength=1e4, attempts=20), stream_of(0), "")
 
 
-def test_an_object_shut_off_from_every_light_stays_black(box_stage: BoxStage) -> None:
+def test_an_object_shut_off_from_every_light_stays_black(box_arrangement: BoxStage) -> None:
     """The camera is under the same hood, and no light is drawn that near."""
-    stage = box_stage(CHAIR, (((-1.5, -1.5, -0.01), (1.5, 1.5, 1.1)),))
+    arrangement = box_arrangement(CHAIR, (((-1.5, -1.5, -0.01), (1.5, 1.5, 1.1)),))
     spec = CameraSpec.model_validate({"coverage": (0.2, 0.9), "fov": 80, "clearance": 0.05, "visibility": 0.2,
                                       "elevation": 5})
-    view = place_camera(stage, spec, ImageSpec(), rng(0), "")
-    lit = LitView(stage=stage, camera=view.camera, sight=view.sight, unit=pi, sky=0.0)
+    view = place_camera(arrangement, spec, ImageSpec(), rng(0), "")
+    lit = LitView(arrangement=arrangement, camera=view.camera, sight=view.sight, unit=pi, sky=0.0)
     with pytest.raises(PlanError, match="light on 50% of it, got at most 0 and 0%"):
         target_light(lit, target_spec(distance=2.2, elevation=35, size=0.1, attempts=20), stream_of(0), "")
 
 
-def test_lights_that_have_no_place_say_so(box_stage: BoxStage) -> None:
+def test_lights_that_have_no_place_say_so(box_arrangement: BoxStage) -> None:
     with pytest.raises(PlanError, match=r"room for a light within target\.distance"):
-        target_light(lit_view(box_stage(CHAIR)), target_spec(distance=50, attempts=10), stream_of(0), "")
+        target_light(lit_view(box_arrangement(CHAIR)), target_spec(distance=50, attempts=10), stream_of(0), "")
 
 
-def test_no_light_at_all_is_an_error(box_stage: BoxStage) -> None:
+def test_no_light_at_all_is_an_error(box_arrangement: BoxStage) -> None:
     spec = TargetSpec.model_construct(**{**dict(target_spec()), "lights": 0.0})
     with pytest.raises(PlanError, match="at least one target light, got 0"):
-        target_light(lit_view(box_stage(CHAIR)), spec, stream_of(0), "")
+        target_light(lit_view(box_arrangement(CHAIR)), spec, stream_of(0), "")
 
 
-def test_the_sky_reaches_an_object_in_the_open_and_none_in_a_closed_room(box_stage: BoxStage) -> None:
-    closed = lit_view(box_stage(CHAIR))
+def test_the_sky_reaches_an_object_in_the_open_and_none_in_a_closed_room(box_arrangement: BoxStage) -> None:
+    closed = lit_view(box_arrangement(CHAIR))
     assert closed.sky == 0
-    in_the_open = lit_view(box_stage(CHAIR, closed=False))
+    in_the_open = lit_view(box_arrangement(CHAIR, closed=False))
     assert in_the_open.sky == pytest.approx(1)
 
 
@@ -164,37 +167,38 @@ def test_an_environment_is_named_with_its_digest_and_turned(tmp_path: Path) -> N
 
 @pytest.mark.parametrize(("part", "key"), [("source", "environment"), ("target", "environment"),
                                            ("target", "textures")])
-def test_an_image_that_is_not_there_is_named(part: str, key: str, tmp_path: Path, box_stage: BoxStage) -> None:
+def test_an_image_that_is_not_there_is_named(part: str, key: str, tmp_path: Path, box_arrangement: BoxStage) -> None:
     name = ("no.exr",) if key == "textures" else "no.exr"
     with pytest.raises(PlanError, match=rf"no\.exr: {part}\.{key}: expected an image, got: No such file") as caught:
         if part == "source":
             source_light(SourceSpec.model_validate({key: name}), stream_of(0), tmp_path)
         else:
-            target_light(lit_view(box_stage(CHAIR)), target_spec(kinds=["area"], **{key: name}), stream_of(0), "",
+            target_light(lit_view(box_arrangement(CHAIR)), target_spec(kinds=["area"], **{key: name}), stream_of(0), "",
                          tmp_path)
     assert str(tmp_path) in str(caught.value)
 
 
-def test_area_lights_show_textures_and_other_lights_none(tmp_path: Path, box_stage: BoxStage) -> None:
+def test_area_lights_show_textures_and_other_lights_none(tmp_path: Path, box_arrangement: BoxStage) -> None:
     names = ("a.png", "b.exr")
     for name in names:
         (tmp_path / name).write_bytes(name.encode())
     spec = target_spec(lights=12, textures=names, brightness=(0, 1e6), distance={"uniform": [1.2, 1.6]}, size=0.1)
-    plan, _ = target_light(lit_view(box_stage(CHAIR)), spec, stream_of(2), "", tmp_path)
-    plain, _ = target_light(lit_view(box_stage(CHAIR)), spec.model_copy(update={"textures": ()}), stream_of(2), "")
+    plan, _ = target_light(lit_view(box_arrangement(CHAIR)), spec, stream_of(2), "", tmp_path)
+    plain, _ = target_light(lit_view(box_arrangement(CHAIR)), spec.model_copy(update={"textures": ()}), stream_of(2),
+                            "")
     assert {light.image for light in plan.lights if light.kind == "area"} == set(names)
     assert not any(light.image for light in plan.lights if light.kind != "area")
     without = [light.model_copy(update={"image": "", "image_sha256": ""}) for light in plan.lights]
     assert tuple(without) == plain.lights
 
 
-def test_the_sun_counts_where_it_gets_in(box_stage: BoxStage) -> None:
+def test_the_sun_counts_where_it_gets_in(box_arrangement: BoxStage) -> None:
     spec = target_spec(strength=1, sun={"elevation": 90, "irradiance": 1000}, dome=0, brightness=(0, 1e6))
-    plan, note = target_light(lit_view(box_stage(CHAIR)), spec, stream_of(1), "")
+    plan, note = target_light(lit_view(box_arrangement(CHAIR)), spec, stream_of(1), "")
     _, sun = plan.lights
     assert sun.kind == "sun" and sun.direction == pytest.approx((0, 0, -1)) and sun.radiance == (1000, 1000, 1000)
     assert sun.weight == pytest.approx(0.02 * 1000) and "irradiance 0." in note
-    view = lit_view(box_stage(CHAIR, closed=False))
+    view = lit_view(box_arrangement(CHAIR, closed=False))
     shone_on, note = target_light(view, spec, stream_of(1), "")
     facing = np.maximum(view.sight.normals[:, 2], 0).mean()
     assert shone_on.lights[1].weight == pytest.approx(1000 * facing, rel=0.1) and facing > 0.02
@@ -202,16 +206,16 @@ def test_the_sun_counts_where_it_gets_in(box_stage: BoxStage) -> None:
         target_light(view, spec.model_copy(update={"brightness": (0.1, 20), "attempts": 5}), stream_of(1), "")
 
 
-def test_many_lights_are_weighed_by_what_they_send(box_stage: BoxStage) -> None:
+def test_many_lights_are_weighed_by_what_they_send(box_arrangement: BoxStage) -> None:
     spec = target_spec(lights=20, kinds=["point"], strength={"choice": [1, 3]}, temperature=6500, brightness=(0, 1e6))
-    plan, _ = target_light(lit_view(box_stage(CHAIR)), spec, stream_of(5), "")
+    plan, _ = target_light(lit_view(box_arrangement(CHAIR)), spec, stream_of(5), "")
     *lamps, _ = plan.lights
     sent = [np.array(light.radiance).mean() / np.sum((np.array(light.position) - [0, 0, 0.45]) ** 2) for light in lamps]
     assert [light.weight for light in lamps] == pytest.approx(sent)
     assert max(sent) / min(sent) == pytest.approx(3)
 
 
-def test_a_window_lets_sky_in_and_weighs_it(box_stage: BoxStage) -> None:
-    view = lit_view(box_stage(CHAIR, closed=False))
+def test_a_window_lets_sky_in_and_weighs_it(box_arrangement: BoxStage) -> None:
+    view = lit_view(box_arrangement(CHAIR, closed=False))
     plan, _ = target_light(view, target_spec(dome=0.3), stream_of(1), "")
     assert plan.lights[-1].weight == pytest.approx(0.3 * pi * view.sky) and view.sky > 0.9

@@ -5,7 +5,7 @@ import pytest
 
 from dataset_builder.planning.example_plan import FogPlan
 from dataset_builder.planning.view.irradiance import direct_irradiance
-from dataset_builder.rendering.scene.local_frame import Frame
+from dataset_builder.rendering.scene.local_frame import LocalFrame
 from tests.small_scenes import ball, camera, light, lit_by, matte
 
 CORNERS = ball(matte(), centre=(1e4, -3.0, 2.0), radius=1e-3).corners
@@ -13,18 +13,18 @@ CORNERS = ball(matte(), centre=(1e4, -3.0, 2.0), radius=1e-3).corners
 
 def test_an_object_anywhere_of_any_size_is_about_one_unit_at_the_origin():
     for scale in (1e-3, 1.0, 1e3):
-        points = Frame.of(scale * CORNERS).points(scale * CORNERS)
+        points = LocalFrame.of(scale * CORNERS).points(scale * CORNERS)
         assert np.abs(points.mean(axis=(0, 1))).max() < 0.1 and 0.4 < np.linalg.norm(points, axis=-1).max() < 2
 
 
 def test_the_unit_is_a_power_of_two_and_a_point_has_a_frame():
-    assert np.log2(Frame.of(CORNERS).unit) % 1 == 0
-    assert Frame.of(np.ones((1, 3, 3))).unit == 1.0
+    assert np.log2(LocalFrame.of(CORNERS).unit) % 1 == 0
+    assert LocalFrame.of(np.ones((1, 3, 3))).unit == 1.0
 
 
 @pytest.mark.parametrize("kind", ["area", "sphere", "point", "spot", "sun", "dome"])
 def test_lights_send_the_same_irradiance(kind):
-    frame = Frame(origin=(5.0, -2.0, 1.0), unit=0.25)
+    frame = LocalFrame(origin=(5.0, -2.0, 1.0), unit=0.25)
     lamp = light(kind, radiance=(3.0, 2.0, 1.0), position=(5.3, -2.0, 4.0), size=0.2)
     moved = frame.illumination(lit_by(lamp)).lights[0]
     point, up = np.array([[5.0, -2.0, 1.0]]), np.array([[0.0, 0.0, 1.0]])
@@ -32,7 +32,7 @@ def test_lights_send_the_same_irradiance(kind):
 
 
 def test_cameras_look_along_the_same_line_and_fog_takes_the_same_share():
-    frame, seen = Frame(origin=(1.0, 2.0, 3.0), unit=4.0), camera()
+    frame, seen = LocalFrame(origin=(1.0, 2.0, 3.0), unit=4.0), camera()
     moved = frame.camera(seen)
     way = np.array(seen.target) - np.array(seen.position)
     assert (np.array(moved.target) - np.array(moved.position)) * 4 == pytest.approx(way)

@@ -23,13 +23,13 @@ def test_projection_is_mitsubas():
 
 def test_window_holds_every_covered_pixel_and_little_else():
     from dataset_builder.rendering import passes
-    from dataset_builder.rendering.scene.open_scene import body_of, staged
+    from dataset_builder.rendering.scene.open_scene import body_of, open_scene
 
     size, soup = 40, ball(matte(), (0.3, 0.2, 0.1), 0.5)
-    view = passes.View(camera=camera(), render=render_plan(size))
+    view = passes.ViewSensor(camera=camera(), render=render_plan(size))
     frame = np.arange(size * size)
-    with staged(body_of(soup), None) as stage:
-        found = passes.first_hit(view, stage, frame, spp=16, seed=3)
+    with open_scene(body_of(soup), None) as opened:
+        found = passes.first_hit(view, opened, frame, spp=16, seed=3)
     covered = frame[found.mean[:, 0] > 0]
     window = covered_window(view.camera, soup.corners.reshape(-1, 3), size, size)
     assert len(covered) > 0 and set(covered) <= set(window)

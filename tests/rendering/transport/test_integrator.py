@@ -33,23 +33,23 @@ FRAME = np.arange(SIZE * SIZE)
 @contextmanager
 def lit_stage(soup, *lights):
     """A traceable scene of a soup under some lights."""
-    from dataset_builder.rendering.scene.open_scene import body_of, staged
+    from dataset_builder.rendering.scene.open_scene import body_of, open_scene
 
-    with staged(body_of(soup), lit_by(*lights)) as stage:
-        yield stage
+    with open_scene(body_of(soup), lit_by(*lights)) as opened:
+        yield opened
 
 
 def view_of(size=SIZE):
-    from dataset_builder.rendering.passes import View
+    from dataset_builder.rendering.passes import ViewSensor
 
-    return View(camera=camera(), render=render_plan(size))
+    return ViewSensor(camera=camera(), render=render_plan(size))
 
 
-def radiance(stage, spp, seed=5, pixels=None):
+def radiance(opened, spp, seed=5, pixels=None):
     from dataset_builder.rendering import passes
 
     where = FRAME if pixels is None else pixels
-    return passes.radiance(view_of(), stage, where, max_depth=MAX_DEPTH, spp=spp, seed=seed)
+    return passes.radiance(view_of(), opened, where, max_depth=MAX_DEPTH, spp=spp, seed=seed)
 
 
 def channels(found, name):
@@ -59,8 +59,8 @@ def channels(found, name):
 
 
 def test_white_furnace():
-    with lit_stage(ball(matte((1, 1, 1))), light("dome", weight=3)) as stage:
-        found = radiance(stage, 64)
+    with lit_stage(ball(matte((1, 1, 1))), light("dome", weight=3)) as opened:
+        found = radiance(opened, 64)
     centre = (FRAME.reshape(SIZE, SIZE)[12:20, 12:20]).ravel()
     for name in ("image", "shading"):
         mean, error = (values[centre] for values in channels(found, name))
@@ -74,8 +74,8 @@ def test_white_furnace():
 
 @pytest.mark.parametrize("name", LIGHTS)
 def test_diffuse_scene_is_d_times_s_to_rounding(name):
-    with lit_stage(corner_of_a_room(ball(matte((0.8, 0.5, 0.2)))), *LIGHTS[name]) as stage:
-        found = radiance(stage, 16, pixels=FRAME[SIZE * 14:SIZE * 17])
+    with lit_stage(corner_of_a_room(ball(matte((0.8, 0.5, 0.2)))), *LIGHTS[name]) as opened:
+        found = radiance(opened, 16, pixels=FRAME[SIZE * 14:SIZE * 17])
     inside = slice(SIZE + 12, SIZE + 20)
     image, shading = channels(found, "image")[0][inside], channels(found, "shading")[0][inside]
     assert shading.min() > 0
@@ -88,9 +88,9 @@ def test_specular_part_is_what_diffuse_leaves(surface):
     from dataset_builder.rendering import passes
     from dataset_builder.rendering.passes import FIRST_HIT_CHANNELS
 
-    with lit_stage(corner_of_a_room(ball(MATERIALS[surface])), *LIGHTS["sphere"]) as stage:
-        found = radiance(stage, 64)
-        first = passes.first_hit(view_of(), stage, FRAME, spp=64, seed=9)
+    with lit_stage(corner_of_a_room(ball(MATERIALS[surface])), *LIGHTS["sphere"]) as opened:
+        found = radiance(opened, 64)
+        first = passes.first_hit(view_of(), opened, FRAME, spp=64, seed=9)
     d = first.mean[:, FIRST_HIT_CHANNELS["d"]]
     parts = {name: channels(found, name) for name in ("image", "shading", "specular")}
     residual = parts["image"][0] - d * parts["shading"][0] - parts["specular"][0]
@@ -107,10 +107,10 @@ def _reference(surface, name):
 
     view = view_of()
     path = mi.load_dict({"type": "path", "max_depth": MAX_DEPTH, "rr_depth": view.render.rr_depth})
-    with lit_stage(corner_of_a_room(ball(MATERIALS[surface])), *LIGHTS[name]) as stage:
-        theirs = [np.array(mi.render(stage.scene, integrator=path, sensor=view.sensor(), spp=SPP, seed=seed))
+    with lit_stage(corner_of_a_room(ball(MATERIALS[surface])), *LIGHTS[name]) as opened:
+        theirs = [np.array(mi.render(opened.scene, integrator=path, sensor=view.sensor(), spp=SPP, seed=seed))
                   for seed in range(SEEDS)]
-        ours = [channels(radiance(stage, SPP, seed=seed), "image")[0] for seed in range(SEEDS)]
+        ours = [channels(radiance(opened, SPP, seed=seed), "image")[0] for seed in range(SEEDS)]
     return _blocks(np.array(ours)), _blocks(np.array(theirs))
 
 
@@ -135,8 +135,8 @@ def test_plugin_renders_the_frame_with_its_aovs():
     from dataset_builder.rendering.transport.integrator import PLUGIN
 
     integrator = mi.load_dict({"type": PLUGIN, "max_depth": 3})
-    with lit_stage(ball(matte((0.5, 0.5, 0.5))), light("dome", weight=3)) as stage:
-        image = np.array(mi.render(stage.scene, integrator=integrator, sensor=view_of().sensor(), spp=16, seed=1))
+    with lit_stage(ball(matte((0.5, 0.5, 0.5))), light("dome", weight=3)) as opened:
+        image = np.array(mi.render(opened.scene, integrator=integrator, sensor=view_of().sensor(), spp=16, seed=1))
     assert image.shape == (SIZE, SIZE, 9)
     middle = image[SIZE // 2, SIZE // 2]
     assert np.allclose(middle[:3], 0.5, atol=0.02)
@@ -144,8 +144,8 @@ def test_plugin_renders_the_frame_with_its_aovs():
 
 
 def test_repetition_gives_the_same_bits_and_another_seed_other_ones():
-    with lit_stage(corner_of_a_room(ball(MATERIALS["glossy"])), *LIGHTS["sphere"]) as stage:
-        first, second, other = (radiance(stage, 16, seed=seed) for seed in (7, 7, 8))
+    with lit_stage(corner_of_a_room(ball(MATERIALS["glossy"])), *LIGHTS["sphere"]) as opened:
+        first, second, other = (radiance(opened, 16, seed=seed) for seed in (7, 7, 8))
     assert np.array_equal(first.mean, second.mean)
     assert np.array_equal(first.error, second.error)
     assert not np.array_equal(first.mean, other.mean)
@@ -160,8 +160,8 @@ def test_another_scene_needs_no_new_kernel():
         boxes = [box(Material(name=f"b{i}", base_color=(0.5, 0.5, 0.5), texture=Texture(
             base_color=rng.uniform(0, 1, (8 + i, 16 + i, 3)).astype(np.float32))), low, low + 0.3)
             for i, low in enumerate(rng.uniform(-1, 1, (count, 3)))]
-        with lit_stage(merge([ball(MATERIALS["glossy"], segments=8 + count), *boxes]), *lights) as stage:
-            radiance(stage, 4)
+        with lit_stage(merge([ball(MATERIALS["glossy"], segments=8 + count), *boxes]), *lights) as opened:
+            radiance(opened, 4)
 
     gc.collect()
     render(2, *LIGHTS["sphere"])

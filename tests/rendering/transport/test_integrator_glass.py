@@ -155,7 +155,7 @@ MATERIALS = {
 def test_surfaces_that_transmit_agree_with_mitsubas_path(name):
     """Our own surface under both integrators; Mitsuba counts the panes that light passes as edges."""
     from dataset_builder.assets.asset import Material
-    from dataset_builder.rendering.scene.open_scene import body_of, staged
+    from dataset_builder.rendering.scene.open_scene import body_of, open_scene
     from tests import small_scenes
 
     material = Material(**{"name": name, "base_color": (1.0, 1.0, 1.0), **MATERIALS[name]})
@@ -163,8 +163,8 @@ def test_surfaces_that_transmit_agree_with_mitsubas_path(name):
     body = body_of(small_scenes.corner_of_a_room(small_scenes.ball(material)), features=features)
     lights = [small_scenes.light("area", (8, 8, 8), position=(1.5, -2, 2), direction=(-1.5, 2, -2), size=0.8),
               small_scenes.light("dome", (0.3, 0.4, 0.5), weight=1.0)]
-    with staged(body, small_scenes.lit_by(*lights)) as stage:
-        found = traced(stage.scene, sensor(), 64, 3, features=features, max_depth=3 * DEPTH)
-        theirs = rendered(stage.scene, sensor(), 64, "path", max_depth=-1, rr_depth=20)
+    with open_scene(body, small_scenes.lit_by(*lights)) as opened:
+        found = traced(opened.scene, sensor(), 64, 3, features=features, max_depth=3 * DEPTH)
+        theirs = rendered(opened.scene, sensor(), 64, "path", max_depth=-1, rr_depth=20)
     assert not differ(found["image"], theirs, 0.001 / len(MATERIALS))
     assert found["specular"].mean() > 0.1 * found["image"].mean()

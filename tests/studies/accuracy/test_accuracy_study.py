@@ -14,7 +14,7 @@ from dataset_builder.studies.accuracy import accuracy_study
 from dataset_builder.studies.accuracy.advice import Advice
 from dataset_builder.studies.accuracy.curves import curve
 from dataset_builder.studies.accuracy.progress import begin, kept_steps
-from dataset_builder.studies.accuracy.rows import COLUMNS, WHOLE, Row, of, read_table, write_table
+from dataset_builder.studies.accuracy.rows import COLUMNS, WHOLE, AccuracyRow, of, read_table, write_table
 from dataset_builder.studies.sampled import StudySpec
 from tests.small_specs import write_spec
 
@@ -38,7 +38,7 @@ def out(spec: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def rows(out: Path) -> list[Row]:
+def rows(out: Path) -> list[AccuracyRow]:
     """Its table."""
     return read_table(out / "results.csv")
 
@@ -51,7 +51,7 @@ def test_files_are_there(out: Path) -> None:
     assert (out / "results.csv").read_text().splitlines()[0] == ",".join(COLUMNS)
 
 
-def test_an_interrupted_study_goes_on(out: Path, spec: Path, rows: list[Row], tmp_path: Path,
+def test_an_interrupted_study_goes_on(out: Path, spec: Path, rows: list[AccuracyRow], tmp_path: Path,
                                       capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     measured = []
     for name in accuracy_study.MEASURES:
@@ -88,7 +88,7 @@ def test_rows_about_something_else_go(tmp_path: Path) -> None:
     assert not table.exists() and "b" in (tmp_path / "study.json").read_text()
 
 
-def test_a_star_recommends_no_denoising(rows: list[Row]) -> None:
+def test_a_star_recommends_no_denoising(rows: list[AccuracyRow]) -> None:
     def labels(*questions: str) -> list[str]:
         figure = sampling_figure(rows, advice, questions, "")
         return [text for axes in figure.axes for text in axes.get_legend_handles_labels()[1]]
@@ -107,7 +107,7 @@ def test_recommended_options_are_taken_as_they_are(out: Path, spec: Path) -> Non
     assert load_dataset(spec, words[1::2]).dataset.name == "small"
 
 
-def test_more_samples_are_better_and_the_reference_is_best(rows: list[Row]) -> None:
+def test_more_samples_are_better_and_the_reference_is_best(rows: list[AccuracyRow]) -> None:
     for layer in ("i_t", "s_prime"):
         points = curve(rows, "uniform", layer)
         assert [point.value for point in points] == [4, 16, 64]
@@ -117,25 +117,25 @@ def test_more_samples_are_better_and_the_reference_is_best(rows: list[Row]) -> N
         assert own[0].psnr < own[-1].psnr and own[0].flip > own[-1].flip
 
 
-def test_a_tighter_goal_takes_more_paths_for_less_error(rows: list[Row]) -> None:
+def test_a_tighter_goal_takes_more_paths_for_less_error(rows: list[AccuracyRow]) -> None:
     for layer in ("i_t", "s_prime"):
         loose, tight = of(rows, "adaptive", layer)
         assert loose.value > tight.value and loose.paths < tight.paths <= 256 * 16 * 16
         assert min(loose.reached, tight.reached) > 0 and loose.relmse > tight.relmse
 
 
-def test_longer_paths_miss_less(rows: list[Row]) -> None:
+def test_longer_paths_miss_less(rows: list[AccuracyRow]) -> None:
     for layer in ("i_t", "s_prime"):
         bias = {row.value: row.bias for row in of(rows, "depth", layer)}
         assert bias[2] < bias[4] < 0.01 and abs(bias[8]) < abs(bias[2])
 
 
-def test_finer_textures_are_better_and_nothing_else_changes(rows: list[Row]) -> None:
+def test_finer_textures_are_better_and_nothing_else_changes(rows: list[AccuracyRow]) -> None:
     coarse, fine = of(rows, "texture-size", "d")
     assert coarse.value < fine.value and coarse.relmse > fine.relmse > 0
 
 
-def test_half_is_smaller_and_off_by_its_rounding(rows: list[Row]) -> None:
+def test_half_is_smaller_and_off_by_its_rounding(rows: list[AccuracyRow]) -> None:
     size = {row.setting: row.bytes for row in of(rows, "codecs", WHOLE)}
     assert all(size[f"float16 {codec}"] < size[f"float32 {codec}"] for codec in ("none", "zip", "piz"))
     assert size["float32 zip"] < size["float32 none"]
@@ -143,14 +143,14 @@ def test_half_is_smaller_and_off_by_its_rounding(rows: list[Row]) -> None:
     assert errors["float32", "i_t"] == 0 and 1e-5 < errors["float16", "i_t"] < 2**-11
 
 
-def test_sums_are_closer_than_their_noise(rows: list[Row]) -> None:
+def test_sums_are_closer_than_their_noise(rows: list[AccuracyRow]) -> None:
     drift = {(row.setting, row.value): row.drift for row in of(rows, "accumulation")}
     assert len({value for _, value in drift}) == 3
     for (_, count), value in drift.items():
         assert value <= drift["standard error of the mean", count]
 
 
-def test_edges_are_counted(rows: list[Row]) -> None:
+def test_edges_are_counted(rows: list[AccuracyRow]) -> None:
     own = of(rows, "edge-length")
     assert [row.setting for row in own] == ["4 x", "2 x"] and own[0].triangles <= own[1].triangles
 

@@ -9,22 +9,23 @@ import pytest
 from dataset_builder.studies.accuracy.accumulation import drifts
 from dataset_builder.studies.accuracy.curves import PRICE, TOLERABLE, curve, equal_error, knee, price
 from dataset_builder.studies.accuracy.depth import relative_difference, worst
-from dataset_builder.studies.accuracy.rows import Row, read_table, table, write_table
+from dataset_builder.studies.accuracy.rows import AccuracyRow, read_table, table, write_table
 
 GAIN = 400.0
 """With it, every error of the uniform curve is tolerable: 1/20 at one sample."""
 
 
 def sampled(question: str, spp: float, *, fixed: float = 0.0, gain: float = 1.0, bias: float = 0.0, floor: float = 0.0,
-            example: str = "00000000", spread: float = 0.0) -> Row:
+            example: str = "00000000", spread: float = 0.0) -> AccuracyRow:
     """A row that obeys Monte Carlo's law: relMSE 1 / (gain spp) + bias, a second for 100 spp and a fixed time."""
     relmse = 1 / (gain * spp) + bias
-    return Row(question=question, setting=f"{spp:g}", value=spp, example=example, layer="i_t",
-               seconds=fixed + spp / 100, spp=spp, spp_min=spp - spread, spp_max=spp + spread, paths=spp * 1000,
-               relmse=relmse, relmse_measured=relmse + floor, relmse_reference=floor, floor=floor, psnr=30.0, flip=0.1)
+    return AccuracyRow(question=question, setting=f"{spp:g}", value=spp, example=example, layer="i_t",
+                       seconds=fixed + spp / 100, spp=spp, spp_min=spp - spread, spp_max=spp + spread, paths=spp * 1000,
+                       relmse=relmse, relmse_measured=relmse + floor, relmse_reference=floor, floor=floor,
+                       psnr=30.0, flip=0.1)
 
 
-def uniform(**law: float) -> list[Row]:
+def uniform(**law: float) -> list[AccuracyRow]:
     """The uniform curve from 1 to 1024 spp."""
     return [sampled("uniform", 4.0**k, **law) for k in range(6)]
 
@@ -84,7 +85,7 @@ def test_equal_error_leaves_out_what_cannot_be_told() -> None:
 
 
 def test_depth_is_judged_by_the_worst() -> None:
-    rows = [Row(question="depth", setting="", value=depth, example="", layer="", bias=bias, bias_se=error)
+    rows = [AccuracyRow(question="depth", setting="", value=depth, example="", layer="", bias=bias, bias_se=error)
             for depth, bias, error in ((2, -0.1, 0.01), (2, 0.05, 0.01), (4, 0.01, 0.0))]
     assert worst(rows) == pytest.approx({2: 0.12, 4: 0.01})
 
@@ -108,8 +109,8 @@ def test_sums_whose_length_is_no_multiple_of_the_batch() -> None:
 
 
 def test_the_table_comes_back(tmp_path: Path) -> None:
-    rows = [sampled("uniform", 4), Row(question="codecs", setting="float16, zip", value=math.nan, example="7",
-                                       layer="all", bytes=12)]
+    rows = [sampled("uniform", 4), AccuracyRow(question="codecs", setting="float16, zip", value=math.nan, example="7",
+                                               layer="all", bytes=12)]
     write_table(rows, tmp_path / "results.csv")
     assert table(read_table(tmp_path / "results.csv")) == table(rows)
     assert table(rows).splitlines()[0].startswith("question,setting,value,example,layer,seconds,spp,")

@@ -12,7 +12,7 @@ import pytest
 from dataset_builder.cli.main import main
 from dataset_builder.errors import UserError
 from dataset_builder.lightnet.measures.metrics import Metrics
-from dataset_builder.lightnet.results.evaluate import Row
+from dataset_builder.lightnet.results.evaluate import ScoreRow
 from dataset_builder.lightnet.settings import load_training
 from dataset_builder.report.noise_page import sentences
 from dataset_builder.studies.derived import base_of
@@ -97,12 +97,12 @@ def uneven(tmp_path_factory: pytest.TempPathFactory) -> tuple[NoiseStudy, HeldOu
     return study, held_out(study)
 
 
-def scores(split: HeldOut, psnr: dict[str, Sequence[float]]) -> list[Row]:
+def scores(split: HeldOut, psnr: dict[str, Sequence[float]]) -> list[ScoreRow]:
     """Rows of methods whose PSNR depends on the level alone, and on the case by a little."""
     cases = {case: number for number, case in enumerate(split.cases)}
-    return [Row(method=method, key=one.key, view=one.case[0], object=f"object {cases[one.case]}", room="r",
-                level=one.level, sigma=one.sigma, seconds=1.0,
-                metrics=Metrics(l1=0.1, psnr=values[one.level] + 0.01 * cases[one.case], ssim=0.5, lab=0.1))
+    return [ScoreRow(method=method, key=one.key, view=one.case[0], object=f"object {cases[one.case]}", room="r",
+                     level=one.level, sigma=one.sigma, seconds=1.0,
+                     metrics=Metrics(l1=0.1, psnr=values[one.level] + 0.01 * cases[one.case], ssim=0.5, lab=0.1))
             for method, values in psnr.items() for one in split.examples]
 
 
@@ -132,8 +132,8 @@ def test_a_study_without_a_case_at_all_levels_ends_in_words(uneven: tuple[NoiseS
 
 
 def test_the_cases_shown_are_the_median_and_the_worst() -> None:
-    rows = tuple(Row(method=MIXED, key=str(n), view="", object="", room="", level=0, sigma=0.0, seconds=0.0,
-                     metrics=Metrics(l1=0, psnr=psnr, ssim=0, lab=0)) for n, psnr in enumerate((21.0, 19.0, 30.0)))
+    rows = tuple(ScoreRow(method=MIXED, key=str(n), view="", object="", room="", level=0, sigma=0.0, seconds=0.0,
+                          metrics=Metrics(l1=0, psnr=psnr, ssim=0, lab=0)) for n, psnr in enumerate((21.0, 19.0, 30.0)))
     level = Level(number=0, sigma=0.0, roughness=0.0, scores={MIXED: rows})
 
     class Split:
@@ -160,8 +160,8 @@ def test_only_the_rough_mesh_is_rendered_again(studied: tuple[Path, Path]) -> No
         "first_hit": (2, 12), "source": (2, 12), "target": (4, 12), "lighting": (4, 12), "rough": (12, 12),
         "first_hit_rough": (12, 12)}
     assert {name for name, one in found.items() if not one.once} == {"rough", "first_hit_rough"}
-    stages = Counter(line["stage"] for line in lines(out / "dataset" / "seconds.csv"))
-    assert stages["target"] == 4 and stages["rough"] == 12
+    steps = Counter(line["step"] for line in lines(out / "dataset" / "seconds.csv"))
+    assert steps["target"] == 4 and steps["rough"] == 12
     text = "\n".join(pass_lines(list(found.values())))
     assert "rough (S'): ran 12 times for 12 examples, once per example" in text
     assert "target (I_t): ran 4 times for 12 examples, once per view and light" in text

@@ -11,7 +11,7 @@ import pytest
 from dataset_builder.cli.main import main
 from dataset_builder.errors import UserError
 from dataset_builder.studies.stress import cases, mesh_cases, refused_cases
-from dataset_builder.studies.stress.case import SIZES, Measured, hard_case, run, run_all, select
+from dataset_builder.studies.stress.case import SIZES, CaseMeasured, hard_case, run, run_all, select
 from dataset_builder.studies.stress.cases import CASES
 from dataset_builder.studies.stress.stress_table import COLUMNS, markdown
 
@@ -135,9 +135,9 @@ def test_a_tampered_picture_is_told(name, change, law, monkeypatch):
 
 @pytest.mark.parametrize("name", ["geometry/scaled-1e-3", "geometry/moved-1e4", "geometry/tiny-and-far"])
 def test_a_scene_that_is_not_brought_to_its_frame_is_told(name, monkeypatch):
-    from dataset_builder.rendering.scene.local_frame import Frame
+    from dataset_builder.rendering.scene.local_frame import LocalFrame
 
-    monkeypatch.setattr(Frame, "of", classmethod(lambda cls, corners: cls()))
+    monkeypatch.setattr(LocalFrame, "of", classmethod(lambda cls, corners: cls()))
     assert not run(BY_NAME[name], SMALL).passed
 
 
@@ -179,7 +179,7 @@ def case_of(figure, *wrong, bound=1.0, name="test/case"):
     def made(size):
         if isinstance(figure, Exception):
             raise figure
-        return Measured(figure=figure, wrong=wrong)
+        return CaseMeasured(figure=figure, wrong=wrong)
     return made
 
 

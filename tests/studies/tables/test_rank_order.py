@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dataset_builder.lightnet.measures.metrics import METRICS, Metrics
-from dataset_builder.lightnet.results.evaluate import Row
+from dataset_builder.lightnet.results.evaluate import ScoreRow
 from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.report.table_page import markdown, table_figure
 from dataset_builder.seeding import rng
@@ -15,15 +15,15 @@ from dataset_builder.studies.derived import base_of
 from dataset_builder.studies.scores import read_scores, write_scores
 from dataset_builder.studies.tables import methods, paper
 from dataset_builder.studies.tables.rank_order import Order, printed_pairs, verdict
-from dataset_builder.studies.tables.result import Result, orders, over_seeds
+from dataset_builder.studies.tables.result import RowResult, orders, over_seeds
 
 BASE = base_of(TrainingSpec())
 
 
-def made(psnr: Sequence[float], others: Sequence[str], method: str = "x") -> tuple[Row, ...]:
+def made(psnr: Sequence[float], others: Sequence[str], method: str = "x") -> tuple[ScoreRow, ...]:
     """Scores of one seed: only PSNR varies; objects are given."""
-    return tuple(Row(method=method, key=f"{index:08d}", view=f"test/{index}", object=name, room="r", level=0, sigma=0.0,
-                     metrics=Metrics(l1=0.1, psnr=value, ssim=0.5, lab=0.2), seconds=1.0)
+    return tuple(ScoreRow(method=method, key=f"{index:08d}", view=f"test/{index}", object=name, room="r", level=0,
+                          sigma=0.0, metrics=Metrics(l1=0.1, psnr=value, ssim=0.5, lab=0.2), seconds=1.0)
                  for index, (value, name) in enumerate(zip(psnr, others, strict=True)))
 
 
@@ -31,10 +31,10 @@ OBJECTS = [f"object-{index // 2}" for index in range(16)]
 BASIC = list(rng(3, "difficulty").normal(25, 3, 16))
 
 
-def table_of(gains: dict[str, float], noise: float, seeds: int = 1, off: Sequence[str] = ()) -> list[Result]:
+def table_of(gains: dict[str, float], noise: float, seeds: int = 1, off: Sequence[str] = ()) -> list[RowResult]:
     """Results of table 1's methods: difficulty of the example, a gain by method, and noise of its own."""
     table = methods.methods(BASE)
-    return [Result(row=table.row(name), facts={"off": list(off)}, scores=tuple(
+    return [RowResult(row=table.row(name), facts={"off": list(off)}, scores=tuple(
         made([value + gain + step for value, step in zip(BASIC, rng(4, name, seed).normal(0, noise, 16), strict=True)],
              OBJECTS) for seed in range(seeds))) for name, gain in gains.items()]
 
@@ -42,7 +42,7 @@ def table_of(gains: dict[str, float], noise: float, seeds: int = 1, off: Sequenc
 PRINTED = {"pix2pix": -3.5, "dpr": -5.0, "ssvbrdf": -4.2, "lightnet": 0.0}
 
 
-def psnr_order(found: list[Result]) -> Order:
+def psnr_order(found: list[RowResult]) -> Order:
     return next(order for order in orders(methods.methods(BASE), found) if order.metric == "psnr")
 
 
@@ -74,7 +74,7 @@ def test_equal_rows_are_not_told_apart() -> None:
     """64 tables of methods that are equal: 5 % of pairs are told apart by chance. Bounds are exceeded once in 10^4."""
     told = 0
     for number in range(64):
-        found = [Result(row=methods.methods(BASE).row(name), facts={}, scores=(made(list(
+        found = [RowResult(row=methods.methods(BASE).row(name), facts={}, scores=(made(list(
             np.add(BASIC, rng(number, name).normal(0, 1, 16))), OBJECTS),)) for name in ("pix2pix", "lightnet")]
         told += len(psnr_order(found).pairs) - psnr_order(found).count("not told apart")
     assert told <= 11, "binomial with 64 draws of 5 %"

@@ -11,11 +11,11 @@ from dataset_builder.errors import OutputError, UserError
 from dataset_builder.lightnet.methods.baselines.trivial import TRIVIAL
 from dataset_builder.lightnet.settings import TrainingSpec, load_training
 from dataset_builder.lightnet.settings_differences import differences
-from dataset_builder.lightnet.training.fit import Job, fit
+from dataset_builder.lightnet.training.fit import TrainingJob, fit
 from dataset_builder.studies.derived import base_of, changed
 from dataset_builder.studies.tables import methods, paper, variants
 from dataset_builder.studies.tables.row import Table
-from dataset_builder.studies.tables.table_study import Measured, TableStudy, results, run
+from dataset_builder.studies.tables.table_study import RowMeasured, TableStudy, results, run
 from dataset_builder.studies.trainings import train
 from tests.lightnet.synthetic import write_synthetic
 
@@ -149,7 +149,7 @@ def test_a_table_is_made_and_its_rows_are_kept(dataset: Path, tmp_path: Path,
 
 
 def test_a_training_that_somebody_is_at_is_not_cleared_away(dataset: Path, tmp_path: Path) -> None:
-    job = Job(dataset=dataset, out=tmp_path / "row", spec=load_training(None, [*TINY, "steps=4"]), device="cpu")
+    job = TrainingJob(dataset=dataset, out=tmp_path / "row", spec=load_training(None, [*TINY, "steps=4"]), device="cpu")
     theirs = fit(job)
     while not (job.out / "last.pt").exists():
         next(theirs)
@@ -164,12 +164,12 @@ def test_an_interrupted_row_alone_is_measured_again(dataset: Path, tmp_path: Pat
     table = variants.objectives(base)
     study = TableStudy(table=replace(table, rows=(table.row("l1"), table.row("fr-dssim")), groups=()), base=base,
                        dataset=dataset, out=tmp_path, seeds=2, device="cpu")
-    first = [news for news in run(study) if isinstance(news, Measured)]
+    first = [news for news in run(study) if isinstance(news, RowMeasured)]
     assert [(news.row.name, news.seed, news.kept) for news in first] == [
         ("l1", 0, False), ("l1", 1, False), ("fr-dssim", 0, False), ("fr-dssim", 1, False)]
     assert first[0].scores != first[1].scores, "seeds are seeds"
     (tmp_path / "fr-dssim" / "seed-1" / "scores.csv").unlink()
-    again = [news for news in run(study) if isinstance(news, Measured)]
+    again = [news for news in run(study) if isinstance(news, RowMeasured)]
     assert [news.kept for news in again] == [True, True, True, False]
     assert [[row.metrics for row in news.scores] for news in again] == [
         [row.metrics for row in news.scores] for news in first]

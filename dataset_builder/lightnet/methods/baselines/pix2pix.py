@@ -29,7 +29,7 @@ SLOPE = 0.2
 DROPOUT = 0.5
 UNDROPPED = 5
 """Ups without dropout: the innermost and the outer four."""
-LEAST_SIZE = 32
+MIN_SIZE = 32
 """Pixels a side that the discriminator has a patch for, and a multiple of what most generators need."""
 
 
@@ -40,7 +40,7 @@ class Pix2Pix(Method):
 
     def __init__(self, spec: ModelSpec):
         super().__init__()
-        self.multiple = max(2**spec.downs, LEAST_SIZE)
+        self.multiple = max(2**spec.downs, MIN_SIZE)
         self.generator = Generator(6, 3, spec.width, spec.downs)
         self.discriminator = discriminator(9, spec.width)
         self.apply(_first_weights)

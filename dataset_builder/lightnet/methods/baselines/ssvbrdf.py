@@ -2,7 +2,7 @@
 mask in; albedo and normals are found, and lit by the target light that the renderer finds at the object, as spherical
 harmonics. S' is not seen.
 
-The encoder and the decoders are those of the public code's first stage; at width 32 and 6 downs they have its channels.
+The encoder and the decoders are those of the public code's first cascade, with its channels at width 32 and 6 downs.
 I_t is albedo times the irradiance of the light over pi (Ramamoorthi and Hanrahan 2001), at least 0, with normals in the
 camera's frame. Losses are masked squared errors of I_t (tone-mapped) and of the albedo against D, as there weighted 1.
 Normals have no truth of their own here and learn from I_t; they start out facing the viewer.
@@ -25,7 +25,7 @@ from dataset_builder.lightnet.methods.baselines.rival_layers import BatchNorm
 from dataset_builder.lightnet.methods.method import Loss, Method
 from dataset_builder.lightnet.settings import ModelSpec
 
-LEAST_LENGTH = 1e-3
+MIN_LENGTH = 1e-3
 """Of a normal, before it is made one long: shorter ones have no direction."""
 
 
@@ -35,8 +35,8 @@ class Ssvbrdf(Method):
     def __init__(self, spec: ModelSpec):
         super().__init__()
         self.multiple = 2**spec.downs
-        self.encoder = Encoder(4, spec.width, spec.downs)
-        self.albedo, self.normal = Decoder(spec.width, spec.downs), Decoder(spec.width, spec.downs)
+        self.encoder = SvbrdfEncoder(4, spec.width, spec.downs)
+        self.albedo, self.normal = SvbrdfDecoder(spec.width, spec.downs), SvbrdfDecoder(spec.width, spec.downs)
         self.normal.face_viewer()
 
     def forward(self, inputs: Inputs) -> Prediction:
@@ -44,7 +44,7 @@ class Ssvbrdf(Method):
         seen = torch.cat([(2 * tone_map(inputs.i_s) - 1) * inputs.inside, inputs.inside], dim=1)
         features = self.encoder(seen)
         d = (self.albedo(features).float() + 1) / 2 * inputs.inside
-        normal = functional.normalize(self.normal(features).float(), dim=1, eps=LEAST_LENGTH)
+        normal = functional.normalize(self.normal(features).float(), dim=1, eps=MIN_LENGTH)
         shading = lit(normal, inputs.sh) * inputs.inside
         return Prediction(i_t=d * shading, d=d, shading=shading)
 
@@ -59,7 +59,7 @@ class Ssvbrdf(Method):
                     terms={name: term.detach() for name, term in terms.items()})
 
 
-class Encoder(nn.Module):
+class SvbrdfEncoder(nn.Module):
     """Convolutions that halve, the first 6x6 and the others 4x4, to 16 `width` channels at 1/2^6."""
 
     def __init__(self, channels_in: int, width: int, downs: int):
@@ -76,7 +76,7 @@ class Encoder(nn.Module):
         return features
 
 
-class Decoder(nn.Module):
+class SvbrdfDecoder(nn.Module):
     """Transposed convolutions that double, each but the last beside the encoder's features; 3 channels in [-1, 1]."""
 
     def __init__(self, width: int, downs: int):

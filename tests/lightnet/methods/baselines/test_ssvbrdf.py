@@ -7,7 +7,13 @@ from dataset_builder.geometry.harmonics import basis, irradiance
 from dataset_builder.lightnet.data.batch import Prediction
 from dataset_builder.lightnet.data.ranges import tone_map
 from dataset_builder.lightnet.measures.inside import mean_inside
-from dataset_builder.lightnet.methods.baselines.ssvbrdf import Decoder, Encoder, Ssvbrdf, encoder_widths, lit
+from dataset_builder.lightnet.methods.baselines.ssvbrdf import (
+    Ssvbrdf,
+    SvbrdfDecoder,
+    SvbrdfEncoder,
+    encoder_widths,
+    lit,
+)
 from dataset_builder.lightnet.methods.method import count_parameters
 from dataset_builder.lightnet.settings import ModelSpec
 from tests.lightnet.random_batch import random_batch
@@ -22,7 +28,8 @@ def unit(*xyz: float) -> torch.Tensor:
 def test_at_full_size_it_has_the_parameters_of_the_public_code() -> None:
     assert encoder_widths(32, 6) == [32, 64, 128, 256, 256, 512]
     with torch.device("meta"):
-        assert count_parameters(Encoder(4, 32, 6)) == 3_840_960 and count_parameters(Decoder(32, 6)) == 5_642_499
+        assert count_parameters(SvbrdfEncoder(4, 32,
+                                              6)) == 3_840_960 and count_parameters(SvbrdfDecoder(32, 6)) == 5_642_499
     whole = Ssvbrdf(ModelSpec(width=32, downs=6))
     assert count_parameters(whole) == 3_840_960 + 2 * 5_642_499 and whole.multiple == 64
 
