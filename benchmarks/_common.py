@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from time import perf_counter
 
-from dataset_builder.planning.example_plan import ExamplePlan
+from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.planning.plan import plan_example
 from dataset_builder.rendering.backend import activate
 from dataset_builder.spec.load import load_dataset

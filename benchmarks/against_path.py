@@ -15,7 +15,7 @@ from pathlib import Path
 import _common as common
 import numpy as np
 
-from dataset_builder.planning.example_plan import ExamplePlan
+from dataset_builder.label.example_plan import ExamplePlan
 
 SPP, SIZE, EXAMPLES = 64, 256, (0, 3, 20)
 ASKED = ("render.max_depth=8", "render.rr_depth=5", f"image.width={SIZE}", f"image.height={SIZE}", f"render.spp={SPP}")

@@ -1,6 +1,6 @@
 """Plausible plans of examples, for tests that need one and do not care how it was planned."""
 
-from dataset_builder.planning.example_plan import (
+from dataset_builder.label.example_plan import (
     CameraPlan,
     EffectsPlan,
     ExamplePlan,

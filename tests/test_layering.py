@@ -16,8 +16,8 @@ ORDER = (
     ("rendering",), ("rendering.sampling", "rendering.scene"), ("rendering.transport",), ("rendering.surface",),
     ("rendering.backend", "rendering.buffers", "rendering.oidn"),
     ("planning",), ("planning.effects", "planning.view"), ("planning.scene",),
-    ("planning.example_plan", "planning.catalogue"),
-    ("assets.procedural",), ("assets",), ("geometry",), ("spec",),
+    ("planning.catalogue",),
+    ("assets.procedural",), ("assets",), ("geometry",), ("label",), ("spec",),
     ("lock",), ("files", "layers", "processes", "tonemap"), ("seeding", "digest", "errors"), ("",),
 )
 """Rooms of the package, top to bottom; those of one line do not know each other. A module belongs to the longest name

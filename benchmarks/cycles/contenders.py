@@ -11,7 +11,7 @@ from cycles.client import Blender, CyclesImage
 from cycles.scene_file import scene_of, write
 from cycles.units import indirect_bounces
 
-from dataset_builder.planning.example_plan import ExamplePlan
+from dataset_builder.label.example_plan import ExamplePlan
 
 LAYERS = {"i_s": "source", "i_t": "target", "s_prime": "rough"}
 """Layers with Monte Carlo noise, and the render that each comes from."""

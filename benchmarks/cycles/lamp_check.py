@@ -8,7 +8,7 @@ import numpy as np
 from cycles.client import Blender
 from cycles.contenders import Cycles, Ours, Setting
 
-from dataset_builder.planning.example_plan import ExamplePlan, LightPlan
+from dataset_builder.label.example_plan import ExamplePlan, LightPlan
 
 KINDS = ("area", "sphere", "spot", "point")
 BOUND = 0.02

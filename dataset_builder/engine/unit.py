@@ -13,8 +13,8 @@ import numpy as np
 from dataset_builder.digest import digest
 from dataset_builder.engine import source
 from dataset_builder.errors import OutputError, PlanError, Problem, SpecError, UserError
+from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.planning.catalogue import ExampleRef
-from dataset_builder.planning.example_plan import ExamplePlan
 from dataset_builder.planning.plan import Planner
 from dataset_builder.planning.units import ViewUnit
 from dataset_builder.rendering import oidn

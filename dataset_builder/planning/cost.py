@@ -8,10 +8,10 @@ from typing import get_args
 import numpy as np
 
 from dataset_builder.errors import PlanError, Problem
+from dataset_builder.label.example_plan import ExamplePlan, GoalPlan, RenderPlan
 from dataset_builder.layers import LAYERS, Extent, Pass
 from dataset_builder.planning.catalogue import ExampleRef, ViewRef, count_examples, views_of
 from dataset_builder.planning.effects.denoise_guides import FACTOR, REPEATS
-from dataset_builder.planning.example_plan import ExamplePlan, GoalPlan, RenderPlan
 from dataset_builder.planning.plan import Planner, first_plan, layers_asked
 from dataset_builder.planning.view.visibility import window_share
 from dataset_builder.seeding import rng

@@ -8,9 +8,9 @@ from typing import Any, get_args
 
 import numpy as np
 
+from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.layers import LAYERS, Pass
 from dataset_builder.planning.effects.denoise_guides import guide_extents
-from dataset_builder.planning.example_plan import ExamplePlan
 from dataset_builder.rendering import plugins
 from dataset_builder.rendering.denoise import denoised
 from dataset_builder.rendering.light_probe import CHANNELS

@@ -7,7 +7,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from dataset_builder.planning.example_plan import CameraPlan, RenderPlan
+from dataset_builder.label.example_plan import CameraPlan, RenderPlan
 from dataset_builder.planning.scene.arrangement import TARGET_INSTANCE
 from dataset_builder.rendering.sampling.adaptive import Sample
 from dataset_builder.rendering.sampling.estimate import Integrand, Samplers, estimate

@@ -13,8 +13,8 @@ from time import perf_counter
 
 import numpy as np
 
+from dataset_builder.label.example_plan import ExamplePlan, GoalPlan, RenderPlan
 from dataset_builder.layers import LAYERS, Pass
-from dataset_builder.planning.example_plan import ExamplePlan, GoalPlan, RenderPlan
 from dataset_builder.rendering import passes
 from dataset_builder.rendering.light_probe import lighting
 from dataset_builder.rendering.passes import FIRST_HIT_CHANNELS, RADIANCE_CHANNELS, RADIANCE_LAYERS, ViewSensor

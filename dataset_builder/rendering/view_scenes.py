@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from dataset_builder.label.example_plan import ExamplePlan, IlluminationPlan, RoughPlan
 from dataset_builder.layers import Pass
-from dataset_builder.planning.example_plan import ExamplePlan, IlluminationPlan, RoughPlan
 from dataset_builder.rendering.passes import ViewSensor
 from dataset_builder.rendering.scene.local_frame import LocalFrame
 from dataset_builder.rendering.scene.open_scene import Body, OpenScene, body_of, open_scene

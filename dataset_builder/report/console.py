@@ -10,8 +10,8 @@ from rich.table import Table
 
 from dataset_builder.build import Event
 from dataset_builder.engine.unit import Outcome
+from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.planning.cost import CostEstimate
-from dataset_builder.planning.example_plan import ExamplePlan
 from dataset_builder.report.doctor import Finding
 from dataset_builder.shards.manifest import Manifest, Rejected
 

@@ -12,7 +12,7 @@ from dataset_builder.digest import pixel_digest, sha256_bytes
 from dataset_builder.errors import Problem, ShardError
 from dataset_builder.layers import LAYERS
 from dataset_builder.shards import exr
-from dataset_builder.shards.label import SCHEMA_VERSION, encode_label, statistics
+from dataset_builder.shards.label_text import SCHEMA_VERSION, encode_label, statistics
 from dataset_builder.tonemap import exposure, to_8bit
 
 PREVIEW_LAYERS = ("i_s", "i_t")

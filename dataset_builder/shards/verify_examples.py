@@ -13,7 +13,7 @@ from dataset_builder.errors import Problem, ShardError
 from dataset_builder.shards import exr
 from dataset_builder.shards.example import LABEL, PREVIEW, decode_png
 from dataset_builder.shards.identities import Violation, check_layers, shared_in_view
-from dataset_builder.shards.label import KEYS, SCHEMA_VERSION, differences, encode_label, statistics, structure
+from dataset_builder.shards.label_text import KEYS, SCHEMA_VERSION, differences, encode_label, statistics, structure
 from dataset_builder.shards.manifest import ExampleRecord, LayerRecord, Manifest, MemberRecord, ShardIndex
 from dataset_builder.shards.structure import read_member
 

@@ -12,7 +12,7 @@ import numpy as np
 import dataset_builder
 from dataset_builder.digest import digest, sha256_file
 from dataset_builder.files import write_atomic
-from dataset_builder.planning.example_plan import ExamplePlan
+from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.rendering.backend import renderer_versions
 from dataset_builder.studies.timing import render
 

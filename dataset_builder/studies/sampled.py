@@ -6,8 +6,8 @@ from functools import lru_cache
 from pathlib import Path
 
 from dataset_builder.errors import PlanError, UserError
+from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.planning.catalogue import ExampleRef
-from dataset_builder.planning.example_plan import ExamplePlan
 from dataset_builder.planning.plan import Planner
 from dataset_builder.seeding import derive_seed
 from dataset_builder.spec.dataset import DatasetSpec

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.layers import LAYERS
-from dataset_builder.planning.example_plan import ExamplePlan
 
 if TYPE_CHECKING:
     from dataset_builder.rendering.examples import Rendered

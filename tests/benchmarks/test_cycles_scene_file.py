@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.cycles.client import Blender
 from benchmarks.cycles.scene_file import Scene, scene_of, write
-from dataset_builder.planning.example_plan import ExamplePlan
+from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.planning.plan import plan_example
 from dataset_builder.rendering.scene.triangle_soup import PARTS, clean, merge, surroundings
 from dataset_builder.spec.load import load_dataset

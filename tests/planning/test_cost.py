@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 
 from dataset_builder.errors import PlanError
+from dataset_builder.label.example_plan import ExamplePlan, GoalPlan
 from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.planning.cost import (
     Cost,
@@ -18,7 +19,6 @@ from dataset_builder.planning.cost import (
     pass_share,
     view_cost,
 )
-from dataset_builder.planning.example_plan import ExamplePlan, GoalPlan
 from dataset_builder.planning.plan import Planner, first_plan, plan_example
 from dataset_builder.planning.view.visibility import window_share
 from dataset_builder.spec.loaded import LoadedSpec

@@ -4,8 +4,8 @@ from typing import Any
 import pytest
 
 from dataset_builder.errors import PlanError
+from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.layers import LAYERS
-from dataset_builder.planning.example_plan import ExamplePlan
 from dataset_builder.planning.plan import Planner, plan_all, plan_example
 from dataset_builder.spec.loaded import LoadedSpec
 from dataset_builder.spec.scene import ObjectSpec

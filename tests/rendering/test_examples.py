@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
+from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.layers import LAYERS
 from dataset_builder.planning.effects.decisions import plan_effects
-from dataset_builder.planning.example_plan import ExamplePlan
 from dataset_builder.planning.plan import plan_example
 from dataset_builder.spec.load import load_dataset
 

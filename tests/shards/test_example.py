@@ -8,7 +8,7 @@ from dataset_builder.digest import pixel_digest
 from dataset_builder.errors import ShardError
 from dataset_builder.shards import exr
 from dataset_builder.shards.example import Example, decode_png, encode_members, preview
-from dataset_builder.shards.label import KEYS
+from dataset_builder.shards.label_text import KEYS
 from tests.shards.tiny_dataset import HEIGHT, WIDTH, make_example
 
 

@@ -10,13 +10,7 @@ from pathlib import Path
 from typing import get_args
 
 from dataset_builder.errors import PlanError, Problem
-from dataset_builder.layers import LAYERS
-from dataset_builder.planning.effects.denoise_guides import guide_extents
-from dataset_builder.planning.effects.features import scene_features
-from dataset_builder.planning.effects.light_reach import reaching, said
-from dataset_builder.planning.effects.materials_used import MaterialUse, SceneUse, scene_use
-from dataset_builder.planning.effects.path_depth import MAX_DEPTH, path_depth
-from dataset_builder.planning.example_plan import (
+from dataset_builder.label.example_plan import (
     Decision,
     EffectsPlan,
     Feature,
@@ -28,6 +22,12 @@ from dataset_builder.planning.example_plan import (
     RenderPlan,
     RoomPlan,
 )
+from dataset_builder.layers import LAYERS
+from dataset_builder.planning.effects.denoise_guides import guide_extents
+from dataset_builder.planning.effects.features import scene_features
+from dataset_builder.planning.effects.light_reach import reaching, said
+from dataset_builder.planning.effects.materials_used import MaterialUse, SceneUse, scene_use
+from dataset_builder.planning.effects.path_depth import MAX_DEPTH, path_depth
 from dataset_builder.spec.render import RenderSpec
 
 PASSES = ("first_hit", "source", "target", "first_hit_rough", "rough")

@@ -1,7 +1,7 @@
 """What denoising needs beside the noisy layer, and on which pixels: layers without noise that show the same edges."""
 
+from dataset_builder.label.example_plan import RenderPlan
 from dataset_builder.layers import LAYERS, Extent
-from dataset_builder.planning.example_plan import RenderPlan
 
 ALBEDO = {"i_s": "d", "i_t": "d"}
 """Layers that carry the colour of the surface, and what shows it. Lighting carries none."""

@@ -5,8 +5,8 @@ from typing import get_args
 
 from dataset_builder.assets.asset import Material
 from dataset_builder.assets.glass_kinds import disperses, is_pane, is_solid, metallic_range
+from dataset_builder.label.example_plan import Decision, Feature, FogPlan, LightPlan
 from dataset_builder.planning.effects.materials_used import MaterialUse, SceneUse, is_smooth
-from dataset_builder.planning.example_plan import Decision, Feature, FogPlan, LightPlan
 
 NAMED = 3
 """How many materials a reason names before it counts the rest."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dataset_builder.planning.example_plan import IlluminationPlan, LightPlan, RoomPlan
+from dataset_builder.label.example_plan import IlluminationPlan, LightPlan, RoomPlan
 
 OUTSIDE = ("dome", "sun")
 """Lights that stand outside the room."""

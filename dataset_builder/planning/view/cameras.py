@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from dataset_builder.errors import PlanError, Problem
-from dataset_builder.planning.example_plan import CameraPlan, Vector
+from dataset_builder.label.example_plan import CameraPlan, Vector
 from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.planning.view.visibility import Pinhole, Sight, look, silhouette_area
 from dataset_builder.spec.camera import CameraSpec

@@ -9,7 +9,7 @@ import numpy as np
 
 from dataset_builder.digest import sha256_file
 from dataset_builder.errors import PlanError, Problem
-from dataset_builder.planning.example_plan import LightPlan, Vector
+from dataset_builder.label.example_plan import LightPlan, Vector
 from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.planning.view.cameras import towards, vector
 from dataset_builder.planning.view.irradiance import sky_directions

@@ -5,7 +5,7 @@ from math import radians, sqrt, tan
 
 import numpy as np
 
-from dataset_builder.planning.example_plan import CameraPlan
+from dataset_builder.label.example_plan import CameraPlan
 from dataset_builder.planning.scene.arrangement import TARGET_INSTANCE, Arrangement
 
 GRID = 48

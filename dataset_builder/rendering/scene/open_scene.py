@@ -15,7 +15,7 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 
-from dataset_builder.planning.example_plan import CameraPlan, IlluminationPlan
+from dataset_builder.label.example_plan import CameraPlan, IlluminationPlan
 from dataset_builder.rendering.buffers import owned
 from dataset_builder.rendering.scene.emitters import emitters
 from dataset_builder.rendering.scene.shapes import Triangles, mesh_of, upload

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dataset_builder.planning.example_plan import CameraPlan
+from dataset_builder.label.example_plan import CameraPlan
 
 
 def camera_axes(camera: CameraPlan) -> np.ndarray:

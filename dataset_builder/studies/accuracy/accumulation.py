@@ -10,8 +10,8 @@ from math import isqrt
 
 import numpy as np
 
+from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.planning.catalogue import ExampleRef
-from dataset_builder.planning.example_plan import ExamplePlan
 from dataset_builder.rendering.sampling.adaptive import BATCH_SIZES
 from dataset_builder.seeding import rng
 from dataset_builder.studies.accuracy.rows import AccuracyRow

@@ -11,8 +11,8 @@ from time import perf_counter
 
 from dataset_builder.errors import UserError
 from dataset_builder.geometry.rough_base import rough_base
+from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.planning.catalogue import ExampleRef
-from dataset_builder.planning.example_plan import ExamplePlan
 from dataset_builder.planning.scene.assets_of_plan import asset_of
 from dataset_builder.studies.accuracy.depth import relative_difference
 from dataset_builder.studies.accuracy.rows import AccuracyRow

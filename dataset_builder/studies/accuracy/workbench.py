@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.planning.catalogue import ExampleRef
-from dataset_builder.planning.example_plan import ExamplePlan
 from dataset_builder.studies.accuracy.budget import REFERENCE_DEPTH, Budget
 from dataset_builder.studies.accuracy.rows import AccuracyRow
 from dataset_builder.studies.image_errors import flip, psnr, relative_mse, relative_variance

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dataset_builder.label.example_plan import Decision, ExamplePlan
 from dataset_builder.layers import LAYERS
 from dataset_builder.planning.catalogue import ExampleRef
-from dataset_builder.planning.example_plan import Decision, ExamplePlan
 from dataset_builder.rendering.backend import activate
 from dataset_builder.studies.effects.picture_differences import Difference, clear_difference, noisy_difference
 from dataset_builder.studies.image_errors import geometric_mean

@@ -10,7 +10,7 @@ import numpy as np
 from scipy import stats
 from scipy.ndimage import maximum_filter, minimum_filter
 
-from dataset_builder.planning.example_plan import CameraPlan, IlluminationPlan, RenderPlan
+from dataset_builder.label.example_plan import CameraPlan, IlluminationPlan, RenderPlan
 from dataset_builder.rendering.scene.triangle_soup import Soup
 from dataset_builder.rendering.scene.window import camera_axes
 from dataset_builder.studies.stress.case import CaseMeasured, Size

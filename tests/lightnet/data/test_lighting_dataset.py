@@ -16,7 +16,7 @@ from dataset_builder.lightnet.data.lighting_dataset import LAYERS, LightingDatas
 from dataset_builder.lightnet.data.ranges import luminance
 from dataset_builder.lightnet.settings import DataSpec
 from dataset_builder.shards import exr
-from dataset_builder.shards.label import encode_label
+from dataset_builder.shards.label_text import encode_label
 from dataset_builder.shards.reader import open_dataset
 from tests.lightnet.synthetic import PAPER_AND_ROUGH, camera_frame, synthetic_example, write_synthetic
 from tests.plans import example_plan

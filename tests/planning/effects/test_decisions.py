@@ -11,10 +11,7 @@ import pytest
 
 from dataset_builder.assets.asset import Material, Texture
 from dataset_builder.errors import PlanError
-from dataset_builder.planning.effects.decisions import PASSES, plan_effects
-from dataset_builder.planning.effects.features import scene_features
-from dataset_builder.planning.effects.materials_used import MaterialUse, SceneUse
-from dataset_builder.planning.example_plan import (
+from dataset_builder.label.example_plan import (
     EffectsPlan,
     Feature,
     FogPlan,
@@ -26,6 +23,9 @@ from dataset_builder.planning.example_plan import (
     PlacedObject,
     RoomPlan,
 )
+from dataset_builder.planning.effects.decisions import PASSES, plan_effects
+from dataset_builder.planning.effects.features import scene_features
+from dataset_builder.planning.effects.materials_used import MaterialUse, SceneUse
 from dataset_builder.planning.plan import Planner, first_plan
 from dataset_builder.planning.precheck import probe
 from dataset_builder.spec.load import load_dataset

@@ -2,8 +2,8 @@
 
 import pytest
 
+from dataset_builder.label.example_plan import IlluminationPlan, LightPlan, RoomPlan
 from dataset_builder.planning.effects.light_reach import reach, reaching, said
-from dataset_builder.planning.example_plan import IlluminationPlan, LightPlan, RoomPlan
 
 
 def light(kind: str, direction: tuple[float, float, float] = (0, 0, 0), radiance: float = 1.0) -> LightPlan:

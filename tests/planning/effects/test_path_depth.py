@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from dataset_builder.assets.asset import Material, Texture
 from dataset_builder.assets.glass_kinds import roughness_range
+from dataset_builder.label.example_plan import FogPlan
 from dataset_builder.planning.effects.materials_used import MaterialUse
 from dataset_builder.planning.effects.path_depth import (
     MAX_DEPTH,
@@ -18,7 +19,6 @@ from dataset_builder.planning.effects.path_depth import (
     path_depth,
     with_fog,
 )
-from dataset_builder.planning.example_plan import FogPlan
 
 SHARES, BIASES = st.floats(0, 1), st.floats(1e-6, 0.5)
 CLEAR = FogPlan()

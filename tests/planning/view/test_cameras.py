@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dataset_builder.errors import PlanError
-from dataset_builder.planning.example_plan import CameraPlan, RoomPlan
+from dataset_builder.label.example_plan import CameraPlan, RoomPlan
 from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.planning.view.cameras import place_camera, towards
 from dataset_builder.planning.view.visibility import Pinhole, look, silhouette_area, window_share

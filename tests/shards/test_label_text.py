@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dataset_builder.errors import ShardError
-from dataset_builder.shards.label import differences, encode_label, statistics, structure
+from dataset_builder.shards.label_text import differences, encode_label, statistics, structure
 
 
 def test_text_is_canonical() -> None:
