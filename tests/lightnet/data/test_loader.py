@@ -186,9 +186,9 @@ SCRIPT = """
 import signal
 import sys
 from pathlib import Path
-from dataset_builder.lightnet.dataset import LightingDataset
-from dataset_builder.lightnet.loader import training_batches
-from dataset_builder.spec.training import TrainingSpec
+from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
+from dataset_builder.lightnet.data.loader import training_batches
+from dataset_builder.lightnet.settings import TrainingSpec
 
 if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.default_int_handler)
