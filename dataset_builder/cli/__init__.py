@@ -1,1 +1,1 @@
-"""The command line, one file a verb or a family of verbs: parse, call, print; whatever computes belongs below."""
+"""The command line, one file for each verb or group of verbs: parse, call, print; computation belongs elsewhere."""

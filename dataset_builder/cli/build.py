@@ -13,12 +13,12 @@ from dataset_builder.processes import cores
 
 def add(verbs: Verbs) -> None:
     """Add both verbs."""
-    plan = add_verb(verbs, "plan", _plan, "passes, pixels, paths, time and bytes of a dataset; renders nothing")
+    plan = add_verb(verbs, "plan", _plan, "estimate passes, pixels, paths, time and bytes, without rendering")
     add_spec(plan)
     plan.add_argument("--example", type=int, action="append", default=[],
                       help="print the whole plan of example N as JSON")
     plan.add_argument("--views", type=positive, default=24, help="views to plan in full; the rest is extrapolated")
-    build = add_verb(verbs, "build", _build, "build a dataset, or go on with an interrupted build")
+    build = add_verb(verbs, "build", _build, "build a dataset, or resume an interrupted build")
     add_spec(build)
     build.add_argument("--out", type=Path, help=f"output folder (default: {DATASETS}/NAME)")
     build.add_argument("--workers", type=positive, help="processes (default: one per core, one with a GPU)")
@@ -71,7 +71,7 @@ def _build(options: argparse.Namespace) -> int:
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     if not manifest:
         staged, before = len(outcomes) - len(rejected), len(set(options.example)) - len(outcomes)
-        console.print(f"{staged} examples staged in {folder}, {before} published before; build without --example to "
+        console.print(f"{staged} examples staged in {folder}, {before} already published; build without --example to "
                       "finish", highlight=False, soft_wrap=True)
     else:
         console.print(build_table(manifest, outcomes, perf_counter() - start))

@@ -1,4 +1,4 @@
-"""The verbs `evaluate` and `compose`: what a checkpoint is worth, and what it looks like in its scene."""
+"""The verbs `evaluate` and `compose`: how good a checkpoint is, and what its object looks like in the scene."""
 
 import argparse
 from collections.abc import Iterable, Iterator
@@ -18,12 +18,12 @@ FILES = {"i_s": "--i-s", "s_prime": "--s-prime", "mask": "--mask", "background":
 OPTIONAL = {"mask_rough": "--mask-rough"}
 HELP = {"i_s": "the object under plain light, I_s", "s_prime": "raw lighting of its rough mesh in the scene, S'",
         "mask": "share of each pixel that the object covers, M", "background": "frame of the whole scene, I_PBR",
-        "mask_rough": "mask of the rough mesh, to know where S' is not of the object"}
+        "mask_rough": "mask of the rough mesh, to find where S' does not show the object"}
 
 
 def add(verbs: Verbs) -> None:
     """Add both verbs."""
-    text = "metrics of checkpoints on held-out examples, beside three baselines that learn nothing"
+    text = "measure checkpoints on held-out examples and compare them with three untrained baselines"
     verb = add_verb(verbs, "evaluate", _evaluate, text)
     add_folder(verb)
     verb.add_argument("--checkpoint", type=Path, action="append", required=True, help="repeat to compare several")
@@ -31,13 +31,13 @@ def add(verbs: Verbs) -> None:
     verb.add_argument("--examples", type=positive, help="spread evenly over the split (default: all)")
     verb.add_argument("--out", type=Path, help="folder for the results (default: evaluation, beside the checkpoint)")
     add_networks(verb, trains=False)
-    text = "put a predicted object back into a frame of its scene: an example of a dataset, or EXR files of your own"
+    text = "put a predicted object back into a frame of its scene, for an example of a dataset or your own EXR files"
     verb = add_verb(verbs, "compose", _compose, text)
-    verb.add_argument("folder", type=Path, nargs="?", help="finished dataset; left out where files are given")
+    verb.add_argument("folder", type=Path, nargs="?", help="finished dataset; omit it if files are given")
     verb.add_argument("--checkpoint", type=Path, required=True)
     verb.add_argument("--example", default="", metavar="KEY", help="example to compose, by its key")
-    verb.add_argument("--index", type=int, default=0, help="or by its place in the split (default: the first)")
-    verb.add_argument("--split", help="split that --index counts in (default: the one held out in training)")
+    verb.add_argument("--index", type=int, default=0, help="or by its index in the split (default: the first)")
+    verb.add_argument("--split", help="split that --index refers to (default: the one held out in training)")
     for name, option in {**FILES, **OPTIONAL}.items():
         verb.add_argument(option, type=Path, metavar="FILE", dest=name, help=HELP[name])
     verb.add_argument("--out", type=Path, help="folder for the results (default: composite, beside the checkpoint)")
@@ -93,7 +93,7 @@ def _compose(options: argparse.Namespace) -> int:
     composite = compose(trained, frame)
     out = options.out or options.checkpoint.parent / "composite"
     files = write_composite(composite, panels(frame, composite), out, title=frame.name)
-    print(f"{frame.name}: {composite.predicted.sum()} pixels predicted, {composite.filled.sum()} at the rim filled")
+    print(f"{frame.name}: {composite.predicted.sum()} pixels predicted, {composite.filled.sum()} filled at the rim")
     for file in files:
         print(file)
     return 0

@@ -1,4 +1,4 @@
-"""The verbs that look: at a machine, at a finished dataset, at what specs may say."""
+"""The verbs that look at a machine, at a finished dataset, and at what specs may contain."""
 
 import argparse
 from pathlib import Path
@@ -10,7 +10,7 @@ from dataset_builder.cli.options import DATASETS, Verbs, add_folder, add_verb, p
 
 def add(verbs: Verbs) -> None:
     """Add `doctor`, `inspect`, `verify`, `families` and `schema`."""
-    doctor = add_verb(verbs, "doctor", _doctor, "what this machine has, and how to install what is missing")
+    doctor = add_verb(verbs, "doctor", _doctor, "check this machine, and say how to install what is missing")
     doctor.add_argument("--out", type=Path, default=DATASETS, help="where datasets will be written")
     inspect = add_verb(verbs, "inspect", _inspect, "summary and contact sheet of a dataset")
     add_folder(inspect)
@@ -55,7 +55,7 @@ def _verify(options: argparse.Namespace) -> int:
         print(f"{len(problems)} problem{'s' if len(problems) > 1 else ''}")
         return 1
     totals = load_manifest(options.folder).totals
-    print(f"{totals.examples} examples in {totals.shards} shards, {totals.bytes} bytes: all as they should be")
+    print(f"{totals.examples} examples in {totals.shards} shards, {totals.bytes} bytes: no problems found")
     return 0
 
 

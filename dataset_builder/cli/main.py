@@ -1,4 +1,4 @@
-"""The command line: parse, call, print. Exit codes: 0 done, 1 a check found something wrong, 2 the user can mend it."""
+"""The command line: parse, call, print. Exit codes: 0 done, 1 a check failed, 2 the user can correct it."""
 
 import argparse
 import sys
@@ -21,7 +21,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(f"error: {problem}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("interrupted: finished examples and checkpoints are kept; run the same command again to go on",
+        print("interrupted: finished examples and checkpoints are kept; run the same command again to continue",
               file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:

@@ -48,7 +48,7 @@ def add_overrides(verb: argparse.ArgumentParser, of: str, option: str = "--set",
 
 def add_backend(verb: argparse.ArgumentParser) -> None:
     """What renders."""
-    verb.add_argument("--backend", choices=BACKENDS, default="auto", help="what renders (default: the GPU, if any)")
+    verb.add_argument("--backend", choices=BACKENDS, default="auto", help="renderer backend (default: the GPU, if any)")
 
 
 def add_networks(verb: argparse.ArgumentParser, *, trains: bool = True) -> None:

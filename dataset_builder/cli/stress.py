@@ -11,13 +11,13 @@ SIZES = ("small", "full")
 
 def add(verbs: Verbs) -> None:
     """Add the verb."""
-    text = "render hard cases and hold them against laws and formulas; exit code 1 where one fails"
+    text = "render hard cases and compare them with known laws and formulas; exit code 1 if one fails"
     verb = add_verb(verbs, "stress", _stress, text)
-    verb.add_argument("--only", default="", metavar="PATTERN", help="only cases whose name holds or matches PATTERN")
+    verb.add_argument("--only", default="", metavar="PATTERN", help="only cases whose name contains or matches PATTERN")
     verb.add_argument("--size", choices=SIZES, default="full", help="small: fewer pixels, samples and faces")
     add_backend(verb)
-    verb.add_argument("--csv", type=Path, metavar="FILE", help="write the table there, too")
-    verb.add_argument("--list", action="store_true", help="print the catalogue as a table for pages; run nothing")
+    verb.add_argument("--csv", type=Path, metavar="FILE", help="also write the table to this file")
+    verb.add_argument("--list", action="store_true", help="print the catalogue as a Markdown table, without running it")
 
 
 def _stress(options: argparse.Namespace) -> int:

@@ -1,4 +1,4 @@
-"""The verb `study`: what accuracy costs, what leaving effects out saves, and how smooth rough meshes must be."""
+"""The verb `study`: cost of accuracy, time saved by leaving effects out, and how smooth rough meshes must be."""
 
 import argparse
 from collections.abc import Callable
@@ -27,16 +27,16 @@ LEVELS = "0,0.002,0.004,0.008,0.016"
 
 def add(verbs: Verbs) -> None:
     """Add the verb and its studies."""
-    text = "measure what settings cost and bring, on examples of a dataset"
+    text = "measure the cost and benefit of settings on examples of a dataset"
     kinds = verbs.add_parser("study", help=text, description=text).add_subparsers(required=True, metavar="STUDY")
     accuracy = _study(kinds, "accuracy", _accuracy, "error against seconds for every setting, and recommended settings")
     accuracy.add_argument("--examples", type=positive, default=4, help="examples to measure on (default: 4)")
     accuracy.add_argument("--budget", choices=("full", "small"), default="full",
-                          help="small: coarse references and few settings, to see that it works")
+                          help="small: coarse references and few settings, for a quick trial")
     accuracy.add_argument("--layers", nargs="+", default=LAYERS, metavar="LAYER",
-                          help=f"layers with light to measure (default: those of {' '.join(LAYERS)} that there are)")
+                          help=f"layers with light to measure (default: those of {' '.join(LAYERS)} in the dataset)")
     effects = _study(kinds, "effects", _effects,
-                     "examples as planned against everything on; exit code 1 where they differ")
+                     "compare examples as planned with all effects simulated; exit code 1 if they differ")
     effects.add_argument("--examples", type=positive, default=6, help="examples to measure on (default: 6)")
     noise = _study(kinds, "noise", _noise,
                    "LighTNet at several noise levels of a dataset, trained on all of them and on each")
@@ -104,7 +104,7 @@ def _effects(options: argparse.Namespace) -> int:
     for compared in run(study):
         found.append(compared)
         wrong = [one.layer for one in compared.differences if not one.holds]
-        print(f"example {compared.example}: everything on takes {compared.ratio:.2f} times the time; "
+        print(f"example {compared.example}: simulating everything takes {compared.ratio:.2f} times as long; "
               + (f"beyond the stated error: {', '.join(wrong)}" if wrong else "all layers within the stated error"),
               flush=True)
         write_tables(found, study.out)

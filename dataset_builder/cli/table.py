@@ -1,4 +1,4 @@
-"""The verb `table`: the tables of the paper on a dataset at hand, measured rows beside printed ones."""
+"""The verb `table`: the paper's tables on your own dataset, measured rows beside published ones."""
 
 import argparse
 from pathlib import Path
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from dataset_builder.studies.tables.table_study import RowMeasured, RowNews
 
 KINDS = {
-    "methods": "table 1: LighTNet, Pix2Pix, DPR and SSVBRDF, and what learns nothing",
+    "methods": "table 1: LighTNet, Pix2Pix, DPR and SSVBRDF, and untrained baselines",
     "objectives": "table 2: LighTNet with the paper's choices of losses",
     "formulations": "table 3: how I_t is composed, and where its shading comes from",
     "weights": "the weights of LighTNet's losses, one changed at a time",
@@ -29,7 +29,7 @@ KINDS = {
 
 def add(verbs: Verbs) -> None:
     """Add the verb and its tables."""
-    text = "train the rows of a table of the paper on a dataset; prints them beside the paper's, and if order agrees"
+    text = "train the rows of a table of the paper; print measured and published figures, and if their order agrees"
     kinds = verbs.add_parser("table", help=text, description=text).add_subparsers(required=True, metavar="TABLE")
     for name, what in KINDS.items():
         table = kinds.add_parser(name, help=what, description=what)

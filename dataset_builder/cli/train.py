@@ -8,7 +8,7 @@ from dataset_builder.cli.options import TRAININGS, Verbs, add_folder, add_networ
 
 def add(verbs: Verbs) -> None:
     """Add the verb."""
-    text = "train LighTNet, or a baseline, on a dataset; goes on where an earlier run stopped"
+    text = "train LighTNet, or a baseline, on a dataset; resumes an earlier run"
     train = add_verb(verbs, "train", _train, text)
     add_folder(train)
     train.add_argument("--config", type=Path, help="how to train, a YAML file (default: LighTNet at its small size)")

@@ -1,4 +1,4 @@
-"""The verb `validate`: the release gate of a dataset. Exit code 1 and the reason where it says no."""
+"""The verb `validate`: the release gate of a dataset. Exit code 1 and the reason where a check fails."""
 
 import argparse
 from pathlib import Path
@@ -23,16 +23,16 @@ PARTS = ("files", "consistency", "loader", "training")
 
 def add(verbs: Verbs) -> None:
     """Add the verb."""
-    text = "release gate: files, layers that belong together, and a short training; exit code 1 and the reason if not"
+    text = "release gate: check files and consistency, and train briefly; exit code 1 and the reason on failure"
     verb = add_verb(verbs, "validate", _validate, text)
     add_folder(verb)
     verb.add_argument("--only", default=",".join(PARTS), metavar="A,B", help="parts to run (default: %(default)s)")
-    verb.add_argument("--all", action="store_true", help="go on after a part that fails")
-    verb.add_argument("--examples", type=positive, help="examples that consistency looks at (default: 512)")
+    verb.add_argument("--all", action="store_true", help="continue after a part that fails")
+    verb.add_argument("--examples", type=positive, help="examples used by the consistency checks (default: 512)")
     verb.add_argument("--steps", type=positive, help="batches to train on")
     add_overrides(verb, "the training")
-    verb.add_argument("--margin", type=float, help="dB that LighTNet must be ahead of each baseline (default: 0.5)")
-    verb.add_argument("--copy-margin", type=float, help="dB that it must be ahead of the copy of I_s (default: 3)")
+    verb.add_argument("--margin", type=float, help="required lead of LighTNet over each baseline, in dB (default: 0.5)")
+    verb.add_argument("--copy-margin", type=float, help="required lead over the copy of I_s, in dB (default: 3)")
     add_networks(verb)
     verb.add_argument("--out", type=Path, help=f"folder for the report (default: {STUDIES}/DATASET-validate)")
 

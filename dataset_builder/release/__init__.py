@@ -1,1 +1,1 @@
-"""The release gate: statistics over a whole dataset, its loader, and a training that must succeed."""
+"""The release gate: statistics over a whole dataset, its loader, and a short training."""

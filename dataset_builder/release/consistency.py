@@ -1,8 +1,8 @@
-"""Do the layers of a dataset belong together? What ranges and hashes cannot see: statistics over examples.
+"""Are the layers of a dataset consistent? Statistics over examples find errors that ranges and hashes cannot.
 
-`identities.py` holds every example against rules that are exact. A layer under a gamma, a mask beside its object or S'
-of another example break none of them. Physics leaves traces that hundreds of noisy cells together show clearly; each
-check here is a statistic over the whole dataset with bounds that honest datasets keep with room to spare.
+`identities.py` checks exact rules in every example. A layer under a gamma, a mask beside its object or S' of another
+example break none of them. Physics leaves traces that hundreds of noisy cells together show clearly; each check here is
+a statistic over the whole dataset with bounds that sound datasets keep with room to spare.
 """
 
 from collections.abc import Iterable, Iterator, Mapping

@@ -1,4 +1,4 @@
-"""A rule about a whole dataset, and what was found when it was held against one."""
+"""A rule about a whole dataset, and the result of checking it."""
 
 from dataclasses import dataclass
 

@@ -27,7 +27,7 @@ LISTED = 3
 FILES = Rule(name="files", high=0, why="none, by the definition of the format",
              statement="problems that `dataset-builder verify` finds")
 READS = Rule(name="reads", high=0, why="what cannot be read cannot be trained on",
-             statement="problems that ended this part before its end")
+             statement="errors that stopped this part early")
 
 
 @dataclass(frozen=True, kw_only=True)

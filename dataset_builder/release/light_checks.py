@@ -1,9 +1,9 @@
-"""Does light go where the layers say? Statistics of cells over a whole dataset, each held against bounds.
+"""Do radiance, reflectance and lighting agree? Statistics of cells over a whole dataset, each with bounds.
 
 The physics: I_t = D S + spec with spec >= 0, and S' is S but for the slopes of rough facets and noise. So where a
-surface is mostly diffuse, log I_t - log(D S') is a little above 0 with a small spread, and log I_t rises by 1 with
-log D and by 1 with log S'. A layer under a gamma of 2.2 rises by 0.45 or 2.2; S' of another example rises with nothing.
-Under the source light, which is even, log I_s rises by 1 with log(D + R), and R brings as much light as D.
+surface is mostly diffuse, log I_t - log(D S') is a little above 0 with a small spread, and log I_t rises by 1 with log
+D and by 1 with log S'. A layer under a gamma of 2.2 rises by 0.45 or 2.2; S' of another example is unrelated. Under the
+source light, which is even, log I_s rises by 1 with log(D + R), and R brings as much light as D.
 """
 
 from collections.abc import Sequence
@@ -27,28 +27,30 @@ MIXED = 0.3
 """Least D / (D + R) of cells that tell how R reflects the source light: below, mirrors and glass show what is there."""
 TINY = 1e-9
 
-DIFFUSE_SHARE = Rule(name="diffuse_share", low=0.08, why="with less there is nothing to judge light by",
+DIFFUSE_SHARE = Rule(name="diffuse_share", low=0.08, why="with less, there are too few cells to judge light by",
                      statement="share of the objects' cells with D / (D + R) >= 0.7")
-ENERGY = Rule(name="energy", low=-0.5, why="0 by D S <= I_t; facets of S' that face a light better than the clean "
-              "mesh bring some below; a factor of pi is -1.14",
+ENERGY = Rule(name="energy", low=-0.5, why="0 by D S <= I_t; rough facets that face a light more directly than the "
+                                           "clean mesh give some lower values; a factor of pi is -1.14",
               statement="10% quantile of log I_t - log(D S') over diffuse cells")
-EXCESS = Rule(name="excess", high=0.8, why="log(1 / 0.7) = 0.36 where all around sends the same light, 0.2 for what "
-              "very rough meshes keep from themselves; a factor of pi is 1.14",
+EXCESS = Rule(name="excess", high=0.8, why="log(1 / 0.7) = 0.36 under even light, 0.2 for self-shadowing of very "
+                                           "rough meshes; a factor of pi is 1.14",
               statement="median of log I_t - log(D S') over diffuse cells")
-SPREAD = Rule(name="spread", high=0.75, why="0.2 for usual roughness, 0.5 for extreme one; 1.5 for S' of others",
+SPREAD = Rule(name="spread", high=0.75, why="0.2 for usual roughness, 0.5 for extreme roughness; 1.5 for S' of "
+                                            "another example",
               statement="interquartile range of log I_t - log(D S') over diffuse cells")
 ALBEDO_SLOPE = Rule(name="albedo_slope", low=0.65, high=1.35, why="1 by I_t = D S + spec; gamma gives 0.45 or 2.2",
                     statement="slope of log I_t on log D, with log S' held fixed")
 LIGHT_SLOPE = Rule(name="light_slope", low=0.65, high=1.35, why="1 by I_t = D S + spec; gamma gives 0.45 or 2.2",
                    statement="slope of log I_t on log S', with log D held fixed")
-SHADING = Rule(name="shading", low=0.5, why="S' shades as S does; that of another object is as good as unrelated",
+SHADING = Rule(name="shading", low=0.5, why="S' shades as S does; that of another object is almost unrelated",
                statement="median over examples of the correlation of log I_t - log D with log S'")
-ODD_EXAMPLES = Rule(name="odd_examples", high=0.06, why="the bounds for one example are wide enough for honest ones",
+ODD_EXAMPLES = Rule(name="odd_examples", high=0.06, why="sound examples rarely leave these bounds",
                     statement=f"share of examples with a median of log I_t - log(D S') outside {ODD[0]} to {ODD[1]}")
-SOURCE_SLOPE = Rule(name="source_slope", low=0.65, high=1.45, why="1 by even light, more where bright objects light "
-                    "themselves; gamma gives 0.45 or 2.2",
+SOURCE_SLOPE = Rule(name="source_slope", low=0.65, high=1.45, why="1 under even light, more where bright objects "
+                                                                  "light themselves; gamma gives 0.45 or 2.2",
                     statement="slope of log I_s on log(D + R) over diffuse cells")
-SOURCE_SPREAD = Rule(name="source_spread", high=1.2, why="one source light for all examples; twice an honest spread",
+SOURCE_SPREAD = Rule(name="source_spread", high=1.2, why="one source light for all examples; twice the spread of a "
+                                                         "sound dataset",
                      statement="80% range of examples' medians of log I_s - log(D + R)")
 SPECULAR_WEIGHT = Rule(name="specular_weight", low=0.42, high=2.3, why="1 where light comes evenly from everywhere",
                        statement="light in I_s by R over light in I_s by D")
@@ -85,7 +87,7 @@ def _slopes(diffuse: Sequence[Cells]) -> list[Check]:
     checks = []
     for rule, logs, slope in ((ALBEDO_SLOPE, log_d, slopes[0]), (LIGHT_SLOPE, log_s, slopes[1])):
         spread = float(np.std(np.concatenate(logs)))
-        checks.append(rule.judge(slope) if spread >= VARIED else rule.pass_over(f"deviation {spread:.2f}, too even"))
+        checks.append(rule.judge(slope) if spread >= VARIED else rule.pass_over(f"deviation {spread:.2f}, too uniform"))
     return checks
 
 
@@ -96,7 +98,7 @@ def _shading(diffuse: Sequence[Cells]) -> Check:
         if len(cells) >= ENOUGH and shade.std() >= SHADED:
             apparent = _log((cells.i_t / np.maximum(cells.d, TINY)).sum(axis=1))
             found.append(float(np.corrcoef(shade, apparent)[0, 1]) if apparent.std() else 0.0)
-    return SHADING.judge(float(np.median(found))) if found else SHADING.pass_over("S' is even on every object")
+    return SHADING.judge(float(np.median(found))) if found else SHADING.pass_over("S' is constant on every object")
 
 
 def _odd(diffuse: Sequence[Cells]) -> Check:
@@ -113,7 +115,7 @@ def _source(diffuse: Sequence[Cells], clear: Sequence[Cells]) -> list[Check]:
     logs = [_log(cells.d + cells.r).ravel() for cells in evenly]
     slope, = _regress([_log(cells.i_s).ravel() for cells in evenly], logs)
     even = float(np.std(np.concatenate(logs))) < VARIED
-    return [SOURCE_SLOPE.pass_over("albedo is too even") if even else SOURCE_SLOPE.judge(slope), _levels(evenly),
+    return [SOURCE_SLOPE.pass_over("albedo is too uniform") if even else SOURCE_SLOPE.judge(slope), _levels(evenly),
             _specular(clear)]
 
 

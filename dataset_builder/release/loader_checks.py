@@ -16,15 +16,15 @@ from dataset_builder.shards.reader import load_manifest
 LIGHTING = (3, 9)
 """Shape of an example's light: channels, spherical harmonics up to degree 2."""
 
-COUNTED = Rule(name="counted", high=0, why="the manifest is a promise",
-               statement="examples of both splits that the manifest lists and the loader neither has nor leaves out")
-LEFT_OUT = Rule(name="left_out", high=0.05, why="an object that fills no pixel by half teaches nothing; a few may be "
-                "that thin", statement="share of examples without a pixel inside")
+COUNTED = Rule(name="counted", high=0, why="every example that the manifest lists must be there",
+               statement="examples of both splits in the manifest that the loader neither loads nor lists as left out")
+LEFT_OUT = Rule(name="left_out", high=0.05, why="such an object is too thin to learn from; a few are allowed",
+                statement="share of examples without a pixel inside")
 FINITE = Rule(name="finite", high=0, why="one NaN ends a training",
               statement="examples with a tensor that is not finite or light below 0")
 INSIDE = Rule(name="inside", low=1, why="losses and metrics are means over these",
-              statement="pixels inside, least of all examples")
-LIGHTED = Rule(name="lighting", high=0, why="two baselines see the target light through it alone",
+              statement="pixels inside, minimum over examples")
+LIGHTED = Rule(name="lighting", high=0, why="it is the only target light that two baselines see",
                statement="examples whose light is not 3 x 9 finite numbers, or has no light on average")
 RULES = (COUNTED, LEFT_OUT, FINITE, INSIDE, LIGHTED)
 

@@ -1,4 +1,4 @@
-"""Is the mask where the object is? Looks at the layers under it, at the rough mask, and at the edges of the picture."""
+"""Is the mask where the object is? Checks the layers under it, the rough mask, and the edges of the picture."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,10 +18,11 @@ STEEPEST = 1.0
 """Of a change of log I_s from pixel to pixel: beyond it an edge is an edge."""
 
 SUPPORT = Rule(name="support", high=0.01, why="0 by definition: D + R of what a ray meets is not 0",
-               statement="share of pixels with mask > 0 where d and r are 0, largest over examples but the worst 5%")
-DRIFT = Rule(name="drift", high=1.5, why="noise moves outlines to all sides alike; 0 but for chance",
+               statement="share of pixels with mask > 0 where d and r are 0: maximum over examples, leaving out the "
+                         "worst 5%")
+DRIFT = Rule(name="drift", high=1.5, why="noise moves outlines equally to all sides: 0 apart from chance",
              statement="median shift of mask_rough's centre against mask's, in pixels")
-EDGES = Rule(name="edges", high=1.5, why="0: an outline is an edge of the picture, and of no other place so often",
+EDGES = Rule(name="edges", high=1.5, why="0: most outlines are edges of the picture, and a shifted outline meets fewer",
              statement="shift of the mask at which its outline meets most edges of i_s, in pixels")
 RULES = (SUPPORT, DRIFT, EDGES)
 
@@ -85,8 +86,8 @@ def _edges(found: Sequence[Outline]) -> Check:
                                f"{MIN_EXAMPLES}")
     rows, columns = (int(i) - SEARCH for i in np.unravel_index(scores.argmax(), scores.shape))
     here, there = scores[SEARCH, SEARCH] / np.median(scores), scores.max() / np.median(scores)
-    return EDGES.judge(float(np.hypot(rows, columns)), f"best {there:.2f} times the usual at {rows:+d} rows, "
-                       f"{columns:+d} columns; {here:.2f} times where it is")
+    return EDGES.judge(float(np.hypot(rows, columns)), f"best {there:.2f} times the mean at {rows:+d} rows, "
+                                                       f"{columns:+d} columns; {here:.2f} times where it is")
 
 
 def _centre(mask: np.ndarray) -> np.ndarray:

@@ -17,8 +17,9 @@ FAR = 0.98
 """Quantile of pixels that an example's reach is taken at."""
 
 REACH = Rule(name="depth", high=2.0, why="the camera aims into the object's bounding sphere, and the object fills it",
-             statement="distance along the view axis from depth to the camera's aim in bounding radii, largest of all")
-NORMALS = Rule(name="normals", low=0.9, why="1 on flat faces; smooth shading and noise bring little below",
+             statement="distance along the view axis from depth to the camera's aim in bounding radii, maximum over "
+                       "examples")
+NORMALS = Rule(name="normals", low=0.9, why="1 on flat faces; a little less with smooth shading and noise",
                statement="cosine between normal and the normal of the surface that depth spans, 5% quantile of "
                          "examples' medians")
 RULES = (REACH, NORMALS)

@@ -1,7 +1,7 @@
-"""Does a dataset teach? LighTNet, trained on it from scratch, must beat what needs no training on its held-out split.
+"""Can a network learn from it? LighTNet, trained from scratch, must beat untrained baselines on the held-out split.
 
-Two of the rivals are told the true D and R, and multiply them with S'; what they miss is what the network is for: the
-roughness of S', and speculars that S' does not know. A fault of S' makes them worse, too, so that beating them alone
+Two of the baselines get the true D and R, and multiply them with S'; what they miss is what the network is for: the
+roughness of S', and speculars that S' does not contain. A fault of S' makes them worse, too, so that beating them alone
 proves little. The third copies I_s, which no fault of S' touches: the network must leave it far behind.
 """
 
@@ -50,13 +50,13 @@ class Contest:
 
 def ahead(name: str, margin: float) -> Rule:
     """The rule that a rival is beaten by a margin."""
-    return Rule(name=f"beats_{name}", low=margin, why="stated beforehand: --margin, and --copy-margin for copy_i_s",
-                statement=f"dB that mean PSNR is above that of {name} on the held-out split")
+    return Rule(name=f"beats_{name}", low=margin, why="set by --margin, and by --copy-margin for copy_i_s",
+                statement=f"lead of mean PSNR over {name} on the held-out split, in dB")
 
 
 def clearly(name: str) -> Rule:
     """The rule that it is not beaten by chance."""
-    return Rule(name=f"clearly_{name}", low=SIGMAS, why="one in forty by chance where nothing is better",
+    return Rule(name=f"clearly_{name}", low=SIGMAS, why="by chance in one of forty trainings that are no better",
                 statement=f"the same over its standard error, example by example, clustered by view: {name}")
 
 

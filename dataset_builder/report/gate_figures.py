@@ -1,4 +1,4 @@
-"""Figures of a release gate: what the statistics of light are taken over, where the mask belongs, who is better."""
+"""Figures of a release gate: light over cells, the best place of the mask, and PSNR against baselines."""
 
 from collections.abc import Sequence
 
@@ -84,7 +84,7 @@ def _cloud(axes: Axes, x: np.ndarray, y: np.ndarray, diffuse: np.ndarray) -> Non
     step = -(-len(x) // MAX_POINTS)
     x, y, diffuse = (np.maximum(values[::step], MIN_VALUE) if values.dtype != bool else values[::step]
                      for values in (x, y, diffuse))
-    for where, colour, label in ((~diffuse, PALE, "specular for the most part"), (diffuse, COLOURS[0], "diffuse")):
+    for where, colour, label in ((~diffuse, PALE, "mostly specular"), (diffuse, COLOURS[0], "diffuse")):
         axes.scatter(x[where], y[where], s=4, color=colour, label=label, linewidths=0)
     axes.set(xscale="log", yscale="log")
     for axis in (axes.xaxis, axes.yaxis):

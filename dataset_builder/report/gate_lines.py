@@ -37,7 +37,7 @@ def lines(news: News) -> list[str]:
         checks = [check_line(check) for check in news.found.checks]
         return [*checks, f"  {news.part} took {news.seconds:.1f} s"]
     if isinstance(news, LeftOut):
-        return [f"not run, since the part before said no: {', '.join(news.parts)} (--all runs everything)"]
+        return [f"not run, because an earlier part failed: {', '.join(news.parts)} (use --all to run every part)"]
     return [f"  {line}" for line in lines_of(news)]
 
 

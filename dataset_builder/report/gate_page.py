@@ -1,4 +1,4 @@
-"""A release gate as files: what was asked, found and refused, as JSON for programs and Markdown for people."""
+"""A release gate as files: its checks, their values and verdicts, as JSON for programs and Markdown for people."""
 
 import json
 from dataclasses import dataclass
@@ -14,11 +14,12 @@ from dataset_builder.report.gate_lines import figure
 
 JSON, MARKDOWN, FIGURES = "report.json", "report.md", "figures"
 CAPTIONS = {
-    "light": "Every point is a cell of an object. Left: light on it, D S', against what it sends, I_t. Right: D + R "
-             "against I_s. Honest points lie along the line; a gamma turns the cloud, S' of others blows it up.",
-    "mask": "Steepness of I_s under the mask's outline when the mask is shifted: brightest where most edges are. It "
-            "belongs into the middle.",
-    "training": "PSNR on the held-out split, example by example: LighTNet against each rival; above the line it is "
+    "light": "Every point is a cell of an object. Left: the light that reaches it and is diffusely reflected, D S', "
+             "against I_t. Right: D + R against I_s. Points of a sound dataset lie along the line; a gamma changes "
+             "the slope, S' of another example widens the cloud.",
+    "mask": "Steepness of I_s under the outline of the mask when the mask is shifted: brightest where most edges are. "
+            "The brightest point should be in the middle.",
+    "training": "PSNR on the held-out split, example by example: LighTNet against each baseline; above the line it is "
                 "better.",
 }
 
@@ -39,7 +40,7 @@ class Report:
 
     @property
     def refused(self) -> list[Check]:
-        """Checks that say no, in the order they were made."""
+        """Checks that failed, in the order they were made."""
         return [check for done in self.done for check in done.found.checks if not check.holds]
 
     @property
@@ -48,13 +49,13 @@ class Report:
         ran, seconds = ", ".join(done.part for done in self.done), sum(done.seconds for done in self.done)
         unjudged = sum(not check.judged for done in self.done for check in done.found.checks)
         count = sum(len(done.found.checks) for done in self.done)
-        tail = f"{ran}: {count - unjudged} checks judged, {unjudged} not, in {seconds:.0f} s"
-        return f"yes: {tail}" if self.holds else f"no, by {', '.join(check.name for check in self.refused)}; {tail}"
+        tail = f"{ran}: {count - unjudged} checks judged, {unjudged} not judged, in {seconds:.0f} s"
+        return f"passed: {tail}" if self.holds else f"FAILED: {', '.join(check.name for check in self.refused)}; {tail}"
 
 
 def refusals(report: Report) -> list[str]:
-    """A sentence for every check that says no: rule, value, bounds, where the bounds come from."""
-    return [f"no: {check.name}: {check.rule.statement}: expected {check.rule.bounds}, got {_value(check)} "
+    """A sentence for every check that failed: rule, value, bounds, where the bounds come from."""
+    return [f"failed: {check.name}: {check.rule.statement}: expected {check.rule.bounds}, got {_value(check)} "
             f"({check.rule.why})" + (f": {check.detail}" if check.detail else "") for check in report.refused]
 
 
@@ -82,7 +83,7 @@ def as_data(report: Report) -> dict[str, Any]:
 def markdown(report: Report, made: list[str]) -> str:
     """The page."""
     parts = [f"# Release gate of {Path(report.dataset).name}", f"**{report.verdict}.**",
-             *([f"Not run, since a part before said no: {', '.join(report.left_out)}."] * bool(report.left_out)),
+             *([f"Not run, because an earlier part failed: {', '.join(report.left_out)}."] * bool(report.left_out)),
              *(f"- {line}" for line in refusals(report))]
     for done in report.done:
         parts += [f"## {done.part}, {done.seconds:.1f} s", _table(done)]

@@ -148,11 +148,11 @@ def test_a_lead_that_is_no_number_is_no_lead() -> None:
 def test_the_verb_writes_a_report_and_exits_by_it(dataset: Path, tmp_path: Path,
                                                   capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["validate", str(dataset), "--only", "files,consistency", "--out", str(tmp_path / "good")]) == 0
-    assert "yes: files, consistency" in capsys.readouterr().out
+    assert "passed: files, consistency" in capsys.readouterr().out
     sabotage(dataset, tmp_path / "spoilt", "shift_mask_cut")
     assert main(["validate", str(tmp_path / "spoilt"), "--out", str(tmp_path / "bad")]) == 1
     text = capsys.readouterr().out
-    assert "no: support: share of pixels" in text and "expected <= 0.01, got" in text and "not run" in text
+    assert "failed: support: share of pixels" in text and "expected <= 0.01, got" in text and "not run" in text
     report = json.loads((tmp_path / "bad" / "report.json").read_bytes())
     assert not report["holds"] and report["not_run"] == ["loader", "training"]
     page = (tmp_path / "bad" / "report.md").read_text()
@@ -167,7 +167,7 @@ def test_a_whole_run_with_a_training_has_its_figure(dataset: Path, tmp_path: Pat
                  *(part for setting in TINY for part in ("--set", setting)), "--device", "cpu"]
     for _ in range(2):
         assert main(arguments) == 1
-        assert "no: beats_d_s_prime" in capsys.readouterr().out
+        assert "failed: beats_d_s_prime" in capsys.readouterr().out
     assert (tmp_path / "figures" / "training.png").stat().st_size > 1000
     (tmp_path / "training" / "training.json").unlink()
     assert main(arguments) == 1

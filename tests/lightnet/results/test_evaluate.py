@@ -222,7 +222,7 @@ def test_examples_are_composed_into_files(folder: Path, checkpoint: Path, tmp_pa
         with Image.open(tmp_path / "one" / name) as picture:
             assert picture.size == (40, 40) or picture.width > 5 * 320
     shown = capsys.readouterr().out
-    assert example["meta"]["key"] in shown and "at the rim filled" in shown
+    assert example["meta"]["key"] in shown and "filled at the rim" in shown
     assert compose_verb(folder, "--checkpoint", checkpoint, "--example", example["meta"]["key"],
                         "--out", tmp_path / "two") == 0
     assert (tmp_path / "two" / "composite.exr").read_bytes() == (tmp_path / "one" / "composite.exr").read_bytes()
