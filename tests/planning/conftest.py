@@ -115,8 +115,8 @@ def box_arrangement(target: Box, others: tuple[Box, ...] = (), room: RoomPlan | 
     return Arrangement(room=room, target=placed, furniture=(), geometry=geometry)
 
 
-@pytest.fixture(name="box_stage")
-def _box_stage() -> Callable[..., Arrangement]:
+@pytest.fixture(name="box_arrangement")
+def _box_arrangement() -> Callable[..., Arrangement]:
     return box_arrangement
 
 
