@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from dataset_builder.assets.asset import Material, Texture
+from dataset_builder.geometry.pinhole import look_at
 from dataset_builder.label.example_plan import ExamplePlan, IlluminationPlan
 from dataset_builder.planning.view.irradiance import BEAM_SHARE
 from dataset_builder.rendering.scene.rough_mesh import rough_twin
 from dataset_builder.rendering.scene.triangle_soup import PARTS, Soup, clean, merge, surroundings
-from dataset_builder.rendering.scene.window import camera_axes
 
 MAPS = ("base_color", "roughness", "metallic", "normal")
 BEYOND = ("transmission", "coat", "abbe")
@@ -92,4 +92,6 @@ def _maps(texture: Texture) -> dict[str, np.ndarray]:
 
 def _camera(plan: ExamplePlan) -> dict[str, Any]:
     """Position, and (3, 3) rows right, up, forward in world space; `fov` is horizontal, in degrees."""
-    return {"position": list(plan.camera.position), "axes": camera_axes(plan.camera).tolist(), "fov": plan.camera.fov}
+    camera = plan.camera
+    return {"position": list(camera.position), "axes": look_at(camera.position, camera.target, camera.up).tolist(),
+            "fov": camera.fov}

@@ -8,6 +8,7 @@ from typing import get_args
 import numpy as np
 
 from dataset_builder.errors import PlanError, Problem
+from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.label.example_plan import ExamplePlan, GoalPlan, RenderPlan
 from dataset_builder.layers import LAYERS, Extent, Pass
 from dataset_builder.planning.catalogue import ExampleRef, ViewRef, count_examples, views_of
@@ -181,8 +182,8 @@ def calibration_cost(planner: Planner, rates: Rates, cores: int = 1) -> Cost:
     layers = tuple((name, extent) for name, extent in plan.render.layers if name in denoise.layers)
     plan = plan.model_copy(update={"render": plan.render.model_copy(update={"layers": layers})})
     count = min(denoise.examples, sum(len(views_of(spec, split)) for split in spec.splits))
-    window = window_share(planner.arrangement(planner.examples[plan.index].view.pair), plan.camera,
-                          spec.image.height / spec.image.width)
+    window = window_share(planner.arrangement(planner.examples[plan.index].view.pair),
+                          Pinhole.of(plan.camera, spec.image.width, spec.image.height))
     one = view_cost(plan, 1, 1, window, spec.storage.dtype, rates, min(cores, count))
     renders, times = count * (REPEATS + 1), count * (REPEATS + FACTOR)
     return Cost(passes=renders * one.passes, pixels=renders * one.pixels, paths=times * one.paths,
@@ -218,7 +219,8 @@ def _split_cost(planner: Planner, views: Sequence[ViewRef], lights: int, rates: 
         except PlanError as error:
             problems += error.problems
             continue
-        window = window_share(planner.arrangement(ref.pair), plan.camera, spec.image.height / spec.image.width)
+        window = window_share(planner.arrangement(ref.pair),
+                              Pinhole.of(plan.camera, spec.image.width, spec.image.height))
         costs.append(view_cost(plan, lights, len(spec.rough.levels), window, spec.storage.dtype, rates, cores))
     if not costs:
         raise PlanError(problems)

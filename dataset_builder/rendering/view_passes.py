@@ -13,6 +13,7 @@ from time import perf_counter
 
 import numpy as np
 
+from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.label.example_plan import ExamplePlan, GoalPlan, RenderPlan
 from dataset_builder.layers import LAYERS, Pass
 from dataset_builder.rendering import passes
@@ -167,7 +168,7 @@ class ViewPasses:
 
     def _window(self, soup: Soup) -> np.ndarray:
         points = soup.corners[soup.instance == self.plan.target.instance].reshape(-1, 3)
-        return covered_window(self.view.camera, points, self._render.width, self._render.height)
+        return covered_window(Pinhole.of(self.view.camera, self._render.width, self._render.height), points)
 
     def _wanted(self, render_pass: str, pixels: np.ndarray) -> np.ndarray:
         """The frame if the pass is planned there, else `pixels`."""

@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 
 from dataset_builder.errors import PlanError
+from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.label.example_plan import ExamplePlan, GoalPlan
 from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.planning.cost import (
@@ -102,7 +103,7 @@ def test_measuring_the_bias_of_denoised_layers_costs_eighteen_renders(load: Load
     plan = first_plan(planner)
     assert plan is not None
     only = plan.model_copy(update={"render": plan.render.model_copy(update={"layers": (("i_t", "object"),)})})
-    window = window_share(planner.arrangement(planner.examples[plan.index].view.pair), plan.camera, 1.0)
+    window = window_share(planner.arrangement(planner.examples[plan.index].view.pair), Pinhole.of(plan.camera, 8, 8))
     one, found = view_cost(only, 1, 1, window, "float32", RATES), calibration_cost(planner, RATES)
     assert found.seconds == pytest.approx(3 * (2 + 16) * one.seconds) and found.bytes == 0
     assert found.paths == pytest.approx(54 * one.paths) and found.passes == 9 * 2

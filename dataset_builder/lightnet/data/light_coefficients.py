@@ -7,6 +7,7 @@ import numpy as np
 
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.geometry.harmonics import rotation
+from dataset_builder.geometry.pinhole import look_at
 
 MIRROR = np.sign(np.diag(rotation(np.diag([-1.0, 1.0, 1.0]))))
 """(9,) factors that take the coefficients of a light to those of its mirror image, left for right."""
@@ -14,11 +15,8 @@ MIRROR = np.sign(np.diag(rotation(np.diag([-1.0, 1.0, 1.0]))))
 
 def camera_from_world(camera: Mapping[str, Any]) -> np.ndarray:
     """(3, 3) rotation of a label's `plan.camera`: rows are x (right), y (up) and z (to the viewer) in the world."""
-    back = np.subtract(camera["position"], camera["target"])
-    z = back / np.linalg.norm(back)
-    x = np.cross(camera["up"], z)
-    x /= np.linalg.norm(x)
-    return np.stack([x, np.cross(z, x), z])
+    right, up, forward = look_at(camera["position"], camera["target"], camera["up"])
+    return np.stack([right, up, -forward])
 
 
 def lighting_of(label: Mapping[str, Any]) -> np.ndarray:

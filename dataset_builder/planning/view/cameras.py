@@ -9,9 +9,10 @@ from typing import Literal
 import numpy as np
 
 from dataset_builder.errors import PlanError, Problem
+from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.label.example_plan import CameraPlan, Vector
 from dataset_builder.planning.scene.arrangement import Arrangement
-from dataset_builder.planning.view.visibility import Pinhole, Sight, look, silhouette_area
+from dataset_builder.planning.view.visibility import Sight, look, silhouette_area
 from dataset_builder.spec.camera import CameraSpec
 from dataset_builder.spec.numbers import draw
 from dataset_builder.spec.render import ImageSpec
@@ -61,7 +62,7 @@ class _Draw:
     direction: np.ndarray
     aim: np.ndarray
     fov: float
-    aspect: float
+    image: ImageSpec
     area: float
     """Of the object's silhouette from far along `direction`, square metres."""
     wanted: float
@@ -70,7 +71,8 @@ class _Draw:
     @property
     def distance(self) -> float:
         """Where the silhouette covers as much of the frame as wanted, perspective aside."""
-        return sqrt(self.area / (self.wanted * 4 * tan(radians(self.fov) / 2) ** 2 * self.aspect))
+        return sqrt(self.area / (self.wanted * 4 * tan(radians(self.fov) / 2) ** 2
+                                 * (self.image.height / self.image.width)))
 
 
 def _tally(misses: Sequence[_Miss]) -> tuple[str, str]:
@@ -118,8 +120,8 @@ def _draw(arrangement: Arrangement, spec: CameraSpec, image: ImageSpec, rng: np.
     direction = towards(arrangement.target.yaw + draw(spec.azimuth, rng), draw(spec.elevation, rng))
     aim = arrangement.centre + rng.uniform(-1, 1, 3) * AIM_JITTER * arrangement.radius
     low, high = (max(bound, MIN_COVERAGE) for bound in spec.coverage)
-    nearest = _Draw(direction=direction, aim=aim, fov=fov, aspect=image.height / image.width,
-                    area=silhouette_area(arrangement, direction), wanted=high)
+    nearest = _Draw(direction=direction, aim=aim, fov=fov, image=image, wanted=high,
+                    area=silhouette_area(arrangement, direction))
     reach = _reach(arrangement, direction, spec.clearance)
     if nearest.distance > reach:
         return _Miss(reason="room", figure=nearest.distance)
@@ -143,7 +145,7 @@ def _frame(arrangement: Arrangement, spec: CameraSpec, drawn: _Draw) -> Pinhole 
 
     def at(distance: float) -> Pinhole:
         return Pinhole(position=arrangement.centre + drawn.direction * distance, target=drawn.aim, fov=drawn.fov,
-                       aspect=drawn.aspect)
+                       width=drawn.image.width, height=drawn.image.height)
 
     distance = drawn.distance
     distance *= sqrt(min(max(look(arrangement, at(distance)).solid / drawn.wanted, 0.25), 4.0))

@@ -10,9 +10,9 @@ import numpy as np
 from scipy import stats
 from scipy.ndimage import maximum_filter, minimum_filter
 
+from dataset_builder.geometry.pinhole import Pinhole, unit
 from dataset_builder.label.example_plan import CameraPlan, IlluminationPlan, RenderPlan
 from dataset_builder.rendering.scene.triangle_soup import Soup
-from dataset_builder.rendering.scene.window import camera_axes
 from dataset_builder.studies.stress.case import CaseMeasured, Size
 
 BATCHES = 4
@@ -182,14 +182,9 @@ def over_pixels(camera: CameraPlan, size: tuple[int, int],
 
 def _rays(camera: CameraPlan, size: tuple[int, int], side: int) -> np.ndarray:
     """(H, side, W, side, 3) unit directions through a grid of `side` by `side` points of each pixel."""
-    width, height = size
-    right, up, forward = camera_axes(camera)
-    reach = np.tan(np.radians(camera.fov) / 2)
-    step = (np.arange(side) + 0.5) / side
-    x = (2 * (np.arange(width)[:, None] + step) / width - 1) * reach
-    y = (1 - 2 * (np.arange(height)[:, None] + step) / height) * reach * height / width
-    rays = forward + x[None, None, :, :, None] * right + y[:, :, None, None, None] * up
-    return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+    frame, step = Pinhole.of(camera, *size), (np.arange(side) + 0.5) / side
+    columns, rows = (np.arange(count)[:, None] + step for count in size)
+    return unit(frame.directions(columns[None, None], rows[:, :, None, None]))
 
 
 def on_floor(camera: CameraPlan, size: tuple[int, int], formula: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:

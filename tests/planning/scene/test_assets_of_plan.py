@@ -8,12 +8,13 @@ from PIL import Image
 from dataset_builder.assets.procedural.furniture import make_furniture
 from dataset_builder.assets.procedural.rooms import make_room
 from dataset_builder.errors import PlanError
+from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.label.example_plan import ObjectPlan, PlacedObject
 from dataset_builder.planning.plan import Planner
 from dataset_builder.planning.scene import assets_of_plan
 from dataset_builder.planning.scene.assets_of_plan import asset_of, room_parts, world_from_object
 from dataset_builder.planning.scene.contents import contents
-from dataset_builder.planning.view.visibility import Pinhole, look
+from dataset_builder.planning.view.visibility import look
 from dataset_builder.spec.loaded import LoadedSpec
 from dataset_builder.spec.mesh_source import companions, mesh_source
 
@@ -76,8 +77,6 @@ def test_embedded_furniture_in_embedded_rooms_is_seen_as_planned(load: Callable[
     for ref in planner.examples[:12:4]:
         plan, arrangement = planner.example(ref), planner.arrangement(ref.view.pair)
         assert set(room_parts(plan.room)) == {"floor", "walls", "ceiling"}
-        frame = Pinhole(position=np.array(plan.camera.position), target=np.array(plan.camera.target),
-                        fov=plan.camera.fov, aspect=1.0)
-        sight = look(arrangement, frame, grid=160)
+        sight = look(arrangement, Pinhole.of(plan.camera, 64, 64), grid=160)
         assert sight.coverage == pytest.approx(plan.camera.coverage, rel=0.1)
         assert sight.visibility == pytest.approx(plan.camera.visibility, abs=0.05)

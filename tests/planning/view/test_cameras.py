@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from dataset_builder.errors import PlanError
+from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.label.example_plan import CameraPlan, RoomPlan
 from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.planning.view.cameras import place_camera, towards
-from dataset_builder.planning.view.visibility import Pinhole, look, silhouette_area, window_share
+from dataset_builder.planning.view.visibility import look, rays, silhouette_area, window_share
 from dataset_builder.seeding import rng
 from dataset_builder.spec.camera import CameraSpec
 from dataset_builder.spec.render import ImageSpec
@@ -24,8 +25,7 @@ def camera_spec(**more: Any) -> CameraSpec:
 
 
 def frame_of(camera: CameraPlan, image: ImageSpec) -> Pinhole:
-    return Pinhole(position=np.array(camera.position), target=np.array(camera.target), fov=camera.fov,
-                   aspect=image.height / image.width)
+    return Pinhole.of(camera, image.width, image.height)
 
 
 @pytest.mark.parametrize("size", [(160, 120), (96, 192), (64, 64)])
@@ -89,25 +89,24 @@ def test_clearance_that_no_place_has_says_so(box_arrangement: BoxStage) -> None:
 def test_a_square_in_front_covers_what_geometry_says(box_arrangement: BoxStage) -> None:
     """A thin unit square, 2 m away, in a frame of 90 degrees: 1 / 16 of a square frame, 1 / 8 of one half as high."""
     arrangement = box_arrangement(((-0.5, -1e-3, 0.5), (0.5, 1e-3, 1.5)), closed=False)
-    for aspect, share in ((1.0, 1 / 16), (0.5, 1 / 8)):
+    for height, share in ((64, 1 / 16), (32, 1 / 8)):
         frame = Pinhole(position=np.array([0.0, -2.001, 1.0]), target=np.array([0.0, 0.0, 1.0]), fov=90.0,
-                        aspect=aspect)
+                        width=64, height=height)
         sight = look(arrangement, frame, grid=192)
         assert sight.coverage == pytest.approx(share, rel=0.03) and sight.visibility == 1
         assert sight.normals == pytest.approx(np.tile([0.0, -1.0, 0.0], (len(sight.points), 1)))
         assert sight.points[:, 1] == pytest.approx(np.full(len(sight.points), -1e-3), abs=1e-5)
-        camera = CameraPlan(position=(0.0, -2.001, 1.0), target=(0.0, 0.0, 1.0), up=(0.0, 0.0, 1.0), fov=90.0,
-                            coverage=0.0, visibility=0.0)
-        assert window_share(arrangement, camera, aspect) == pytest.approx(share, rel=0.01)
+        assert window_share(arrangement, frame) == pytest.approx(share, rel=0.01)
 
 
 def test_hidden_and_cut_halves_count_as_not_visible(box_arrangement: BoxStage) -> None:
     square = ((-0.5, -1e-3, 0.5), (0.5, 1e-3, 1.5))
     screened = box_arrangement(square, (((-0.5, -0.1, 0.5), (0.0, -0.05, 1.5)),), closed=False)
-    ahead = Pinhole(position=np.array([0.0, -30.0, 1.0]), target=np.array([0.0, 0.0, 1.0]), fov=3.0, aspect=1.0)
+    ahead = Pinhole(position=np.array([0.0, -30.0, 1.0]), target=np.array([0.0, 0.0, 1.0]), fov=3.0, width=64,
+                    height=64)
     assert look(screened, ahead, grid=128).visibility == pytest.approx(0.5, abs=0.02)
     aside = Pinhole(position=np.array([0.0, -30.0, 1.0]), target=np.array([30 * tan(radians(1.5)), 0.0, 1.0]), fov=3.0,
-                    aspect=1.0)
+                    width=64, height=64)
     assert look(box_arrangement(square, closed=False), aside, grid=128).visibility == pytest.approx(0.5, abs=0.02)
 
 
@@ -118,8 +117,8 @@ def test_the_silhouette_of_a_box_is_its_face(box_arrangement: BoxStage) -> None:
 
 
 def test_pixels_of_the_frame_span_its_field_of_view() -> None:
-    frame = Pinhole(position=np.zeros(3), target=np.array([0.0, 1.0, 0.0]), fov=80.0, aspect=0.5)
-    directions, inside = frame.rays(margin=2)
+    frame = Pinhole(position=np.zeros(3), target=np.array([0.0, 1.0, 0.0]), fov=80.0, width=64, height=32)
+    directions, inside = rays(frame, margin=2)
     x, z = (directions[:, k] / directions[:, 1] for k in (0, 2))
     assert degrees(atan(np.abs(x[inside]).max())) == pytest.approx(40, abs=1)
     assert np.abs(z[inside]).max() == pytest.approx(tan(radians(40)) / 2, rel=0.04)
