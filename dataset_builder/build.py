@@ -15,6 +15,7 @@ from dataset_builder.engine.timings import Timings
 from dataset_builder.engine.unit import BuildJob, Outcome, remembered, run_unit, versions
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.files import require_space
+from dataset_builder.label.record import Denoised
 from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.planning.cost import expected_bytes
 from dataset_builder.planning.plan import Planner, layers_asked
@@ -22,7 +23,7 @@ from dataset_builder.planning.precheck import probe
 from dataset_builder.planning.units import units
 from dataset_builder.rendering import oidn
 from dataset_builder.shards.folder import build_lock
-from dataset_builder.shards.manifest import Denoised, Manifest, Rejected, ShardIndex, make_manifest, shard_stem
+from dataset_builder.shards.manifest import Manifest, Rejected, ShardIndex, make_manifest, shard_stem
 from dataset_builder.shards.publish import publish_dataset
 from dataset_builder.shards.staging import Staging
 from dataset_builder.shards.writer import publish_shard, published, remove_others, remove_shard

@@ -1,19 +1,9 @@
 """Plausible plans of examples, for tests that need one and do not care how it was planned."""
 
-from dataset_builder.label.example_plan import (
-    CameraPlan,
-    EffectsPlan,
-    ExamplePlan,
-    IlluminationPlan,
-    LightPlan,
-    ObjectPlan,
-    Param,
-    PassEffects,
-    PlacedObject,
-    RenderPlan,
-    RoomPlan,
-    RoughPlan,
-)
+from dataset_builder.label.effects_plan import EffectsPlan, PassEffects
+from dataset_builder.label.example_plan import ExamplePlan, RenderPlan, RoughPlan
+from dataset_builder.label.light_plan import IlluminationPlan, LightPlan
+from dataset_builder.label.scene_plan import CameraPlan, ObjectPlan, Param, PlacedObject, RoomPlan
 
 PAPER = (
     ("i_s", "frame"), ("d", "object"), ("r", "object"), ("i_t", "frame"), ("s_prime", "object"), ("mask", "object"),

@@ -8,7 +8,8 @@ import numpy as np
 from cycles.client import Blender
 from cycles.contenders import Cycles, Ours, Setting
 
-from dataset_builder.label.example_plan import ExamplePlan, LightPlan
+from dataset_builder.label.example_plan import ExamplePlan
+from dataset_builder.label.light_plan import LightPlan
 
 KINDS = ("area", "sphere", "spot", "point")
 BOUND = 0.02

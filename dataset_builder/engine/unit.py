@@ -14,6 +14,7 @@ from dataset_builder.digest import digest
 from dataset_builder.engine import source
 from dataset_builder.errors import OutputError, PlanError, Problem, SpecError, UserError
 from dataset_builder.label.example_plan import ExamplePlan
+from dataset_builder.label.record import Denoised
 from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.planning.plan import Planner
 from dataset_builder.planning.units import ViewUnit
@@ -22,7 +23,7 @@ from dataset_builder.rendering.backend import activate, renderer_versions
 from dataset_builder.shards.example import Example, encode_members, preview
 from dataset_builder.shards.gates import check_gates
 from dataset_builder.shards.identities import Violation, check_layers, identity_table, storable
-from dataset_builder.shards.manifest import Denoised, Rejected
+from dataset_builder.shards.manifest import Rejected
 from dataset_builder.shards.segment import segment
 from dataset_builder.shards.staging import Staging
 from dataset_builder.shards.writer import entry, writer_versions

@@ -10,7 +10,7 @@ from typing import Self
 
 import numpy as np
 
-from dataset_builder.label.example_plan import CameraPlan
+from dataset_builder.label.scene_plan import CameraPlan
 
 NEAR = 1e-9
 """Least distance in metres that a projection divides by."""

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 
 from dataset_builder.errors import PlanError, Problem, UserError
-from dataset_builder.label.example_plan import ObjectPlan
+from dataset_builder.label.scene_plan import ObjectPlan
 from dataset_builder.planning.plan import Planner
 from dataset_builder.planning.scene.assets_of_plan import asset_of
 from dataset_builder.planning.scene.contents import SplitContents

@@ -7,7 +7,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from dataset_builder.label.example_plan import CameraPlan, RenderPlan
+from dataset_builder.label.example_plan import RenderPlan
+from dataset_builder.label.scene_plan import CameraPlan
 from dataset_builder.planning.scene.arrangement import TARGET_INSTANCE
 from dataset_builder.rendering.sampling.adaptive import Sample
 from dataset_builder.rendering.sampling.estimate import Integrand, Samplers, estimate

@@ -7,6 +7,7 @@ from pydantic import Field, ValidationError
 
 from dataset_builder.digest import canonical_json
 from dataset_builder.errors import Problem, ShardError
+from dataset_builder.label.record import Denoised
 from dataset_builder.layers import LAYERS, Extent
 from dataset_builder.shards import exr
 from dataset_builder.shards.folder import FORMAT
@@ -113,25 +114,6 @@ class Rejected(Model):
     view: str
     gate: str
     reason: str
-
-
-class Denoised(Model):
-    """How far a denoised layer may be trusted: figures over the object, measured before the build on converged
-    examples of the dataset (`docs/denoising.md`).
-
-    bias: mean of denoised less reference, over the reference's mean; bias_error: its standard error. pixel_bias: root
-    mean square of the part of every pixel's relative error that would stay if the noise came out otherwise. relmse_*:
-    mean of (x - reference)^2 / (reference^2 + 0.01), of the layer before and after, and of the reference's own noise.
-    """
-
-    layer: str
-    bias: float
-    bias_error: float
-    pixel_bias: float
-    relmse_raw: float
-    relmse_denoised: float
-    relmse_reference: float
-    examples: int
 
 
 class Manifest(Model):

@@ -13,11 +13,12 @@ from dataset_builder.engine.calibration import as_asked, calibrate, candidates, 
 from dataset_builder.engine.unit import BuildJob
 from dataset_builder.errors import PlanError, UserError
 from dataset_builder.label.example_plan import ExamplePlan, GoalPlan
+from dataset_builder.label.record import Denoised
 from dataset_builder.planning.effects.denoise_guides import FACTOR
 from dataset_builder.planning.plan import Planner
 from dataset_builder.rendering import oidn
 from dataset_builder.shards.card import card
-from dataset_builder.shards.manifest import Denoised, Manifest
+from dataset_builder.shards.manifest import Manifest
 from dataset_builder.shards.reader import open_dataset
 from dataset_builder.spec.load import load_dataset
 from tests.plans import example_plan

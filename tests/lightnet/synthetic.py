@@ -12,7 +12,8 @@ import numpy as np
 
 from dataset_builder import __version__
 from dataset_builder.digest import digest
-from dataset_builder.label.example_plan import CameraPlan, ExamplePlan
+from dataset_builder.label.example_plan import ExamplePlan
+from dataset_builder.label.scene_plan import CameraPlan
 from dataset_builder.seeding import rng
 from dataset_builder.shards.example import Example, encode_members, preview
 from dataset_builder.shards.folder import build_lock

@@ -9,7 +9,7 @@ import pytest
 
 from dataset_builder.assets.asset import Asset, Material
 from dataset_builder.geometry.mesh import TriangleMesh
-from dataset_builder.label.example_plan import ObjectPlan, PlacedObject, RoomPlan
+from dataset_builder.label.scene_plan import ObjectPlan, PlacedObject, RoomPlan
 from dataset_builder.planning.scene import assets_of_plan
 from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.spec.dataset import DatasetSpec

@@ -13,7 +13,7 @@ from dataset_builder.assets.procedural.furniture import FINISHES
 from dataset_builder.build import Event
 from dataset_builder.engine.unit import Outcome
 from dataset_builder.errors import ShardError, UserError
-from dataset_builder.label.example_plan import Decision
+from dataset_builder.label.effects_plan import Decision
 from dataset_builder.planning.catalogue import ExampleRef, PairRef, ViewRef
 from dataset_builder.planning.cost import estimate
 from dataset_builder.planning.plan import Planner

@@ -10,18 +10,10 @@ from pathlib import Path
 from typing import get_args
 
 from dataset_builder.errors import PlanError, Problem
-from dataset_builder.label.example_plan import (
-    Decision,
-    EffectsPlan,
-    Feature,
-    FogPlan,
-    IlluminationPlan,
-    LightPlan,
-    PassEffects,
-    PlacedObject,
-    RenderPlan,
-    RoomPlan,
-)
+from dataset_builder.label.effects_plan import Decision, EffectsPlan, Feature, PassEffects
+from dataset_builder.label.example_plan import RenderPlan
+from dataset_builder.label.light_plan import IlluminationPlan, LightPlan
+from dataset_builder.label.scene_plan import FogPlan, PlacedObject, RoomPlan
 from dataset_builder.layers import LAYERS
 from dataset_builder.planning.effects.denoise_guides import guide_extents
 from dataset_builder.planning.effects.features import scene_features

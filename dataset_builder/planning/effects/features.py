@@ -5,7 +5,9 @@ from typing import get_args
 
 from dataset_builder.assets.asset import Material
 from dataset_builder.assets.glass_kinds import disperses, is_pane, is_solid, metallic_range
-from dataset_builder.label.example_plan import Decision, Feature, FogPlan, LightPlan
+from dataset_builder.label.effects_plan import Decision, Feature
+from dataset_builder.label.light_plan import LightPlan
+from dataset_builder.label.scene_plan import FogPlan
 from dataset_builder.planning.effects.materials_used import MaterialUse, SceneUse, is_smooth
 
 NAMED = 3

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dataset_builder.label.example_plan import IlluminationPlan, LightPlan, RoomPlan
+from dataset_builder.label.light_plan import IlluminationPlan, LightPlan
+from dataset_builder.label.scene_plan import RoomPlan
 
 OUTSIDE = ("dome", "sun")
 """Lights that stand outside the room."""

@@ -11,7 +11,7 @@ from dataset_builder.assets.asset import Asset, Material
 from dataset_builder.assets.glass_kinds import roughness_range
 from dataset_builder.geometry.edges import consistent, dihedral_angles, edges_of
 from dataset_builder.geometry.normals import CREASE_ANGLE
-from dataset_builder.label.example_plan import PlacedObject, RoomPlan
+from dataset_builder.label.scene_plan import PlacedObject, RoomPlan
 from dataset_builder.planning.effects.albedo import scattered_share
 from dataset_builder.planning.scene.assets_of_plan import asset_of, room_parts
 

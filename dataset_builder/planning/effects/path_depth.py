@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from math import ceil, exp, log
 
 from dataset_builder.assets.glass_kinds import is_pane, is_solid
-from dataset_builder.label.example_plan import FogPlan
+from dataset_builder.label.scene_plan import FogPlan
 from dataset_builder.planning.effects.materials_used import MaterialUse, is_smooth
 
 MIN_DEPTH, MAX_DEPTH = 3, 64

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from dataset_builder.assets.asset import Asset
-from dataset_builder.label.example_plan import ObjectPlan, PlacedObject
+from dataset_builder.label.scene_plan import ObjectPlan, PlacedObject
 from dataset_builder.planning.catalogue import PairRef
 from dataset_builder.planning.scene.arrangement import (
     FURNITURE_INSTANCE,

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from dataset_builder.geometry.raycast import RayScene
-from dataset_builder.label.example_plan import PlacedObject, RoomPlan
+from dataset_builder.label.scene_plan import PlacedObject, RoomPlan
 
 TARGET_INSTANCE = 1
 ROOM_INSTANCE = 2

@@ -13,7 +13,7 @@ from dataset_builder.assets.procedural.furniture import FINISHES, make_furniture
 from dataset_builder.assets.procedural.rooms import make_panes, make_room
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.geometry.mesh import concatenate
-from dataset_builder.label.example_plan import ObjectPlan, PlacedObject, RoomPlan
+from dataset_builder.label.scene_plan import ObjectPlan, PlacedObject, RoomPlan
 from dataset_builder.planning.scene.material_changes import changed
 from dataset_builder.spec.mesh_source import companions, mesh_source
 

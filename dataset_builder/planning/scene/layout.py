@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from dataset_builder.errors import PlanError, Problem
-from dataset_builder.label.example_plan import RoomPlan
+from dataset_builder.label.scene_plan import RoomPlan
 from dataset_builder.planning.scene.footprint import Box, Footprint, footprint, inside_room, overlap
 
 Place = Literal["near", "wall", "floor"]

@@ -7,7 +7,7 @@ from typing import Any
 
 from dataset_builder.assets.asset import Material
 from dataset_builder.errors import PlanError, Problem
-from dataset_builder.label.example_plan import MaterialChange, Param
+from dataset_builder.label.scene_plan import MaterialChange, Param
 from dataset_builder.seeding import rng
 from dataset_builder.spec.numbers import draw
 from dataset_builder.spec.problems import nearest, shown

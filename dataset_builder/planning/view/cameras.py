@@ -10,7 +10,7 @@ import numpy as np
 
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.geometry.pinhole import Pinhole
-from dataset_builder.label.example_plan import CameraPlan, Vector
+from dataset_builder.label.scene_plan import CameraPlan, Vector
 from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.planning.view.visibility import Sight, look, silhouette_area
 from dataset_builder.spec.camera import CameraSpec

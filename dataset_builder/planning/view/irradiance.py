@@ -4,7 +4,7 @@ from math import atan, pi, radians, sqrt
 
 import numpy as np
 
-from dataset_builder.label.example_plan import LightPlan
+from dataset_builder.label.light_plan import LightPlan
 
 BEAM_SHARE = 0.75
 """Half angle of a spot's full beam over its cutoff; between them intensity falls linearly (Mitsuba's default)."""

@@ -18,7 +18,7 @@ import mitsuba as mi
 import numpy as np
 
 from dataset_builder.errors import PlanError
-from dataset_builder.label.example_plan import IlluminationPlan, LightPlan
+from dataset_builder.label.light_plan import IlluminationPlan, LightPlan
 from dataset_builder.planning.view.irradiance import BEAM_SHARE
 from dataset_builder.rendering.scene.images import LAMP_SIDE, environment, lamp_texture, read_image
 from dataset_builder.rendering.scene.small_spheres import bead, is_bead

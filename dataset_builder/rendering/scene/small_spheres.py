@@ -11,7 +11,7 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 
-from dataset_builder.label.example_plan import LightPlan
+from dataset_builder.label.light_plan import LightPlan
 from dataset_builder.rendering.buffers import owned
 
 MAX_RADIUS = 0.05

@@ -11,7 +11,9 @@ from scipy import stats
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from dataset_builder.geometry.pinhole import Pinhole, unit
-from dataset_builder.label.example_plan import CameraPlan, IlluminationPlan, RenderPlan
+from dataset_builder.label.example_plan import RenderPlan
+from dataset_builder.label.light_plan import IlluminationPlan
+from dataset_builder.label.scene_plan import CameraPlan
 from dataset_builder.rendering.scene.triangle_soup import Soup
 from dataset_builder.studies.stress.case import CaseMeasured, Size
 

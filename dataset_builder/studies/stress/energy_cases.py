@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from dataset_builder.label.example_plan import LightPlan
+from dataset_builder.label.light_plan import LightPlan
 from dataset_builder.rendering.scene.triangle_soup import merge
 from dataset_builder.seeding import rng
 from dataset_builder.studies.stress.bench import Shot, at, judged, off_by, on_floor, render, sigmas

@@ -12,7 +12,7 @@ from dataset_builder.errors import UserError
 from dataset_builder.geometry.noise import displace
 from dataset_builder.geometry.refine import split_long_edges
 from dataset_builder.geometry.repair import repair
-from dataset_builder.label.example_plan import IlluminationPlan
+from dataset_builder.label.light_plan import IlluminationPlan
 from dataset_builder.planning.view.lights import source_light
 from dataset_builder.rendering.surface.texels import pack
 from dataset_builder.seeding import derive_seed, rng

@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 
-from dataset_builder.label.example_plan import CameraPlan, IlluminationPlan, LightPlan
+from dataset_builder.label.light_plan import IlluminationPlan, LightPlan
+from dataset_builder.label.scene_plan import CameraPlan
 from dataset_builder.rendering.scene.local_frame import INTENSITIES
 from dataset_builder.studies.stress.bench import Picture, Shot, judged, moved, render
 from dataset_builder.studies.stress.case import CaseMeasured, Size, hard_case

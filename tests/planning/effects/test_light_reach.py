@@ -2,7 +2,8 @@
 
 import pytest
 
-from dataset_builder.label.example_plan import IlluminationPlan, LightPlan, RoomPlan
+from dataset_builder.label.light_plan import IlluminationPlan, LightPlan
+from dataset_builder.label.scene_plan import RoomPlan
 from dataset_builder.planning.effects.light_reach import reach, reaching, said
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from dataset_builder.assets.asset import Material, Texture
 from dataset_builder.assets.glass_kinds import roughness_range
-from dataset_builder.label.example_plan import FogPlan
+from dataset_builder.label.scene_plan import FogPlan
 from dataset_builder.planning.effects.materials_used import MaterialUse
 from dataset_builder.planning.effects.path_depth import (
     MAX_DEPTH,

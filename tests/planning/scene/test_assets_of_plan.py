@@ -9,7 +9,7 @@ from dataset_builder.assets.procedural.furniture import make_furniture
 from dataset_builder.assets.procedural.rooms import make_room
 from dataset_builder.errors import PlanError
 from dataset_builder.geometry.pinhole import Pinhole
-from dataset_builder.label.example_plan import ObjectPlan, PlacedObject
+from dataset_builder.label.scene_plan import ObjectPlan, PlacedObject
 from dataset_builder.planning.plan import Planner
 from dataset_builder.planning.scene import assets_of_plan
 from dataset_builder.planning.scene.assets_of_plan import asset_of, room_parts, world_from_object

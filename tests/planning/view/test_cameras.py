@@ -7,7 +7,7 @@ import pytest
 
 from dataset_builder.errors import PlanError
 from dataset_builder.geometry.pinhole import Pinhole
-from dataset_builder.label.example_plan import CameraPlan, RoomPlan
+from dataset_builder.label.scene_plan import CameraPlan, RoomPlan
 from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.planning.view.cameras import place_camera, towards
 from dataset_builder.planning.view.visibility import look, rays, silhouette_area, window_share

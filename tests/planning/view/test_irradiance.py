@@ -3,7 +3,7 @@ from math import pi
 import numpy as np
 import pytest
 
-from dataset_builder.label.example_plan import LightPlan
+from dataset_builder.label.light_plan import LightPlan
 from dataset_builder.planning.view.irradiance import BEAM_SHARE, direct_irradiance, facing_irradiance, sky_directions
 
 

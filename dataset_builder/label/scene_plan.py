@@ -1,0 +1,119 @@
+"""The plan of what stands where: objects, the room, the camera and the air between them."""
+
+from typing import Literal
+
+from dataset_builder.spec.model import Model
+
+Vector = tuple[float, float, float]
+
+
+class Param(Model):
+    """One drawn parameter of a family of objects."""
+
+    name: str
+    """Of the parameter, as `dataset-builder families` lists it; of a field where materials are changed."""
+    value: float
+    """In the parameter's own unit: metres, degrees, a share or a count."""
+
+
+class MaterialChange(Model):
+    """Drawn changes to the materials of one name."""
+
+    name: str
+    """Material that is changed, `*` for all."""
+    values: tuple[Param, ...]
+    """Pairs of a field of `assets.asset.Material` and its value. Colours are three fields, `base_color.0` to `.2`;
+    truth is 0 or 1; `plain` 1 leaves the texture out."""
+
+
+class ObjectPlan(Model):
+    """What an object is, wherever it stands: enough to make its asset again."""
+
+    name: str
+    """Unique over the dataset: `train-chair-03`."""
+    kind: Literal["procedural", "file"]
+    """`procedural`: of an embedded family; `file`: a mesh file."""
+    source: str
+    """Family name, or path of the mesh file as the spec gives it."""
+    source_sha256: str
+    """Digest over the mesh file and every file that it names (buffers, material libraries, textures); empty for a
+    family."""
+    category: str
+    """What it is, in a word: `chair`."""
+    licence: str
+    """SPDX identifier of the object's licence."""
+    seed: str
+    """Decimal 64-bit seed of materials and textures."""
+    params: tuple[Param, ...]
+    """What was drawn of the family's parameters; empty for a file."""
+    materials: tuple[MaterialChange, ...] = ()
+    """What was changed about materials, in the order of the spec."""
+    scale: float
+    """Factor from file units to metres, above 0; 1 for a family."""
+    up: Literal["x", "y", "z"]
+    """Axis of a mesh file that points up; `z` for a family."""
+
+
+class PlacedObject(Model):
+    """An object standing in the room: turned by `yaw` about +Z, then moved to `position`."""
+
+    object: ObjectPlan
+    """What stands there."""
+    instance: int
+    """Value in the `instance` layer: 1 is the target, 2 the room, 3.. furniture."""
+    position: Vector
+    """Where its base point stands, metres; z is 0 on the floor."""
+    yaw: float
+    """Degrees that it is turned about +Z, counter-clockwise from above."""
+
+
+class RoomPlan(Model):
+    """A room: x in [-width/2, width/2], y in [-depth/2, depth/2], z in [0, height]; materials follow from the seed."""
+
+    name: str
+    """Unique over the dataset."""
+    seed: str
+    """Decimal 64-bit seed of materials and textures."""
+    width: float
+    """Along x, metres."""
+    depth: float
+    """Along y, metres."""
+    height: float
+    """Along z, metres."""
+    ceiling: bool
+    """Whether it has one."""
+    glazing: bool = False
+    """Whether windows have panes of thin glass."""
+    windows: int
+    """Windows are cut into the +Y wall first, then -X, +X, -Y; 0 to 4."""
+    skirting: float
+    """Height of the skirting board, metres; 0 is none."""
+
+
+class CameraPlan(Model):
+    """A pinhole camera; `geometry.pinhole.Pinhole` has its matrices."""
+
+    position: Vector
+    """Centre of projection, metres."""
+    target: Vector
+    """Point that is seen in the middle of the frame, metres."""
+    up: Vector
+    """Unit vector whose projection points up in the frame."""
+    fov: float
+    """Horizontal field of view, degrees, between 0 and 180."""
+    coverage: float
+    """Share of the frame that the target object covers, 0 to 1: planning's estimate on the 3DM."""
+    visibility: float
+    """Share of the object's own silhouette that nothing hides and the frame does not cut, 0 to 1: planning's estimate
+    on the 3DM."""
+
+
+class FogPlan(Model):
+    """A homogeneous medium that fills the scene."""
+
+    extinction: float = 0.0
+    """Per metre, 0 or more; 0 is clear air."""
+    albedo: float = 0.0
+    """Share of the extinction that is scattered, 0 to 1."""
+    anisotropy: float = 0.0
+    """Mean cosine of the scattering angle (Henyey and Greenstein), -1 to 1."""
