@@ -206,7 +206,7 @@ def _finish(tasks: Sequence[ShardTask], folder: Path, loaded: LoadedSpec, progre
 
 def _nothing_left(split: str, keys: Sequence[str], rejected: Mapping[str, Rejected]) -> PlanError:
     """That every example of a split was rejected, and why the first few were."""
-    problems = [Problem(where="", path=f"split {split}", hint="change the spec, or widen `gates`",
+    problems = [Problem(where="", path=f"split {split}", hint="change the spec, or widen the bounds of `gates`",
                         rule=f"expected at least one example that passes all gates, got none of {len(keys)}")]
     problems += [Problem(where=key, path=rejected[key].gate, rule=rejected[key].reason) for key in keys[:MAX_REASONS]]
     return PlanError(problems)

@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all: written aside, flushed to the disk, renamed."""
+"""Files that are complete or absent: written under another name, flushed to the disk, renamed."""
 
 import errno
 import hashlib
@@ -25,7 +25,7 @@ def output_errors(path: Path) -> Iterator[None]:
         if error.errno in _FULL:
             rule, hint = f"the disk is full ({error.strerror})", "free some space and run the same command again"
         elif error.errno in _FORBIDDEN:
-            rule, hint = f"cannot be written ({error.strerror})", "choose another output folder or mend its permissions"
+            rule, hint = f"cannot be written ({error.strerror})", "choose another output folder or fix its permissions"
         else:
             rule, hint = f"cannot be written ({error.strerror or error})", "choose another output folder"
         raise OutputError([Problem(where=str(path), path="", rule=rule, hint=hint)]) from error

@@ -1,5 +1,4 @@
-"""One process at a time: a lock file that is the system's (flock), which ends with the process that holds it, however
-it ends."""
+"""One process at a time: a lock file with the system's lock (flock), which is released when the process ends."""
 
 import fcntl
 import os
@@ -37,7 +36,7 @@ def _acquire(path: Path, folder: Path, work: str) -> int:
             holder = os.pread(descriptor, 32, 0).decode(errors="replace").strip() or "unknown"
             os.close(descriptor)
             raise OutputError([Problem(where=str(folder), path="", hint="wait for it, or choose another output folder",
-                                       rule=f"another {work} is at work here (process {holder})")]) from error
+                                       rule=f"another {work} is running in this folder (process {holder})")]) from error
         if path.exists() and os.path.samestat(os.fstat(descriptor), path.stat()):
             os.ftruncate(descriptor, 0)
             os.pwrite(descriptor, f"{os.getpid()}\n".encode(), 0)

@@ -1,6 +1,6 @@
-"""Whether the files that a mesh file names are there, and the numbers that it says in its own words.
+"""Whether the files that a mesh file names are there, and colour factors read from the file's own text.
 
-The mesh reader passes over a missing texture in silence and keeps colour factors in 8 bits; this module does neither.
+The mesh reader ignores a missing texture silently and keeps colour factors in 8 bits; this module does neither.
 """
 
 from pathlib import Path
@@ -30,7 +30,7 @@ def _problem_of(reference: FileReference, file: Path) -> list[Problem]:
     where = str(reference.by)
     if not file.is_file():
         return [Problem(where=where, path=reference.key, rule=f"expected an existing file, got {file.name}, which is "
-                        f"not in {file.parent}", hint="put it there, or export the model anew with its textures")]
+                        f"not in {file.parent}", hint="put it there, or export the model again with its textures")]
     if reference.image:
         try:
             Image.open(file).close()

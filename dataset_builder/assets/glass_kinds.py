@@ -1,4 +1,4 @@
-"""What of a material is glass: one answer for planning and rendering, decided over all of its texels.
+"""Which part of a material is glass, decided over all of its texels, for planning and rendering alike.
 
 glTF's metallic factor is 1 unless a file says otherwise, so that with a metallic map the texels alone tell where a
 surface lets light through.

@@ -45,9 +45,9 @@ def material_entries(path: Path) -> dict[str | None, dict[str, Any]]:
         first = entries.setdefault(entry.get("name"), entry)
         if first.get("extensions", {}) != entry.get("extensions", {}):
             called = f"{entry['name']!r}" if entry.get("name") else "no name"
-            raise UserError([Problem(where=str(path), path="materials", hint="give each material a name of its own",
-                                     rule=f"expected materials of one name to be alike, got two of {called} with "
-                                          "different extensions")])
+            raise UserError([Problem(where=str(path), path="materials", hint="give each material a unique name",
+                                     rule=f"expected materials with the same name to be equal, got two of {called} "
+                                          "with different extensions")])
     return entries
 
 

@@ -67,7 +67,7 @@ def _scene(path: Path, named: Sequence[FileReference], world_from_file: np.ndarr
         except OSError as error:
             raise _problem(path, f"expected readable textures, got: {error}") from error
         except (AttributeError, TypeError, ValueError) as error:
-            raise _problem(path, f"expected materials that keep their format, got: {error}") from error
+            raise _problem(path, f"expected materials in a valid format, got: {error}") from error
         meshes.append(transform(_triangles(part, path, index), world_from_part))
     if not sum(len(mesh.faces) for mesh in meshes):
         raise _problem(path, "expected triangles, got a file without any")

@@ -1,1 +1,1 @@
-"""Building a dataset: units of work, what they are known by, and the memory of a build beside its dataset."""
+"""Building a dataset: units of work, their digests, and the state of a build that is kept beside its dataset."""

@@ -1,4 +1,4 @@
-"""How far denoised layers may be trusted: a few examples of the dataset, rendered as it asks and converged, compared.
+"""How far denoised layers may be trusted: the bias on a few examples, rendered as the dataset asks and converged.
 
 Measured once before a build, kept beside the staged examples, and written into the record of every example.
 """

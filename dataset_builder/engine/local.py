@@ -1,4 +1,4 @@
-"""Run units on this machine: in this process, or in several. Nobody else knows about processes."""
+"""Run units on this machine, in this process or in several. No other module starts processes for a build."""
 
 import multiprocessing
 from collections.abc import Callable, Iterable, Iterator
@@ -34,8 +34,8 @@ def run(work: Callable[[Unit], Result], units: Iterable[Unit], *, workers: int) 
         try:
             yield from _drain(pool, work, iter(units), workers * AHEAD)
         except BrokenProcessPool as error:
-            raise OutputError("a worker process died, perhaps for want of memory; finished examples are kept: run the "
-                              "build again, with fewer --workers") from error
+            raise OutputError("a worker process died, possibly out of memory; finished examples are kept: run the "
+                              "build again with fewer --workers") from error
         except BaseException:
             _end_children()
             raise

@@ -196,6 +196,6 @@ def planner_of(job: BuildJob) -> Planner:
     """The planner of a job, kept for the life of the process, so that neighbours share what they share."""
     loaded = load_dataset(job.spec_path, job.overrides)
     if loaded.spec_digest != job.spec_digest:
-        rule = "expected the spec that the build began with, got one that was changed since"
+        rule = "expected the spec that the build started with, got a changed one"
         raise SpecError([Problem(where=str(job.spec_path), path="", rule=rule, hint="run the build again")])
     return Planner(loaded)

@@ -1,4 +1,4 @@
-"""Real spherical harmonics up to degree 2: what light from all directions comes down to on a matte surface.
+"""Real spherical harmonics up to degree 2: the light from all directions as a matte surface sees it.
 
 The basis is orthonormal over the sphere, without the Condon-Shortley phase, so that degree 1 is (y, z, x) with a factor
 above zero. Order: (l, m) = (0, 0), (1, -1), (1, 0), (1, 1), (2, -2) ... (2, 2). Coefficients of a radiance L are the

@@ -1,4 +1,4 @@
-"""Mend a mesh: weld vertices that share a place, drop faces that enclose nothing."""
+"""Repair a mesh: weld vertices in the same place, drop faces that enclose nothing."""
 
 from dataclasses import dataclass
 

@@ -1,1 +1,1 @@
-"""LighTNet and its rivals: reads finished shards, trains, evaluates, composes; PyTorch lives here and in `release`."""
+"""LighTNet and its baselines: reads finished shards, trains, evaluates, composes. PyTorch: here and in `release`."""

@@ -1,4 +1,4 @@
-"""What can be known to be wrong with a spec before anything is rendered or written."""
+"""Errors of a spec that show before anything is rendered or written."""
 
 from collections.abc import Iterable
 

@@ -76,7 +76,7 @@ def choose(wanted: str = "auto") -> Backend:
         raise UserError(f"backend: no libLLVM of version {GOOD_LLVM[0]} to {GOOD_LLVM[-1]} found; install one "
                         f"(Debian, Ubuntu: {INSTALL_LLVM}) or set DRJIT_LIBLLVM_PATH to its file")
     if llvm == os.environ.get("DRJIT_LIBLLVM_PATH") and os.sep in llvm and not os.path.isfile(llvm):
-        raise UserError(f"DRJIT_LIBLLVM_PATH: expected a libLLVM, found no file {llvm}; mend it or unset it")
+        raise UserError(f"DRJIT_LIBLLVM_PATH: expected a libLLVM, found no file {llvm}; correct it or unset it")
     return Backend(variant="llvm_ad_rgb", llvm=llvm, summary=f"llvm_ad_rgb with {llvm}")
 
 

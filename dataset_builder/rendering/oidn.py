@@ -27,7 +27,7 @@ def require() -> str:
         runs = pyoidn.Device.is_cpu_available()
     except ImportError as error:
         raise UserError(f"render.denoise: expected Open Image Denoise, but {PACKAGE} is not installed; {INSTALL}, or "
-                        "ship no layer denoised") from error
+                        "leave out render.denoise") from error
     except OSError as error:
         raise _refused(str(error)) from error
     if not runs:

@@ -20,9 +20,9 @@ from dataset_builder.studies.accuracy.storage_formats import CODECS
 from dataset_builder.studies.accuracy.texture_size import TEXTURES
 
 QUESTIONS = {
-    UNIFORM: "What does each further sample per pixel bring?",
-    ADAPTIVE: "What does sampling by need save?",
-    DENOISED: "What does denoising bring, and what does it leave?",
+    UNIFORM: "What do more samples per pixel gain?",
+    ADAPTIVE: "What does adaptive sampling save?",
+    DENOISED: "What does denoising gain, and what error does it leave?",
     DEPTH: "How long must light paths be?",
     EDGES: "How fine must the rough mesh be?",
     TEXTURES: "How many texels do D and I_t need?",
@@ -50,19 +50,19 @@ def _lead(study: AccuracyStudy, rows: Sequence[AccuracyRow], backend: str) -> li
     return [
         f"{len(examples)} examples ({', '.join(examples)}), {image.width}x{image.height} pixels, {backend}.",
         f"Errors are against references of {BUDGETS[study.budget].reference_spp} spp and depth {REFERENCE_DEPTH} with "
-        "samples of their own, less the noise that these are known to have; where that hides the error, the point is "
+        "independent samples, less the known noise of the references; where that noise hides the error, the point is "
         "hollow and an upper bound. Error is sqrt(relMSE), relMSE = mean((x - r)^2 / (r^2 + 0.01 m^2)), m the mean of "
         "the layer, over the object's pixels or the frame, as the dataset asks for the layer. PSNR is taken after the "
         "tone mapping of the previews, FLIP is HDR-FLIP. Means over examples are geometric. Seconds are those of the "
-        "pass that makes the layer, kernels compiled before.",
-        f"A star marks the recommended point: the cheapest from which on halving the error costs {PRICE} times the "
-        "time or more. Where error falls as seconds to the power of -1/2, halving costs 4 times. "
-        "Of denoised pictures the star is the knee only: denoising is never recommended.",
+        "pass that makes the layer, without compiling kernels.",
+        f"A star marks the recommended point: the cheapest beyond which halving the error takes at least {PRICE} times "
+        "as long. Where error falls as seconds to the power of -1/2, halving it takes 4 times as long. For denoised "
+        "pictures the star marks the knee only: denoising is never recommended.",
     ]
 
 
 def _section(question: str, text: str, rows: Sequence[AccuracyRow], advice: Advice, figure: bytes) -> Section:
-    answers = [advice.sentences.get(question, "Too little was measured to say.")]
+    answers = [advice.sentences.get(question, "Not enough was measured to answer this.")]
     if question == DENOISED:
         answers.append(advice.sentences.get(ADAPTIVE_DENOISED, ""))
     head, body = _table(question, rows)

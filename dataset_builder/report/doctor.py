@@ -1,4 +1,4 @@
-"""What this machine has: versions, backend, cores, memory, disk, and what is missing with the command that mends it."""
+"""What this machine has: versions, backend, cores, memory, disk, and the command that installs what is missing."""
 
 import importlib.metadata
 import platform

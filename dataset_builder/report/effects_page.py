@@ -14,12 +14,13 @@ from dataset_builder.studies.effects.picture_differences import FACTOR, SIGMAS, 
 
 def effects_figure(found: Sequence[Compared]) -> Figure:
     """Seconds of every example both ways, and the bias of every layer with what is allowed."""
-    figure, (left, right) = panels(2, "Only what the scene calls for, against everything on")
+    figure, (left, right) = panels(2, "Only what the scene needs, compared with simulating everything")
     places = np.arange(len(found))
     for offset, (name, colour) in enumerate((("planned", COLOURS[0]), ("everything", PALE))):
         left.bar(places + 0.4 * (offset - 0.5), [sum(getattr(one, name).values()) for one in found], 0.38,
-                 color=colour, label={"planned": "as planned", "everything": "everything on"}[name])
-    left.set(title=f"seconds per example: {saving(found):.2f} times less", ylabel="seconds", xticks=places)
+                 color=colour, label={"planned": "as planned", "everything": "everything simulated"}[name])
+    left.set(title=f"seconds per example: everything takes {saving(found):.2f} times as long", ylabel="seconds",
+             xticks=places)
     left.set_xticklabels([one.example for one in found], rotation=30, ha="right", fontsize=8)
     left.legend(fontsize=8)
     layers = list(dict.fromkeys(one.layer for compared in found for one in compared.differences))
@@ -50,14 +51,14 @@ def write_page(study: EffectsStudy, found: Sequence[Compared], backend: str) -> 
     write_atomic(study.out / "figures" / "effects.png", figure)
     allowed = study.spec.dataset.render.bias
     lead = [
-        f"{len(found)} examples, {backend}. Both sides have the same spp and samples of their own.",
+        f"{len(found)} examples, {backend}. Both sides have the same spp and independent samples.",
         f"A layer passes where its mean differs by at most {allowed:g} of it plus {SIGMAS:g} standard errors, and "
         f"where the share of pixels that differ by more than {allowed:g} of the layer's mean plus {SIGMAS:g} of their "
-        f"own standard errors is at most {FACTOR:g} times what noise gives (Student's t). Of layers without light the "
-        "mean alone is judged.",
+        f"own standard errors is at most {FACTOR:g} times what noise gives (Student's t). Layers without light are "
+        "judged by their mean alone.",
     ]
     write_atomic(study.out / "report.html", page(
-        f"Only what the scene calls for: {study.spec.dataset.name}", lead,
+        f"Only what the scene needs: {study.spec.dataset.name}", lead,
         [_differences(found, figure), _seconds(found), _decisions(found)]).encode())
 
 
@@ -66,7 +67,7 @@ def verdict(found: Sequence[Compared]) -> str:
     wrong = [one for compared in found for one in compared.differences if not one.holds]
     worst = max((one for compared in found for one in compared.differences),
                 key=lambda one: abs(one.bias) - SIGMAS * one.bias_se)
-    text = (f"As planned, examples take {saving(found):.2f} times less time than with everything on; the worst mean "
+    text = (f"Simulating everything takes {saving(found):.2f} times as long as what is planned; the worst mean "
             f"differs by {worst.bias:+.2%} +- {worst.bias_se:.2%} ({worst.layer} of {worst.example}).")
     if not wrong:
         return f"{text} No layer of any example differs by more than its stated error."
@@ -90,7 +91,7 @@ def _seconds(found: Sequence[Compared]) -> Section:
     rows = [[name, f"{planned:.3f}", f"{everything:.3f}", f"{everything / planned:.2f}" if planned else ""]
             for name, (planned, everything) in seconds_by_pass(found).items()]
     return Section(question="Where is time saved?", answer="Seconds per example and pass, means over examples.",
-                   head=("pass", "as planned", "everything on", "ratio"), rows=rows)
+                   head=("pass", "as planned", "everything simulated", "ratio"), rows=rows)
 
 
 def _decisions(found: Sequence[Compared]) -> Section:

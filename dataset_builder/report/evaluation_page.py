@@ -22,7 +22,7 @@ TABLE, SUMMARY, FIGURE, EXAMPLES = "table.csv", "summary.md", "summary.png", "ex
 DESCRIBED = ("method", "key", "view", "object", "room", "level", "sigma")
 COLUMNS = (*DESCRIBED, *(metric.name for metric in METRICS), "seconds")
 PAIR_COLUMNS = ("methods", "metric", "difference", "if independent", f"{LEVEL:.0%} interval", "better in", "verdict")
-SEEN = "**A method was trained on this split.** Its figures say how well it remembers."
+SEEN = "**A method was trained on this split.** Its figures do not measure generalisation."
 ARROWS = {"low": "low is better", "high": "high is better"}
 VERDICTS = {"better": "better", "worse": "worse", "open": "not told apart"}
 
@@ -153,6 +153,5 @@ def _pair_row(one: Paired) -> list[str]:
 def _meaning() -> str:
     return ("± is one standard error of the mean, clustered by object: examples of one object are not independent. "
             f"Intervals cover the mean over all such objects in {LEVEL:.0%} of all cases (Student's t); a method is "
-            "told apart from another where the interval of their difference, taken on the same examples, does not hold "
-            "0. "
-            "`table.csv` has every example.")
+            "told apart from another where the interval of their difference, taken on the same examples, does not "
+            "contain 0. `table.csv` has every example.")

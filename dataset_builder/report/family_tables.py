@@ -11,7 +11,7 @@ from dataset_builder.spec.model import Model
 from dataset_builder.spec.numbers import draw
 
 DRAWS, SHOWN = 24, 6
-"""Pieces that are drawn to tell what materials may be, and how many of these are told."""
+"""Pieces that are drawn to list possible materials, and the number of materials listed."""
 
 
 def family_tables(name: str | None) -> list[Table]:

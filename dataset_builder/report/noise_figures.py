@@ -67,7 +67,7 @@ def _over_roughness(axes: Axes, levels: Sequence[Level]) -> None:
     top = axes.secondary_xaxis("top")
     top.set_xticks([PER_CENT * level.roughness for level in levels], [f"{level.sigma:g}" for level in levels],
                    fontsize=7, rotation=45)
-    top.set_xlabel("sigma asked for", fontsize=7)
+    top.set_xlabel("requested sigma", fontsize=7)
 
 
 def crop_pictures(crops: Sequence[Crop]) -> dict[str, np.ndarray]:

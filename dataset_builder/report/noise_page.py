@@ -1,4 +1,4 @@
-"""The study of noise as one page: how quality falls with roughness, what training on every level brings, the passes."""
+"""The study of noise as one page: how quality falls with roughness, what training on every level gains, the passes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -67,16 +67,16 @@ def _lead(found: NoiseResults) -> list[str]:
     rejected = ", ".join(f"{level.sigma:g}: {count}" for level, count in zip(found.levels, found.rejected, strict=True))
     study = found.study
     return [
-        f"LighTNet: {study.sentence}. Small settings tell the sign of large effects; they do not tell what a full "
-        "training would reach.",
+        f"LighTNet: {study.sentence}. Small settings show the sign of large effects, but not what a full training "
+        "would reach.",
         f"Measured on the {first.examples} held-out examples per level, of {first.objects} objects, whose view and "
-        f"light every level kept; {found.left_out} more were left out. Examples that a gate rejected, by "
-        f"sigma: {rejected}. Examples to learn from: {learnt}.",
+        f"light passed the gates at every level; {found.left_out} more were left out. Examples that a gate rejected, "
+        f"by sigma: {rejected}. Training examples: {learnt}.",
         "Roughness is measured: root mean square distance of the rough mesh's vertices from the clean mesh, over the "
         "radius of its bounding sphere, mean over the held-out examples. It is above 0 at sigma 0 where subdivision "
         "rounds the mesh.",
         "The exposure of an example follows the mean of its S', so that the truth is exposed a little differently at "
-        "each level; the curve of I_s, which no noise reaches, shows what that alone changes.",
+        "each level; the curve of I_s, which no noise reaches, shows the effect of that alone.",
         "Standard errors are clustered by object. All curves share their examples, so that differences along a curve "
         "and between curves are known better than the bars suggest; the tables below have them.",
     ]
@@ -95,10 +95,10 @@ def _mending(found: NoiseResults, figure: bytes) -> Section:
     rows = [[f"{level.sigma:g}", *(f"{_signed(less)}, {_told(less)}"
                                    for less in (level.less(one, two, PSNR) for one, two in pairs))]
             for level in found.levels]
-    return Section(question="What does LighTNet mend, and does it help to know the level?", figure=figure,
+    return Section(question="What does LighTNet correct, and does it help to know the level?", figure=figure,
                    answer="PSNR in dB, difference of the same examples with its standard error; told apart where the "
-                   "interval of 95% confidence does not hold 0. One training of each kind: how another seed would have "
-                   "come out is not in these errors.",
+                   "interval of 95% confidence does not contain 0. One training of each kind: these errors do not "
+                   "include the spread between seeds.",
                    rows=rows, head=("sigma", "all levels less (D + R) S'", "own level less (D + R) S'",
                                     "own level less all levels"))
 
@@ -119,7 +119,7 @@ def _cross(found: NoiseResults) -> Section:
 def _passes(found: NoiseResults) -> Section:
     rows = [[one.name, one.meaning, f"{one.ran}", f"{one.examples}", one.per, f"{one.seconds:.1f}"]
             for one in found.passes]
-    return Section(question="What was rendered for it?", answer=f"Counted from the seconds of every example: "
+    return Section(question="What was rendered for this study?", answer=f"Counted from the seconds of every example: "
                    f"{saving(found.passes)}.", head=("pass", "makes", "ran", "for examples", "", "seconds"), rows=rows)
 
 

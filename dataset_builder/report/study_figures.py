@@ -190,7 +190,7 @@ def texture_figure(rows: Sequence[AccuracyRow], advice: Advice) -> Figure:
         if best := advice.marked.get((TEXTURES, layer)):
             left.plot([best.value], [best.error], marker="*", markersize=17, color="black", markerfacecolor="#F0E442",
                       linestyle="none", label=f"recommended for {layer}: {best.value:.0f}")
-    _dressed(left, "error", "texels along a side", ERROR)
+    _dressed(left, "error", "texels per side", ERROR)
     _dressed(right, "error against seconds", SECONDS, ERROR)
     left.legend(fontsize=8)
     right.legend(fontsize=8)

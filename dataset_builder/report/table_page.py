@@ -1,4 +1,4 @@
-"""A table of the paper as a page: measured rows beside printed ones, the order, and the figure."""
+"""A table of the paper as a page: measured rows beside published ones, their order, and the figure."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -20,8 +20,8 @@ from dataset_builder.studies.tables.row import Table
 from dataset_builder.studies.tables.table_study import TableStudy
 
 HOW_TO_READ = """A pair is told apart where the interval of its difference, of 95% confidence and clustered by object,
-does not hold 0; one pair in twenty that are equal passes for different all the same. With one seed per row, intervals
-cover other objects, and not how another training would have come out; with several they cover both."""
+does not contain 0; of pairs that are equal, one in twenty is still told apart. With one seed per row, intervals cover
+other objects but not the spread between trainings; with several they cover both."""
 
 
 def write_page(study: TableStudy, results: Sequence[RowResult]) -> None:
@@ -54,7 +54,7 @@ def _means(axes: Axes, results: Sequence[RowResult], metric: Metric) -> None:
     if printed := {number: result.row.printed.of(metric.name) for number, result in enumerate(results)
                    if result.row.printed}:
         axes.plot(list(printed.values()), list(printed), linestyle="none", marker="D", markersize=6,
-                  markerfacecolor="none", color=COLOURS[1], label="paper: another dataset and run")
+                  markerfacecolor="none", color=COLOURS[1], label="paper: another dataset and training")
 
 
 def markdown(table: Table, results: Sequence[RowResult], settings: str) -> str:
@@ -64,7 +64,7 @@ def markdown(table: Table, results: Sequence[RowResult], settings: str) -> str:
     parts = [f"# {table.number}: {table.question}", settings,
              f"Means over {first.examples} held-out examples of {first.objects} objects, on tone-mapped values inside "
              f"the mask; ± is the standard error, clustered by object. *Paper*: {SOURCE}, another dataset and other "
-             "settings: orders may be compared, values may not.", _rows_table(results)]
+             "settings: compare the order, not the values.", _rows_table(results)]
     parts += [f"Not measured: {title} ({reason}). The paper prints {_printed_text(numbers)}."
               for title, (numbers, reason) in table.absent.items()]
     parts += [f"Left out: {text}." for text in table.left_out]
@@ -72,7 +72,7 @@ def markdown(table: Table, results: Sequence[RowResult], settings: str) -> str:
     if found:
         parts += ["## The paper's order", verdict(found), HOW_TO_READ,
                   "\n".join(f"- {line}" for line in order_lines(found)), _pairs_table(table, found)]
-    parts += ["## What the rows differ in", f"From {table.row(table.reference).title}; everything else is the same.",
+    parts += ["## How the rows differ", f"From {table.row(table.reference).title}; everything else is the same.",
               _variants_table(table)]
     return "\n\n".join(parts) + "\n"
 

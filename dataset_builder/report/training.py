@@ -1,4 +1,4 @@
-"""What the terminal shows of a training: its size, a bar with losses and rate, a line for each check."""
+"""Terminal output of a training: its size, a bar with losses and rate, a line for each check."""
 
 from collections.abc import Iterable, Iterator
 from itertools import chain, islice
@@ -9,7 +9,8 @@ from rich.text import Text
 
 from dataset_builder.lightnet.training.events import Checked, Event, Finished, Started, Stepped
 
-REASONS = {"steps": "all steps done", "patience": "no better check for long enough", "already": "was finished before"}
+REASONS = {"steps": "all steps done", "patience": "no better check within the patience",
+           "already": "already finished"}
 
 
 def follow(events: Iterable[Event], console: Console) -> Iterator[Event]:
@@ -63,7 +64,7 @@ def started_lines(event: Started) -> list[str]:
     lines = [f"parameters: {sizes}; {event.train} examples to train on, {event.held_out} held out; "
              f"{event.device}, {event.precision}"]
     lines += [*event.notes, *(f"off: {reason}" for reason in event.off)]
-    return [*lines, f"going on after step {event.first}"] if 0 < event.first < event.steps else lines
+    return [*lines, f"resuming after step {event.first}"] if 0 < event.first < event.steps else lines
 
 
 def finished_lines(event: Finished) -> list[str]:

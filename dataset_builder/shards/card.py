@@ -82,10 +82,10 @@ def _denoised(manifest: Manifest) -> str:
     first = manifest.denoised[0]
     return f"""## Denoised layers
 
-These layers are not what the path tracer returned: Open Image Denoise has been over them, and their mean was brought
-back to that of the noisy layer. A standard error shipped beside one is the noisy layer's. Measured over the object on
+These layers are not what the path tracer returned: they were denoised with Open Image Denoise and scaled to the mean
+of the noisy layer. A standard error stored beside one is the noisy layer's. Measured over the object on
 {first.examples} examples of this dataset, against converged references; a bias smaller than twice its error
-is not told from none. Pixel bias is the root mean square of what stays wrong in each pixel, whatever the noise.
+cannot be told from 0. Pixel bias is the root mean square of the error that stays in each pixel without noise.
 
 | layer | bias of the mean | its error | pixel bias | relMSE noisy | relMSE denoised | relMSE of the reference |
 |---|---|---|---|---|---|---|
@@ -139,7 +139,7 @@ def _rows(rows: Iterable[Sequence[object]]) -> str:
 def _rejected(manifest: Manifest) -> str:
     if not manifest.rejected:
         return "None: every planned example passed every gate.\n"
-    head = ("These failed a gate and are not shipped. Those whose gate is `planning` could not be planned, so that\n"
-            "nothing was rendered.\n\n")
+    head = ("These failed a gate and are not part of the dataset. Those whose gate is `planning` could not be "
+            "planned, so that\nnothing was rendered.\n\n")
     return head + "| key | gate | reason |\n|---|---|---|\n" + _rows(
         (item.key, item.gate, item.reason) for item in manifest.rejected)

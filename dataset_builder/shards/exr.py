@@ -171,7 +171,7 @@ def _open(data: bytes, where: str) -> tuple[dict[str, Any], dict[str, np.ndarray
             raise _wrong(where, f"expected sides of at most {MAX_SIDE}, got the window {low} to {high}")
         file = OpenEXR.File(BytesIO(data), separate_channels=True)
         if len(file.parts) != 1:
-            raise _wrong(where, f"expected one part, got {len(file.parts)}: the file is cut short or not ours")
+            raise _wrong(where, f"expected one part, got {len(file.parts)}: the file is truncated or not ours")
         return file.header(0), {name: channel.pixels for name, channel in file.channels(0).items()}
     except (RuntimeError, ValueError, TypeError, IndexError, KeyError, MemoryError) as error:
         raise _wrong(where, f"expected an EXR file, got {len(data)} bytes that do not decode ({error})") from error

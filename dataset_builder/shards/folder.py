@@ -1,4 +1,4 @@
-"""The output folder: is it ours, and does nobody else build into it?
+"""The output folder: whether it is ours, and whether another build is using it.
 
 `.build` inside it marks it as ours before there is a `dataset.json`, and holds the lock and the staged examples.
 """
@@ -32,7 +32,7 @@ def claim(folder: Path) -> None:
         strange = folder.is_dir() and any(folder.iterdir()) and not (folder / WORK).is_dir() and not _is_dataset(folder)
         if strange:
             raise _refused(folder, "expected a new or empty folder, or a dataset of this builder, got other files",
-                           "choose another output folder; nothing was touched")
+                           "choose another output folder; no file was changed")
         (folder / WORK).mkdir(parents=True, exist_ok=True)
 
 

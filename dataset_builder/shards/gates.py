@@ -102,8 +102,8 @@ def radiance_split(*, i_t: np.ndarray, d: np.ndarray, s: np.ndarray, spec: np.nd
     worst = int(excess.argmax())
     row, column, _ = (int(i) for i in np.unravel_index(worst, excess.shape))
     bound = residual.flat[worst] - excess.flat[worst]
-    reason = (f"expected |i_t - d s - spec| <= {bound:g}, got {residual.flat[worst]:g} at row {row}, column {column}, "
-              f"{np.count_nonzero(broken)} pixels in all")
+    reason = (f"expected |i_t - d s - spec - air| <= {bound:g} (air: 0 without fog), got {residual.flat[worst]:g} at "
+              f"row {row}, column {column}, {np.count_nonzero(broken)} pixels in all")
     return [Violation(identity=SPLIT, reason=reason)]
 
 

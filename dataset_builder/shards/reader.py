@@ -162,7 +162,7 @@ def load_manifest(folder: Path) -> Manifest:
     path = folder / MANIFEST
     if not path.is_file():
         problem = Problem(where=str(folder), path=MANIFEST, rule="expected a finished dataset, found no such file",
-                          hint="a build writes it last: run it to its end")
+                          hint="a build writes it last: let the build finish")
         raise ShardError([problem])
     return from_json(Manifest, path.read_bytes(), where=str(path))
 

@@ -1,4 +1,4 @@
-"""Is a tar file, byte for byte outside its payloads, what its index says?
+"""Whether a tar file agrees, byte for byte outside its payloads, with its index.
 
 No reader of the field notices a tar that was cut at a header or whose header lost a bit: it ends there without an
 error. So every header, every padding and the end blocks are compared with the bytes that belong there.

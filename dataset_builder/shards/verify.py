@@ -1,4 +1,4 @@
-"""Is a dataset, file by file, what it says it is? Every problem is listed; the first never hides the rest."""
+"""Whether a dataset agrees, file by file, with its manifest. Every problem is listed, not only the first."""
 
 import json
 import re

@@ -81,7 +81,7 @@ def check_splits(dataset: DatasetSpec, document: Document, meshes: Mapping[str, 
     for number, split in enumerate(dataset.splits):
         files = [(index, meshes[key]) for index, key in enumerate(split.objects.source) if key in meshes]
         if files and split.objects.count > (most := len(split.objects.source)):
-            rule = f"expected <= {most}, as a mesh file is only ever one object, got {split.objects.count}"
+            rule = f"expected <= {most}, since each mesh file is one object, got {split.objects.count}"
             problems.append(document.problem(("splits", number, "objects", "count"), rule))
         for index, mesh in files:
             owner = owners.setdefault(mesh.sha256, split.name)

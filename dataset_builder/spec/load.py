@@ -135,7 +135,7 @@ class _Reader:
         if isinstance(node, ScalarNode):
             return self._scalar(node, path)
         if node in self.above:
-            return self._problem(node, path, "expected data without loops, got an alias of what it stands in")
+            return self._problem(node, path, "expected data without cycles, got an alias to an enclosing node")
         self.above.append(node)
         try:
             if isinstance(node, MappingNode):

@@ -1,1 +1,1 @@
-"""What settings cost and bring, measured with ordinary builds, renderings and trainings."""
+"""Cost and benefit of settings, measured with ordinary builds, renderings and trainings."""

@@ -1,5 +1,4 @@
-"""Trainings of a study: each in a folder of its own, gone on with or kept where it is about the same thing, begun anew
-where it is not."""
+"""Trainings of a study, each in its own folder: kept or resumed where the settings are the same, else started again."""
 
 import json
 import shutil

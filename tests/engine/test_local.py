@@ -33,7 +33,7 @@ def test_what_goes_wrong_in_a_process_comes_back_whole(tmp_path: Path) -> None:
 
 
 def test_a_process_that_dies_is_told() -> None:
-    with pytest.raises(OutputError, match="a worker process died, perhaps for want of memory; finished examples"):
+    with pytest.raises(OutputError, match="a worker process died, possibly out of memory; finished examples"):
         list(run(os._exit, [9], workers=2))
 
 

@@ -26,11 +26,11 @@ FINISHED = Finished(step=20, reason="patience", best=(10, 23.5), bad_steps=1, la
 def test_lines_that_stay() -> None:
     assert lines_of(STARTED) == [
         "parameters: generator 1,200, discriminator 34; 64 examples to train on, 16 held out; cpu, float32",
-        "split train: 1 left out", "off: fr: no weights", "going on after step 7"]
+        "split train: 1 left out", "off: fr: no weights", "resuming after step 7"]
     assert lines_of(STEPPED) == []
     assert lines_of(BAD) == ["step 9 skipped: main: not finite"]
     assert lines_of(CHECKED) == ["step 10, 16 held-out examples: l1 0.0500, psnr 23.5000 (best)"]
-    assert lines_of(FINISHED) == ["no better check for long enough at step 20, 1 steps skipped; best on held-out "
+    assert lines_of(FINISHED) == ["no better check within the patience at step 20, 1 steps skipped; best on held-out "
                                   "examples: 23.50 dB at step 10", "last: a/last.pt", "best: a/best.pt"]
 
 

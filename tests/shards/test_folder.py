@@ -18,7 +18,7 @@ def test_the_second_build_refuses_and_names_the_first_until_it_is_killed(tmp_pat
     command = [sys.executable, "-c", HOLD, str(tmp_path / "out")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, cwd=Path(__file__).parents[2]) as holder:
         assert holder.stdout is not None and holder.stdout.readline() == b"held\n"
-        refusal = pytest.raises(OutputError, match=rf"another build is at work here \(process {holder.pid}\)")
+        refusal = pytest.raises(OutputError, match=rf"another build is running in this folder \(process {holder.pid}\)")
         with refusal, build_lock(tmp_path / "out"):
             pytest.fail("two builds in one folder")
         holder.send_signal(signal.SIGKILL)

@@ -187,7 +187,7 @@ def test_splits_share_no_mesh_file(in_folder) -> None:
 def test_a_mesh_file_is_one_object(in_folder) -> None:
     text = HEAD.replace("count: 2", "count: 3")
     path = in_folder(**{"tiny.yaml": text, "objects/chair.yaml": "file: a.obj\n", "objects/a.obj": TRIANGLE})
-    assert messages(path) == ["tiny.yaml:4: splits[0].objects.count: expected <= 2, as a mesh file is only ever one "
+    assert messages(path) == ["tiny.yaml:4: splits[0].objects.count: expected <= 2, since each mesh file is one "
                               "object, got 3"]
 
 

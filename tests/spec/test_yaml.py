@@ -51,7 +51,7 @@ def test_anchors_and_merge_keys() -> None:
     ("a: !!python/name:os.system\n", "x.yaml:1: a: expected plain YAML without tags, got python/name:os.system"),
     ("1: a\n", "x.yaml:1: expected text as a key, got '1'; put it in quotes"),
     ("? [a, b]\n: 1\n", "x.yaml:1: expected text as a key"),
-    ("a: &a\n  - *a\n", "expected data without loops"),
+    ("a: &a\n  - *a\n", "expected data without cycles"),
     ("a: " + "9" * 5000, "x.yaml:1: a: expected a number that can be read"),
     ("<<: 3\na: 1\n", "x.yaml:1: expected a mapping to merge"),
     ("[" * 3000, "expected valid YAML"),

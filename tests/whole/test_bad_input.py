@@ -151,7 +151,7 @@ def test_a_disk_that_refuses_later(small_spec: Path, tmp_path: Path, refused: Ru
 def test_two_builds_in_one_folder(small_spec: Path, tmp_path: Path, refused: Run) -> None:
     with build_lock(tmp_path / "out"):
         said = refused("build", small_spec, "--out", tmp_path / "out", "--workers", "1")
-    assert f"out: another build is at work here (process {os.getpid()})" in said
+    assert f"out: another build is running in this folder (process {os.getpid()})" in said
     assert contents(tmp_path / "out") == {}
 
 

@@ -127,7 +127,7 @@ def test_a_spec_that_changes_under_a_build_is_refused(tmp_path: Path) -> None:
     job = BuildJob(spec_path=spec, overrides=(), spec_digest=loaded.spec_digest, folder=tmp_path / "out",
                    backend="llvm", threads=1)
     write_spec(tmp_path, {"rooms/den.yaml": "width: 5\n"})
-    with pytest.raises(SpecError, match=r"small\.yaml: expected the spec that the build began with"):
+    with pytest.raises(SpecError, match=r"small\.yaml: expected the spec that the build started with"):
         run_unit(job, units(Planner(loaded).examples)[0])
     assert not (tmp_path / "out").exists()
 

@@ -1,4 +1,4 @@
-"""What many pieces share: legs, handles, drawer and door fronts, and books."""
+"""Parts that many pieces share: legs, handles, drawer and door fronts, and books."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Every family by name, and the one door through which furniture is made."""
+"""Every family by name, and the function that makes furniture."""
 
 from collections.abc import Callable
 from dataclasses import replace

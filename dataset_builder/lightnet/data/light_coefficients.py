@@ -27,5 +27,6 @@ def lighting_of(label: Mapping[str, Any]) -> np.ndarray:
     found = label["record"].get("lighting_sh")
     if found is None:
         raise UserError([Problem(where=f"example {label['key']}", path="record.lighting_sh", hint="build it again",
-                                 rule="expected the light at the object, the dataset was built by an earlier version")])
+                                 rule="expected the light at the object, got none: the dataset was built by an "
+                                      "earlier version")])
     return (rotation(camera_from_world(label["plan"]["camera"])) @ np.asarray(found)).T

@@ -23,7 +23,7 @@ LAYERS = ("mask", "s_prime", "i_s", "d", "r", "i_t")
 DIGITS = 6
 """Of the exposure, so that it is the same however many threads add up."""
 OTHER_SPLIT = "name one of these: `data.train` or `data.held_out` of the training, or --split"
-ONE_SPLIT = "a training takes two splits, of objects of their own: build the dataset with another one"
+ONE_SPLIT = "training needs two splits with different objects: add a split to the dataset and build it again"
 NAMED = 5
 """Keys that a sentence names at most."""
 
@@ -103,8 +103,8 @@ class LightingDataset(Dataset[Batch]):
         if not self.left_out:
             return ""
         named = ", ".join(self.left_out[:NAMED]) + (", ..." if len(self.left_out) > NAMED else "")
-        return (f": {len(self.left_out)} of {len(self.left_out) + len(self.keys)} examples left out, whose mask is "
-                f"nowhere {self.spec.inside:g} or more: {named}")
+        return (f": {len(self.left_out)} of {len(self.left_out) + len(self.keys)} examples left out because their mask "
+                f"is below {self.spec.inside:g} everywhere: {named}")
 
 
 def exposure_of(s_prime: np.ndarray, inside: np.ndarray) -> float:

@@ -133,8 +133,8 @@ def _next(orders: Iterator[tuple[int, Notes] | UserError]) -> tuple[int, Notes]:
     except RuntimeError as error:
         if not str(error).startswith(DEATH):
             raise
-        hint = ("want of memory or of /dev/shm: set `data.workers` to 0 or `data.batch` lower; or a script of your own "
-                "that does its work outside `if __name__ == \"__main__\":`")
+        hint = ("not enough memory or /dev/shm: set `data.workers` to 0 or `data.batch` lower; or your script runs "
+                "code outside `if __name__ == \"__main__\":`")
         raise UserError([Problem(where="", path="data.workers", rule=f"a process that reads ahead died ({error})",
                                  hint=hint)]) from error
     if isinstance(found, UserError):

@@ -1,6 +1,6 @@
-"""Checkpoints: everything that a training needs to go on as if it had never stopped, in one file, whole or not at all.
+"""Checkpoints: everything that a training needs to resume as if it had never stopped, in one file, complete or absent.
 
-A file holds plain data and tensors only and is read with `weights_only`, so that a checkpoint from elsewhere can be
+A file holds plain data and tensors only and is read with `weights_only`, so that a checkpoint from elsewhere may be
 wrong but cannot run code.
 """
 
@@ -25,7 +25,7 @@ FORMAT = "3df-lighting-training"
 VERSION = 1
 KEYS = {"format", "version", "spec", "identity", "dataset", "step", "method", "optimisers", "history", "best",
         "bad_steps", "stale", "off"}
-ANOTHER = "best.pt and last.pt of a training are alike: put the one that is whole in the place of the other"
+ANOTHER = "best.pt and last.pt have the same format: replace the damaged file with a copy of the other"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,10 +65,12 @@ def load_state(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise _wrong(path, f"expected a readable file, got: {error.strerror or error}") from error
     except (RuntimeError, pickle.UnpicklingError, EOFError, ValueError, KeyError, TypeError, BadZipFile) as error:
-        raise _wrong(path, "expected a checkpoint, got a file that does not read as one: cut short, or another kind",
+        raise _wrong(path, "expected a checkpoint, got a file that cannot be read as one: truncated, or of another "
+                           "kind",
                      ANOTHER) from error
     if damaged:
-        raise _wrong(path, "expected the bytes that were written, got others: damaged on the disk or on its way",
+        raise _wrong(path, "expected the bytes that were written, got others: the file was damaged on disk or in "
+                           "transfer",
                      ANOTHER)
     if not isinstance(state, dict) or state.get("format") != FORMAT:
         raise _wrong(path, "expected a checkpoint of `dataset-builder train`, got another kind of file")
@@ -94,7 +96,7 @@ def spec_of(state: dict[str, Any], path: Path) -> TrainingSpec:
     try:
         return TrainingSpec.model_validate_json(state["spec"])
     except ValidationError as error:
-        raise _wrong(path, "expected a configuration of this version of the package, got one of another",
+        raise _wrong(path, "expected a configuration of this version of the package, got one of another version",
                      "train again with this version") from error
 
 

@@ -15,8 +15,8 @@ def choose(device: str = "auto") -> torch.device:
     if device not in ("auto", "cpu", "cuda"):
         raise UserError(f"--device: expected auto, cpu or cuda, got {device}")
     if device == "cuda" and not torch.cuda.is_available():
-        raise UserError("--device: expected cpu, since PyTorch finds no CUDA here, got cuda (it takes a CUDA build of "
-                        "the pinned version and an NVIDIA driver)")
+        raise UserError("--device: expected cpu, since PyTorch finds no CUDA here, got cuda (CUDA needs a CUDA build "
+                        "of the pinned version and an NVIDIA driver)")
     return torch.device("cuda" if device != "cpu" and torch.cuda.is_available() else "cpu")
 
 

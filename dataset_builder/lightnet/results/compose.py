@@ -50,14 +50,14 @@ def compose(trained: Trained, frame: ComposeInput) -> Composite:
     """
     data = trained.spec.data
     if trained.name in NEEDS_SH and frame.lighting is None:
-        raise _wrong(frame, f"expected a method that goes by S', got {trained.name}, which needs the scene's light as "
-                            "spherical harmonics", "take an example of a dataset, or a checkpoint of lightnet")
+        raise _wrong(frame, f"expected a method that uses S', got {trained.name}, which needs the scene's light as "
+                            "spherical harmonics", "use an example of a dataset, or a checkpoint of lightnet")
     inside, covered = frame.mask[..., 0] >= data.inside, _covered(frame)
     if not inside.any():
         raise _wrong(frame, f"expected a mask with a pixel >= {data.inside:g}, got at most {frame.mask.max():g}")
     if not (inside & covered).any():
-        raise _wrong(frame, "expected the rough mesh within the mask, got none of it there",
-                     "S' and the mask must be of the same camera")
+        raise _wrong(frame, "expected the rough mesh inside the mask, got none",
+                     "S' and the mask must have the same camera")
     batch = seen(frame, inside, source_exposure=data.source_exposure).to(trained.device)
     predicted, exposure = _numpy(predict(trained.method, batch.inputs).i_t[0]).clip(min=0), float(batch.exposure[0])
     known, wanted = inside & covered, frame.mask[..., 0] > 0

@@ -1,4 +1,4 @@
-"""What is composed: the pictures of one camera, from an example of a dataset or from files of one's own."""
+"""The input of compose: the pictures of one camera, from an example of a dataset or from your own files."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""How good methods are, example by example: trained ones beside the three that learn nothing.
+"""How good methods are, example by example: trained ones beside three untrained baselines.
 
 All see the same whole frames and are measured on the same pixels, so that their figures may be subtracted. Examples of
 one object resemble each other; a row therefore says what it shows, and `lightnet.summary` counts objects.
@@ -60,7 +60,7 @@ class ScoreRow:
 
 def trivial() -> list[Contender]:
     """The contenders that learn nothing; two of them are told the true D and R."""
-    return [Contender(name=name, find=partial(_by_formula, formula), note=f"{FORMULAS[name]}; learns nothing")
+    return [Contender(name=name, find=partial(_by_formula, formula), note=f"{FORMULAS[name]}; untrained")
             for name, formula in TRIVIAL.items()]
 
 
@@ -139,4 +139,4 @@ def _require_same_data(path: Path, data: DataSpec, first: DataSpec) -> None:
         if (got := getattr(data, key)) != (expected := getattr(first, key)):
             raise UserError([Problem(where=str(path), path=f"data.{key}",
                                      rule=f"expected {expected}, as the first checkpoint was trained with, got {got}",
-                                     hint="evaluate it apart")])
+                                     hint="evaluate it separately")])

@@ -32,7 +32,7 @@ def fill(picture: np.ndarray, known: np.ndarray, asked: np.ndarray) -> np.ndarra
     if not asked.any():
         return picture.copy()
     if not known.any():
-        raise UserError("expected a pixel that is known to fill others from, got none")
+        raise UserError("expected at least one known pixel to fill from, got none")
     filled = picture.copy()
     box = _box(asked)
     distance, nearest = distance_transform_edt(~known, return_indices=True)

@@ -1,4 +1,4 @@
-"""What a training tells as it goes on."""
+"""What a training reports while it runs."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -176,9 +176,10 @@ class _Training:
         self.progress.bad_steps += 1
         if self.progress.bad_steps > self.spec.most_bad_steps:
             raise UserError([Problem(where=str(self.job.out), path="most_bad_steps",
-                                     rule=f"expected at most {self.spec.most_bad_steps} steps that are not finite, got "
-                                     f"{self.progress.bad_steps}; the last: {reason}",
-                                     hint="lower optimiser.rate or clip harder in a new folder, or allow more here")])
+                                     rule=f"expected at most {self.spec.most_bad_steps} steps with a non-finite loss "
+                                     f"or gradient, got {self.progress.bad_steps}; the last: {reason}",
+                                     hint="lower optimiser.rate or optimiser.clip and train in a new folder, or raise "
+                                          "most_bad_steps here")])
 
     def _check(self) -> Checked:
         """Measure on held-out examples and write the checkpoint."""

@@ -1,1 +1,1 @@
-"""What a scene calls for: decisions about features, depth, lights and guides, each with its reason."""
+"""What a scene needs: decisions about features, depth, lights and guides, each with its reason."""

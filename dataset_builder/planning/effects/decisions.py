@@ -26,7 +26,7 @@ PASSES = ("first_hit", "source", "target", "first_hit_rough", "rough")
 LIT = ("source", "target", "rough")
 EVERYWHERE = ("mask", "mask_rough", "instance")
 """Layers whose extent needs no further pixels: 0 where the object is not, or a pass of its own."""
-DARK = "take parts of the room away with `open`, give it windows or no ceiling, or set a light up inside"
+DARK = "remove parts of the room with `open`, add windows, remove the ceiling, or put a light inside"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +67,7 @@ def _everything(spec: RenderSpec, render: RenderPlan, light: dict[str, Illuminat
     depth = MAX_DEPTH if spec.max_depth == "auto" else max(int(spec.max_depth), MAX_DEPTH)
     passes = tuple(PassEffects(name=name, extent="frame", lights=_all(light[name].lights) if name in light else (),
                                max_depth=depth) for name in PASSES)
-    reason = "everything on, as asked"
+    reason = "everything simulated, as requested"
     decisions = (*(Decision(effect=f"pass {name}", choice="frame" if _runs(render, name) else "not run", reason=reason)
                    for name in PASSES),
                  *(Decision(effect=f"lights of {name}", choice="all", reason=reason) for name in LIT),
@@ -116,14 +116,14 @@ def _extent(render: RenderPlan, name: str) -> tuple[str, str]:
     asked = _asked(render, name)
     on_frame = [layer for layer, extent in asked.items() if extent == "frame" and layer not in EVERYWHERE]
     if on_frame:
-        return "frame", f"asked for on the whole frame: {', '.join(on_frame)}"
+        return "frame", f"requested on the whole frame: {', '.join(on_frame)}"
     guides = [layer for layer, extent in guide_extents(render).items()
               if extent == "frame" and layer not in EVERYWHERE and LAYERS[layer].render_pass == name]
     if guides:
         return "frame", f"guides what is denoised on the whole frame: {', '.join(guides)}"
     if asked:
-        return "object", f"asked for on the object only: {', '.join(asked)}"
-    why = "no layer of it is asked for"
+        return "object", f"requested on the object only: {', '.join(asked)}"
+    why = "none of its layers is requested"
     return "object", f"{why}, but it finds the object's pixels" if _runs(render, name) else why
 
 
@@ -135,7 +135,7 @@ def _light_free(render: RenderPlan) -> list[Decision]:
     reasons = [f"once per view: {', '.join(clean)}"] * bool(clean)
     reasons += [f"once per light and noise level: {', '.join(rough)}"] * bool(rough)
     return [Decision(effect="light-free layers", choice=f"{len(free)} of {len(render.layers)}",
-                     reason="; ".join(reasons) or "every layer that is asked for needs light")]
+                     reason="; ".join(reasons) or "all requested layers need light")]
 
 
 # Lights and paths

@@ -1,4 +1,4 @@
-"""What surfaces and air of a scene call for: the features that rendering kernels are compiled with, with reasons."""
+"""What surfaces and air of a scene need: the features that rendering kernels are compiled with, with reasons."""
 
 from collections.abc import Callable, Sequence
 from typing import get_args

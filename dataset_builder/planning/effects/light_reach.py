@@ -1,4 +1,4 @@
-"""Which lights of a pass can reach the object: only those that bring exactly nothing are left out."""
+"""Which lights of a pass can reach the object: only those that contribute exactly nothing are left out."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -29,11 +29,11 @@ def reach(light: LightPlan, room: RoomPlan, opened: Sequence[str]) -> Reach:
     if light.kind not in OUTSIDE:
         return Reach(kept=True, why="stands in the room")
     if opened:
-        return Reach(kept=True, why=f"comes in where the {' and '.join(opened)} {_verb(opened)} taken away")
+        return Reach(kept=True, why=f"enters where the {' and '.join(opened)} {_verb(opened)} removed")
     if not room.ceiling:
-        return Reach(kept=True, why="comes in where there is no ceiling")
+        return Reach(kept=True, why="enters where there is no ceiling")
     if not room.windows:
-        return Reach(kept=False, why="finds no way into a room with a ceiling and without windows")
+        return Reach(kept=False, why="cannot enter a room with a ceiling and no windows")
     return _through_windows(light, room)
 
 
@@ -47,8 +47,8 @@ def _through_windows(light: LightPlan, room: RoomPlan) -> Reach:
     open_to = len(sides) if light.kind == "dome" else int((sides @ np.asarray(light.direction) < 0).sum())
     panes = "glazed " if room.glazing else ""
     if not open_to:
-        return Reach(kept=False, why=f"shines at no wall that has one of the {len(sides)} {panes}windows")
-    return Reach(kept=True, why=f"comes in through {open_to} {panes}window{'s' if open_to > 1 else ''}")
+        return Reach(kept=False, why=f"does not shine on a wall with one of the {len(sides)} {panes}windows")
+    return Reach(kept=True, why=f"enters through {open_to} {panes}window{'s' if open_to > 1 else ''}")
 
 
 def reaching(illumination: IlluminationPlan, room: RoomPlan) -> tuple[Reach, ...]:

@@ -1,4 +1,4 @@
-"""The materials that really stand in a scene: those that a face shows, with the figures that decide about effects."""
+"""The materials of a scene that some face has, with the figures that decide about effects."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""How long paths have to be: a geometric bound on the light that longer ones would bring.
+"""How long paths have to be: a geometric bound on the light that longer ones would add.
 
 Radiance is L = E + T L with emission E and transport T; paths of at most n edges add up E + T E + ... + T^(n-1) E. What
 they leave out of the light that arrives at the first surface is T^(n-1) L, at most a^(n-1) of all light, where a bounds
@@ -69,19 +69,19 @@ def path_depth(asked: int | str, bias: float, materials: Sequence[MaterialUse], 
     """
     brightest = max(materials, key=lambda use: use.scattered)
     share, extra = with_fog(brightest.scattered, fog, diagonal), crossings(materials)
-    through = f"; {extra} edges more lead through glass" if extra else ""
+    through = f"; {extra} more edges pass through glass" if extra else ""
     event = f"{brightest.name} scatters at most {brightest.scattered:.3g} of the light"
     if share > brightest.scattered:
         event += f" and the fog {fog.albedo:.3g}, together {share:.3g}"
     if asked != "auto":
         depth = int(asked)
         left = min(share ** max(depth - 1 - extra, 0), 1.0)
-        return PathDepth(depth=depth, left_out=left, reason=f"asked for; {event}, so that longer paths would bring at "
-                         f"most {left:.2g} of what arrives at a surface{through}")
+        return PathDepth(depth=depth, left_out=left, reason=f"requested; {event}, so longer paths would add at most "
+                         f"{left:.2g} of the light that arrives at a surface{through}")
     needed = max(needed_depth(share, bias), MIN_DEPTH)
     depth = min(needed + extra, MAX_DEPTH)
     left = share ** (depth - 1 - extra)
-    said = f"{event}, so that longer paths would bring at most {left:.2g} of what arrives at a surface{through}"
+    said = f"{event}, so longer paths would add at most {left:.2g} of the light that arrives at a surface{through}"
     if needed + extra > MAX_DEPTH:
         said += f"; cut at {MAX_DEPTH}, a bias of {bias:g} would need longer ones"
     return PathDepth(depth=depth, left_out=left, reason=said)

@@ -1,4 +1,4 @@
-"""What furniture takes up on the floor: oriented rectangles with a height interval, and whether two of them overlap."""
+"""The floor space of furniture: oriented rectangles with a height interval, and whether two of them overlap."""
 
 from dataclasses import dataclass
 from math import cos, radians, sin

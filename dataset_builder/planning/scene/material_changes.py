@@ -72,7 +72,7 @@ def require_roles(names: Iterable[str], roles: Sequence[str], where: str) -> Non
 def _refuse(lost: Sequence[str], known: Sequence[str], where: str) -> None:
     if lost:
         raise PlanError(Problem(where=where, path=f"materials.{name}", hint=nearest(name, list(dict.fromkeys(known))),
-                                rule=f"expected the name of a material, got {shown(name)}, which is none of its own")
+                                rule=f"expected the name of one of the object's materials, got {shown(name)}")
                         for name in lost)
 
 

@@ -1,4 +1,4 @@
-"""Random viewpoints that really see the object: in the room, clear of surfaces, at the coverage asked for."""
+"""Random viewpoints from which the object is visible: in the room, clear of surfaces, at the requested coverage."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ DIRECTIONS = 8
 Reason = Literal["room", "clearance", "coverage", "hidden"]
 _SAID: dict[Reason, str] = {
     "room": "outside the room at any coverage (distances needed: {low:.2f} to {high:.2f} m)",
-    "clearance": "in a wall or too near a surface (largest distance: {high:.2f} m)",
+    "clearance": "in a wall or too close to a surface (largest distance: {high:.2f} m)",
     "coverage": "off in coverage (measured: {low:.3f} to {high:.3f})",
     "hidden": "hidden or cut by the frame (best visibility: {high:.2f})",
 }
@@ -34,7 +34,8 @@ _HINT: dict[Reason, str] = {
     "room": "widen `fov`, raise `coverage`, or make the room larger",
     "clearance": "lower `camera.clearance`, widen `azimuth` and `elevation`, or make the room larger",
     "coverage": "widen `camera.coverage`",
-    "hidden": "lower `camera.visibility` or the largest coverage, widen `azimuth` and `elevation`, or thin furniture",
+    "hidden": "lower `camera.visibility` or the largest coverage, widen `azimuth` and `elevation`, or use less "
+              "furniture",
 }
 
 

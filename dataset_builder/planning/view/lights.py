@@ -1,4 +1,4 @@
-"""Illumination of a view: the plain source, and target lights that neither miss the object nor blow it out."""
+"""Illumination of a view: the plain source, and target lights that neither miss the object nor overexpose it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -216,13 +216,13 @@ def target_light(view: LitView, spec: TargetSpec, stream: Stream, where: str,
 def _why_not(spec: TargetSpec, count: int, means: list[float], lits: list[float]) -> tuple[str, str]:
     """Rule and hint for lights that could not be placed, or that left the object black or blown out."""
     if not means:
-        return (f"expected room for a light within target.distance, got none in {spec.attempts} draws that is in the "
-                "room, clear of surfaces by its size and out of the camera's way",
+        return (f"expected a free place for a light within target.distance, got none in {spec.attempts} draws (in the "
+                "room, clear of surfaces by its size, not in front of the camera)",
                 "lower target.distance or target.size, or widen target.elevation")
     low, high = spec.brightness
     if min(means) > high:
         return (f"expected a mean direct irradiance of at most {high:g} on the visible part of the object, got at "
-                f"least {min(means):.3g} in {len(means)} draws: it would be blown out", "lower target.strength")
+                f"least {min(means):.3g} in {len(means)} draws: it would be overexposed", "lower target.strength")
     rule = (f"expected a mean direct irradiance in [{low:g}, {high:g}] on the visible part of the object and light on "
             f"{LIT_SHARE:.0%} of it, got at most {max(means):.3g} and {max(lits):.0%} in {len(means)} draws with "
             f"{count} lights: it would stay black")

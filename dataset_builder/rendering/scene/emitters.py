@@ -64,7 +64,7 @@ def emitters(illumination: IlluminationPlan, image_root: Path | None = None) -> 
     for index, light in enumerate(filter(is_bead, illumination.lights)):
         entries[f"bead_{index}"] = bead(light, _black(), _surface_emitter(light))
     if not any(light.weight > 0 and any(light.radiance) for light in illumination.lights):
-        raise PlanError("lights: expected at least one that shines, got none")
+        raise PlanError("lights: expected at least one with a radiance above 0, got none")
     return entries
 
 

@@ -42,7 +42,7 @@ def read_image(path: Path, sha256: str, suffixes: tuple[str, ...]) -> np.ndarray
         raise _refused(path, f"expected finite values of at least 0, got {bad[0]:g} in {len(bad)} places", "mend it")
     # What underflows when it is brought to mean 1 is as good as black
     if image.mean(dtype=np.float64) < np.finfo(np.float32).tiny:
-        raise _refused(path, "expected an image with light in it, got a black one", "leave it out, or mend it")
+        raise _refused(path, "expected an image with a value above 0, got a black one", "leave it out, or correct it")
     image.flags.writeable = False
     return image
 
@@ -54,7 +54,7 @@ def _decoded(path: Path) -> np.ndarray:
         bitmap = mi.Bitmap(str(path)).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, srgb_gamma=False)
     except (RuntimeError, ValueError) as error:
         reason = str(error).strip().splitlines()[-1]
-        raise _refused(path, f"expected an image of colours, got: {reason}", "save it again") from error
+        raise _refused(path, f"expected an image of colours, got: {reason}", "save it again as one") from error
     return np.array(bitmap, dtype=np.float32)
 
 

@@ -149,7 +149,7 @@ def _problems(material: Material) -> list[Problem]:
              for name, rule, value, good in _factors(material) if not good]
     if material.texture is not None:
         found += [Problem(where=f"material {material.name!r}", path=f"texture.{name}", rule=rule,
-                          hint="mend the texture; nothing is clipped silently")
+                          hint="correct the texture; values are not clipped automatically")
                   for name, values in _maps(material.texture).items() if (rule := _broken(name, values))]
     return found
 

@@ -1,4 +1,4 @@
-"""What the study says in the end: one sentence for each question with its numbers, and settings to use."""
+"""The study's conclusions: one sentence for each question with its numbers, and recommended settings."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

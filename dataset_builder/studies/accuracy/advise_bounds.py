@@ -1,4 +1,4 @@
-"""Questions 4 to 6: the least depth, mesh and texture whose error the noise or the bias asked for hides."""
+"""Questions 4 to 6: the smallest depth, mesh and texture whose error is hidden by noise or the allowed bias."""
 
 from collections.abc import Sequence
 
@@ -28,10 +28,10 @@ def _depth(advice: Advice, rows: Sequence[AccuracyRow], spec: DatasetSpec) -> No
     enough = [depth for depth, bias in missing.items() if bias <= spec.render.bias]
     figures = ", ".join(f"{bias:.2%} at {depth:.0f}" for depth, bias in missing.items())
     said = (f"{min(enough):.0f} edges suffice for" if enough else "None of these depths suffices for")
-    advice.sentences[DEPTH] = f"{said} a bias of {spec.render.bias:.1%}; the worst of any example and layer, two " \
-                              f"standard errors included: {figures}."
+    advice.sentences[DEPTH] = f"{said} a bias of {spec.render.bias:.1%}; the worst of any example and layer, with " \
+                              f"two standard errors: {figures}."
     if spec.render.max_depth == "auto":
-        advice.sentences[DEPTH] += " The spec leaves the depth to planning, which bounds it for every scene: kept."
+        advice.sentences[DEPTH] += " The spec leaves the depth to planning, which bounds it for every scene."
         advice.overrides.append("render.max_depth=auto")
     elif enough:
         advice.overrides.append(f"render.max_depth={min(enough):.0f}")
@@ -64,8 +64,8 @@ def _textures(advice: Advice, rows: Sequence[AccuracyRow], spec: DatasetSpec) ->
         wanted.append(chosen.value if chosen else spec.render.texture_size)
         figures = ", ".join(f"{_shown(point)} at {point.value:.0f}" for point in points)
         so_far = advice.sentences.get(TEXTURES, "")
-        advice.sentences[TEXTURES] = f"{so_far} In {layer}, {wanted[-1]:.0f} texels along a side keep the error below" \
-                                     f" {bound:.1%}; it is {figures}.".strip()
+        advice.sentences[TEXTURES] = f"{so_far} In {layer}, {wanted[-1]:.0f} texels per side keep the error below " \
+                                     f"{bound:.1%}; it is {figures}.".strip()
         if chosen:
             advice.marked[TEXTURES, layer] = chosen
     if wanted:

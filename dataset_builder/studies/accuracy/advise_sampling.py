@@ -41,8 +41,8 @@ def _uniform(advice: Advice) -> None:
     if knees:
         points = ", ".join(f"{point.value:.0f} spp for {layer} (error {point.error:.1%}, {point.seconds:.2g} s)"
                            for layer, point in knees.items())
-        advice.sentences[UNIFORM] = f"The knee is at {points}: from there on halving the error costs {PRICE} times " \
-                                    "the time or more."
+        advice.sentences[UNIFORM] = f"The knee is at {points}: beyond it, halving the error takes at least {PRICE} " \
+                                    "times as long."
 
 
 def _adaptive(advice: Advice, rows: Sequence[AccuracyRow]) -> float:
@@ -64,10 +64,10 @@ def _denoised(advice: Advice, rows: Sequence[AccuracyRow], question: str) -> Non
     ratios = equal_error(rows, question)
     seconds = geometric_mean(ratio.seconds for ratio in ratios)
     cost = (f"at {seconds:.2f} times the time (geometric mean of {len(ratios)} comparisons)" if ratios
-            else "nowhere within the range that was measured")
+            else "at no setting within the measured range")
     ends = ", ".join(f"{layer} from {own[0].error:.1%} to {own[-1].error:.1%}" for layer, own in points.items())
     advice.sentences[question] = (f"The denoised pictures have the error of uniform spp {cost}; along the curve the "
-                                  f"error goes: {ends}. What stays is bias, which is never chosen silently.")
+                                  f"error goes: {ends}. The rest is bias, so denoising is never recommended.")
 
 
 def _choose(advice: Advice, spec: DatasetSpec, budget: Budget, *, adaptive: bool) -> None:

@@ -53,7 +53,7 @@ def _storage(advice: Advice, rows: Sequence[AccuracyRow], spec: DatasetSpec) -> 
     worst = f"{max(errors.values()):.1e}" if errors else "unknown"
     advice.sentences[CODECS] = (f"Half is good enough where its error, {worst} at worst, is at most {HALF_SHARE:g} of "
                                 f"the bias allowed, {spec.render.bias:g}: {dtype}. Per example: {shown}; `{WRITTEN}` "
-                                "is what every reader knows and what datasets are written with.")
+                                "is known to every reader, and datasets are written with it.")
     advice.overrides.append(f"storage.dtype={dtype}")
 
 

@@ -1,4 +1,4 @@
-"""How much a run of the study does: everything, or enough to see that it works."""
+"""How much a run of the study does: everything, or a quick trial."""
 
 from dataclasses import dataclass
 

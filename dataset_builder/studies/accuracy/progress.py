@@ -1,4 +1,4 @@
-"""What an interrupted study has measured already: rows are taken from its table where they are about the same thing."""
+"""Rows that an interrupted study has measured already: they are reused where their settings are the same."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What all questions work with: the spec, the budget, the references, and rows out of rendered examples."""
+"""What all questions share: the spec, the budget, the references, and rows made from rendered examples."""
 
 import math
 from collections.abc import Iterable, Mapping

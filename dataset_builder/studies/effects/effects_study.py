@@ -1,4 +1,4 @@
-"""Sampled examples as planned and with everything on: differences, seconds, and what was decided."""
+"""Sampled examples as planned and with everything simulated: differences, seconds, and decisions."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence

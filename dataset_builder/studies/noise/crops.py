@@ -1,4 +1,4 @@
-"""One case at every level in pictures: the light of its rough mesh, what was made of it, and the truth."""
+"""One case at every level in pictures: the light of its rough mesh, the predictions, and the truth."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

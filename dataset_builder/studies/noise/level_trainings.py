@@ -1,4 +1,4 @@
-"""The trainings of the study, and what they come to on the examples that every level has."""
+"""The trainings of the study, and their results on the examples that every level has."""
 
 from collections import Counter, defaultdict
 from collections.abc import Iterator

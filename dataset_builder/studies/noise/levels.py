@@ -1,4 +1,4 @@
-"""Quality at every level: by the training on all levels, by those on one, and by what learns nothing."""
+"""Quality at every level: by the training on all levels, by those on one, and by untrained baselines."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -49,8 +49,8 @@ class Level:
 def levels_of(study: NoiseStudy, split: HeldOut, scores: Sequence[ScoreRow]) -> list[Level]:
     """Scores by level. Raises UserError where no case has all levels."""
     if not split.cases:
-        raise UserError(f"expected a held-out view that all {len(study.levels)} levels kept, got none: lower the "
-                        "largest level, or widen gates.mask_overlap")
+        raise UserError(f"expected a held-out view that passes the gates at all {len(study.levels)} levels, got none: "
+                        "lower the largest level, or widen gates.mask_overlap")
     by_key = {(row.method, row.key): row for row in scores}
     found = []
     for number, sigma in enumerate(study.levels):

@@ -1,4 +1,4 @@
-"""How often each pass ran: counted in what the build wrote down of every example, not taken from the plan."""
+"""How often each pass ran: counted in the record that the build wrote of every example, not taken from the plan."""
 
 import csv
 from collections import Counter, defaultdict
@@ -63,8 +63,8 @@ def saving(counts: Sequence[PassCount]) -> str:
     shared = sum(one.seconds for one in counts)
     apart = sum(one.seconds * one.examples / one.ran for one in counts)
     repeated = [one.name for one in counts if not one.once]
-    return (f"{', '.join(repeated) or 'no pass'} ran anew for each noise level; all passes took {shared:.1f} s, and "
-            f"would have taken {apart:.1f} s had each example been rendered apart")
+    return (f"{', '.join(repeated) or 'no pass'} ran again for each noise level; all passes took {shared:.1f} s, and "
+            f"would have taken {apart:.1f} s if each example had been rendered separately")
 
 
 def _count(name: str, ran: int, seconds: float, made: Sequence[ExampleRef]) -> PassCount:

@@ -1,4 +1,4 @@
-"""Render a small scene as the product does, several times over, and hold the pictures against laws and formulas.
+"""Render a small scene as the product does, several times, and compare the pictures with laws and formulas.
 
 The renderer can be imported only once a variant of Mitsuba is set, so it is imported where it is called.
 """

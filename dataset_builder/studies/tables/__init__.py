@@ -1,1 +1,1 @@
-"""The tables of the paper on a dataset at hand: one training per row, measured rows beside printed ones."""
+"""The paper's tables on your own dataset: one training per row, measured rows beside published ones."""

@@ -1,4 +1,4 @@
-"""Table 1: LighTNet against Pix2Pix, DPR and SSVBRDF, reformulated as the paper says, and against learning nothing.
+"""Table 1: LighTNet against Pix2Pix, DPR and SSVBRDF, reformulated as the paper says, and against untrained baselines.
 
 All methods see the same examples in the same order. Sizes and optimisers are each method's own: a baseline has the
 width of its public code, and as many levels as the crop allows up to those of its public code.
@@ -40,7 +40,7 @@ BASELINES: Mapping[str, Baseline] = {
 }
 
 TRIVIAL = {"copy_i_s": "I_s as it is", "d_s_prime": "D S', true D", "dr_s_prime": "(D + R) S', true D and R"}
-"""What learns nothing, and how tables call it."""
+"""Untrained baselines, and their titles in tables."""
 
 
 def methods(base: TrainingSpec, *, own_optimisers: bool = True) -> Table:

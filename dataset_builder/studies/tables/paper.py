@@ -1,7 +1,7 @@
 """Every number of tables 1, 2 and 3 of Cai et al., arXiv 2211.14823 v3, by the rows' names here.
 
 They are of another dataset, other sizes of networks and another length of training, and the paper says neither in which
-range nor over which pixels it measures: orders may be compared, values may not.
+range nor over which pixels it measures: compare the order, not the values.
 """
 
 from collections.abc import Mapping

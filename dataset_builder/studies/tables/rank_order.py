@@ -1,9 +1,9 @@
-"""Is the printed order reproduced? Pair by pair, with the error of each difference, and Kendall's tau.
+"""Whether the published order is reproduced: pair by pair, with the error of each difference, and Kendall's tau.
 
 Of every two rows that the paper compares, the one that it prints as better should be the better one here. A pair is
 *told apart* where the interval of its difference, example by example and clustered by object (`lightnet.summary`), does
-not hold 0; only of such pairs can it be said that they stand in the paper's order or against it. With one seed the
-interval knows nothing of how another training would have come out.
+not contain 0; only such pairs can agree with the paper's order or contradict it. With one seed the interval does not
+include the spread between trainings.
 """
 
 from collections.abc import Mapping, Sequence

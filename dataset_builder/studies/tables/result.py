@@ -1,4 +1,4 @@
-"""What a row came to: means over examples and seeds, and what it has to do with the printed numbers."""
+"""The result of a row: means over examples and seeds, and how it compares with the published numbers."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""A row of a table: what is trained for it, and the printed row that it stands beside."""
+"""A row of a table: what is trained for it, and the published row that it is compared with."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -67,7 +67,7 @@ def weights(base: TrainingSpec, *, vgg: bool) -> Table:
                    for term, title in LAMBDAS.items() if vgg or term != "fr")
     return Table(name="weights", number="Figure of the loss weights", question="How much do the loss weights matter?",
                  rows=tuple(rows), groups=groups, reference="paper", absent={},
-                 left_out=(NO_NUMBERS, *(() if vgg else (f"λ1: {NO_WEIGHTS}, so that it changes nothing",))))
+                 left_out=(NO_NUMBERS, *(() if vgg else (f"λ1: {NO_WEIGHTS}, so it changes nothing",))))
 
 
 def _swept(centre: TrainingSpec, term: str, factor: float) -> TableRow:

@@ -128,7 +128,7 @@ def test_a_split_that_is_not_there_is_told_with_a_remedy(folder: Path, own: Path
     manifest = json.loads((own / "dataset.json").read_text())
     manifest["splits"] = [split for split in manifest["splits"] if split["name"] == "train"]
     (own / "dataset.json").write_text(json.dumps(manifest))
-    with pytest.raises(UserError, match=r"expected evaluation, got train .*build the dataset with another one"):
+    with pytest.raises(UserError, match=r"expected evaluation, got train .*add a split to the dataset and build"):
         LightingDataset(own, "evaluation", SPEC)
 
 
@@ -141,7 +141,7 @@ def test_objects_that_fill_no_pixel_are_left_out_and_counted(own: Path) -> None:
     data = LightingDataset(own, "train", SPEC)
     assert data.keys == ("00000000", "00000002", "00000003", "00000005") and data.left_out == ("00000001", "00000004")
     assert data[1].keys == ("00000002",) and data.label(1)["key"] == "00000002"
-    assert data.notes == ("split train: 2 of 6 examples left out, whose mask is nowhere 0.5 or more: 00000001, "
+    assert data.notes == ("split train: 2 of 6 examples left out because their mask is below 0.5 everywhere: 00000001, "
                           "00000004",)
     lower = LightingDataset(own, "train", DataSpec(inside=0.25))
     assert len(lower) == 6 and not lower.left_out and not lower.notes and float(lower[1].inputs.inside.mean()) == 1

@@ -182,7 +182,8 @@ def test_a_step_that_is_skipped_leaves_no_trace(dataset: Path, tmp_path: Path, m
 
 def test_too_many_of_them_end_it(dataset: Path, tmp_path: Path, spoiling: _Spoiling) -> None:
     made = job(dataset, tmp_path / "out", "most_bad_steps=1")
-    with pytest.raises(UserError, match=r"most_bad_steps: expected at most 1 steps that are not finite, got 2"):
+    with pytest.raises(UserError, match="most_bad_steps: expected at most 1 steps with a non-finite loss or gradient, "
+                                        "got 2"):
         run(made)
     assert load_state(made.out / "last.pt")["step"] == 2, "the checkpoint before stays"
 
@@ -212,7 +213,7 @@ def test_two_trainings_in_one_folder(dataset: Path, tmp_path: Path) -> None:
     first = fit(made)
     assert isinstance(next(first), Started)
     for other in (made, job(dataset, made.out, "seed=1")):
-        with pytest.raises(OutputError, match=r"out: another training is at work here \(process \d+\)"):
+        with pytest.raises(OutputError, match=r"out: another training is running in this folder \(process \d+\)"):
             run(other)
     assert not (made.out / "last.pt").exists()
     first.close()

@@ -138,7 +138,7 @@ def test_the_dome_is_dropped_where_it_finds_no_way_in(decide: Decide) -> None:
     closed = decide(lights=lights)
     assert closed.of("target").lights == closed.of("rough").lights == (1,)
     assert closed.of("source").lights == (0,)
-    assert "no way into a room" in reason(closed, "lights of target")
+    assert "cannot enter a room" in reason(closed, "lights of target")
     assert decide(lights=lights, room={"windows": 1}).of("target").lights == (0, 1)
     assert decide(lights=lights, room={"ceiling": False}).of("target").lights == (0, 1)
 
@@ -146,7 +146,7 @@ def test_the_dome_is_dropped_where_it_finds_no_way_in(decide: Decide) -> None:
 @pytest.mark.parametrize("how", [{}, {"effects": "all"}])
 def test_a_pass_that_runs_in_the_dark_is_refused(decide: Decide, how: dict[str, Any]) -> None:
     with pytest.raises(PlanError, match=r"source: expected a light .* in the pass source, got none: dome left out: "
-                       r"finds no way into a room with a ceiling and without windows \(take parts of the room away"):
+                       r"cannot enter a room with a ceiling and no windows \(remove parts of the room"):
         decide(opened=(), **how)
     with pytest.raises(PlanError) as caught:
         decide(opened=(), lights=(lamp("dome"), lamp("area", 0.0)), **how)
@@ -165,7 +165,7 @@ def test_a_source_that_finds_no_way_in_is_told_before_anything_is_rendered(load:
 def test_passes_that_no_layer_needs_do_not_run(decide: Decide) -> None:
     effects = decide(layers=(("i_t", "object"), ("mask", "frame")))
     assert choices(effects, "pass source") == choices(effects, "pass rough") == ["not run"]
-    assert "no layer of it is asked for" in reason(effects, "pass source")
+    assert "none of its layers is requested" in reason(effects, "pass source")
     assert choices(effects, "pass target") == ["object"]
     assert choices(effects, "path depth of source") == []
     assert choices(decide(layers=(("s_prime", "object"),)), "pass first_hit_rough") == ["object"]
@@ -196,7 +196,7 @@ def test_all_simulates_everything_everywhere(decide: Decide) -> None:
     assert {entry.max_depth for entry in effects.passes} == {64}
     assert {entry.max_depth for entry in decide(effects="all", max_depth=100).passes} == {100}
     assert effects.of("rough").lights == (0, 1, 2) and effects.of("source").lights == (0,)
-    assert {decision.reason for decision in effects.decisions} == {"everything on, as asked"}
+    assert {decision.reason for decision in effects.decisions} == {"everything simulated, as requested"}
 
 
 @pytest.mark.parametrize(("figures", "kinds", "expected"), [

@@ -27,7 +27,7 @@ def test_nothing_from_outside_gets_into_a_closed_room(kind: str) -> None:
 
 
 def test_panes_let_light_in() -> None:
-    assert reach(light("dome"), room(windows=2, glazing=True), ()).why == "comes in through 2 glazed windows"
+    assert reach(light("dome"), room(windows=2, glazing=True), ()).why == "enters through 2 glazed windows"
 
 
 @pytest.mark.parametrize(("windows", "kept"), [(1, False), (2, True), (3, True), (4, True)])
@@ -46,5 +46,5 @@ def test_reasons_name_every_light_and_count_equal_ones() -> None:
     lights = (light("area"), light("area"), light("dome"))
     found = reaching(IlluminationPlan(lights=lights, open=()), room())
     assert [each.kept for each in found] == [True, True, False]
-    assert said(lights, found) == ("2 of kind area: stands in the room; dome left out: finds no way into a room with a "
-                                   "ceiling and without windows")
+    assert said(lights, found) == ("2 of kind area: stands in the room; dome left out: cannot enter a room with a "
+                                   "ceiling and no windows")

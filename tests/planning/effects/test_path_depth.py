@@ -81,7 +81,7 @@ def test_textured_glass_counts_where_a_texel_of_it_is_metal_no_more_or_rough() -
 def test_what_is_asked_for_is_taken_with_the_bound_that_it_keeps() -> None:
     found = path_depth(5, 0.01, [use(0.5)], CLEAR, 5.0)
     assert found.depth == 5 and found.left_out == pytest.approx(0.5**4)
-    assert "asked for" in found.reason and "0.062" in found.reason
+    assert "requested" in found.reason and "0.062" in found.reason
     through = path_depth(5, 0.01, [use(0.5), use(0.1, transmission=1.0, roughness=0.0)], CLEAR, 5.0)
     assert through.depth == 5 and through.left_out == 1
 

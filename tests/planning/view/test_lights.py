@@ -107,7 +107,7 @@ def test_a_light_too_weak_leaves_the_object_black(box_arrangement: BoxStage) -> 
 
 
 def test_a_light_too_strong_blows_the_object_out(box_arrangement: BoxStage) -> None:
-    with pytest.raises(PlanError, match=r"at least .* in 20 draws: it would be blown out"):
+    with pytest.raises(PlanError, match=r"at least .* in 20 draws: it would be overexposed"):
         target_light(lit_view(box_arrangement(CHAIR)), target_spec(strength=1e4, attempts=20), stream_of(0), "")
 
 
@@ -123,7 +123,7 @@ def test_an_object_shut_off_from_every_light_stays_black(box_arrangement: BoxSta
 
 
 def test_lights_that_have_no_place_say_so(box_arrangement: BoxStage) -> None:
-    with pytest.raises(PlanError, match=r"room for a light within target\.distance"):
+    with pytest.raises(PlanError, match=r"a free place for a light within target\.distance"):
         target_light(lit_view(box_arrangement(CHAIR)), target_spec(distance=50, attempts=10), stream_of(0), "")
 
 
@@ -202,7 +202,7 @@ def test_the_sun_counts_where_it_gets_in(box_arrangement: BoxStage) -> None:
     shone_on, note = target_light(view, spec, stream_of(1), "")
     facing = np.maximum(view.sight.normals[:, 2], 0).mean()
     assert shone_on.lights[1].weight == pytest.approx(1000 * facing, rel=0.1) and facing > 0.02
-    with pytest.raises(PlanError, match="it would be blown out"):
+    with pytest.raises(PlanError, match="it would be overexposed"):
         target_light(view, spec.model_copy(update={"brightness": (0.1, 20), "attempts": 5}), stream_of(1), "")
 
 

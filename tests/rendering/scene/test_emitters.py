@@ -240,14 +240,14 @@ def test_files_that_are_not_as_planned_are_refused(tmp_path):
 def test_black_images_are_refused(tmp_path, kind):
     from dataset_builder.rendering.scene.emitters import emitters
 
-    with pytest.raises(PlanError, match=r"night\.exr: expected an image with light in it, got a black one"):
+    with pytest.raises(PlanError, match=r"night\.exr: expected an image with a value above 0, got a black one"):
         emitters(lit_by(light(kind, **written(tmp_path, np.zeros((4, 8, 3)), "night.exr"))), tmp_path)
 
 
 def test_no_light_and_too_many_are_refused():
     from dataset_builder.rendering.scene.emitters import emitters
 
-    with pytest.raises(PlanError, match="at least one that shines"):
+    with pytest.raises(PlanError, match="at least one with a radiance above 0"):
         emitters(lit_by(light("dome", (0, 0, 0))))
     with pytest.raises(PlanError, match="at most 1 of kind dome, got 2"):
         emitters(lit_by(light("dome"), light("dome")))

@@ -153,7 +153,7 @@ def test_a_training_that_somebody_is_at_is_not_cleared_away(dataset: Path, tmp_p
     theirs = fit(job)
     while not (job.out / "last.pt").exists():
         next(theirs)
-    with pytest.raises(OutputError, match="another training is at work here"):
+    with pytest.raises(OutputError, match="another training is running in this folder"):
         next(train(replace(job, spec=changed(job.spec, seed=1))))
     assert (job.out / "last.pt").exists()
     theirs.close()

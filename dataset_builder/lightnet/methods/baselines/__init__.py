@@ -1,1 +1,1 @@
-"""What LighTNet is compared with: the paper's rivals, reformulated as it says, and three that learn nothing."""
+"""What LighTNet is compared with: the paper's baselines, reformulated as it says, and three that are not trained."""

@@ -1,4 +1,4 @@
-"""What is had without learning: the source picture as it is, and the formula with the true materials."""
+"""Untrained baselines: the source picture as it is, and the formula with the true materials."""
 
 from collections.abc import Callable
 
