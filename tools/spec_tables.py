@@ -26,7 +26,7 @@ KINDS: dict[str, type[Model]] = {
 HEAD = "| key | value | default | meaning |\n| --- | --- | --- | --- |\n"
 PLAIN = {int: "whole number", float: "number", str: "text", bool: "true or false"}
 BY_HAND = {
-    (DatasetSpec, "layers"): ("a mapping of layers to `object` or `frame`", "the paper's six, each on the `object`"),
+    (DatasetSpec, "layers"): ("a mapping of layers to `object` or `frame`", "the paper's six, each `object`"),
     (RoughSpec, "sigma"): ("number or distribution, >= 0, or a list of them", "`0.004`"),
 }
 """Value and default of keys whose type says less than a sentence."""

@@ -29,20 +29,20 @@ class ModelSpec(Model):
     width: PositiveInt = 16
     """Channels at full resolution; deeper levels have 2, 4 and 8 times as many. 64 is the full size."""
     downs: Annotated[int, Field(ge=1, le=8)] = 4
-    """Times that the resolution is halved."""
+    """Number of times the resolution is halved."""
     formulation: Formulation = "dr_alpha_s"
     """LighTNet only. How I_t is composed: d_s, dr_s, dr_s_plus_alpha or dr_alpha_s."""
     shading: Shading = "residual"
-    """LighTNet only. residual: S = S' + S'_r; raw: S = S'; direct: S is predicted as it is."""
+    """LighTNet only. residual: S = S' + S'_r; raw: S = S'; direct: S is predicted directly."""
 
 
 class ObjectiveSpec(Model):
-    """LighTNet's losses; each weight multiplies its term, 0 leaves it out."""
+    """Weights of LighTNet's losses; 0 turns a term off."""
 
     dr: NotNegative = 1.0
     """Mean absolute difference of D from the truth, plus that of R."""
     fr: NotNegative = 0.05
-    """VGG-19 feature reconstruction; needs `--vgg-weights`, and is off and said to be off without."""
+    """VGG-19 feature reconstruction; needs `--vgg-weights`, otherwise it is off, with a notice."""
     dssim: NotNegative = 0.5
     """(1 - SSIM) / 2."""
     lab: NotNegative = 0.5
@@ -50,19 +50,19 @@ class ObjectiveSpec(Model):
     l1: NotNegative = 0.0
     """Mean absolute difference of I_t from the truth, tone-mapped."""
     vgg_layer: VggLayer = "relu3_4"
-    """Activations of the third block that features are compared at; the paper does not say which."""
+    """Activations of the third block at which features are compared; the paper does not say which."""
 
 
 class DataSpec(Model):
-    """What is read, and how it is varied."""
+    """Training data and augmentation."""
 
     train: str = "train"
     """Split to train on."""
     held_out: str = "evaluation"
-    """Split to check on; never trained on."""
+    """Split for validation; never used for training."""
     crop: Annotated[int, Field(ge=16)] = 128
-    """Side of the square about the object that is trained on, in pixels; the picture's where that is smaller, and cut
-    to a multiple that the method needs."""
+    """Side of the training crop around the object, in pixels; at most the image's side, and rounded down to a multiple
+    that the method needs."""
     batch: PositiveInt = 8
     """Examples per step."""
     workers: Annotated[int, Field(ge=0)] = 1
@@ -70,66 +70,66 @@ class DataSpec(Model):
     verify: Literal["off", "size", "shard", "member"] = "size"
     """What is checked while reading, see `docs/reading.md`."""
     flips: bool = True
-    """Mirror left and right, one time in two."""
+    """Mirror left and right, with probability 1/2."""
     exposure: NotNegative = 0.5
-    """Stops that the target light is made stronger or weaker by at most, on both sides of the transfer."""
+    """Maximum change of the target light in stops, up or down, applied to inputs and targets alike."""
     colour: Fraction = 0.1
-    """Share that each channel of the target light is changed by at most, on both sides of the transfer."""
+    """Maximum relative change of each channel of the target light, applied to inputs and targets alike."""
     source_exposure: Annotated[float, Field(gt=0)] = 1.0
-    """Factor of `i_s`: a source dome of radiance 1 needs none."""
+    """Factor for `i_s`; 1 suits a source dome of radiance 1."""
     inside: Annotated[float, Field(gt=0, le=1)] = 0.5
-    """Least mask of a pixel that counts as the object's."""
+    """Minimum mask value of a pixel that counts as object."""
 
 
 class OptimiserSpec(Model):
-    """Adam, and how its rate goes."""
+    """Adam and its learning-rate schedule."""
 
     rate: Annotated[float, Field(gt=0)] = 1e-3
-    """Learning rate, at its highest."""
+    """Peak learning rate."""
     betas: tuple[Fraction, Fraction] = (0.9, 0.999)
-    """Decay of the moments."""
+    """Decay rates of the moments."""
     schedule: Literal["constant", "cosine"] = "cosine"
     """cosine: from `rate` to a hundredth of it at the last step."""
     warm_up: Annotated[int, Field(ge=0)] = 20
-    """Steps over which the rate rises from 0."""
+    """Warm-up steps, over which the rate rises from 0."""
     clip: NotNegative = 1.0
-    """Largest norm of the gradient; 0 does not clip."""
+    """Maximum gradient norm; 0 turns clipping off."""
 
 
 class CheckSpec(Model):
-    """How training is watched."""
+    """Checks during training."""
 
     every: PositiveInt = 100
     """Steps between checks on the held-out split, with a checkpoint each."""
     examples: Annotated[int, Field(ge=0)] = 32
     """Held-out examples per check, spread evenly; 0 is all."""
     patience: Annotated[int, Field(ge=0)] = 0
-    """Checks without a better PSNR after which training stops; 0 goes on to the last step."""
+    """Checks without a better PSNR before training stops early; 0 turns early stopping off."""
 
 
 class TrainingSpec(Model):
-    """How one method is trained."""
+    """Training configuration of one method."""
 
     method: Method = "lightnet"
     """lightnet, or a baseline reformulated as in the paper: pix2pix, dpr, ssvbrdf."""
     seed: Annotated[int, Field(ge=0, lt=2**64)] = 0
-    """Of the weights, the order of examples, their variation and dropout."""
+    """Seed of the weights, the order of examples, their augmentation and dropout."""
     steps: PositiveInt = 1000
     """Batches to train on."""
     model: ModelSpec = ModelSpec()
     """Network."""
     objective: ObjectiveSpec = ObjectiveSpec()
-    """Losses of LighTNet; baselines have those of their papers."""
+    """LighTNet's losses; baselines use those of their papers."""
     data: DataSpec = DataSpec()
     """Examples."""
     optimiser: OptimiserSpec = OptimiserSpec()
     """Optimiser."""
     check: CheckSpec = CheckSpec()
-    """Watching."""
+    """Checks during training."""
     precision: Literal["auto", "float32", "bfloat16"] = "auto"
-    """Of the network; losses are float32 always. auto: bfloat16 on CUDA, float32 on the CPU."""
+    """Precision of the network; losses are always float32. auto: bfloat16 on CUDA, float32 on the CPU."""
     most_bad_steps: Annotated[int, Field(ge=0)] = 10
-    """Steps with a loss or gradient that is not finite that are skipped before training gives up."""
+    """Number of steps with a non-finite loss or gradient that are skipped before training stops."""
 
     @model_validator(mode="after")
     def _splits_differ(self) -> "TrainingSpec":

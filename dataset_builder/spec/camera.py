@@ -9,7 +9,7 @@ from dataset_builder.spec.numbers import AnyNumber, Interval, PositiveInt, Share
 
 
 class CameraSpec(Model):
-    """Random viewpoints that really see the object."""
+    """Random viewpoints from which the object is visible."""
 
     fov: within(low=1, high=170) = 45.0  # type: ignore[valid-type]
     """Horizontal field of view in degrees."""
@@ -18,10 +18,10 @@ class CameraSpec(Model):
     azimuth: AnyNumber = 0.0
     """Degrees about the object, 0 in front of it."""
     coverage: Annotated[Interval, interval(0, 1)] = (0.08, 0.6)
-    """Least and largest share of the frame that the object covers; the distance is drawn to reach it."""
+    """Minimum and maximum share of the frame that the object covers; the camera distance is drawn to reach it."""
     visibility: Share = 0.6
-    """Least share of the object's silhouette that is in the frame and not hidden."""
+    """Minimum share of the object's silhouette that is in the frame and not occluded."""
     clearance: Annotated[float, Field(ge=0)] = 0.15
-    """Least distance in metres from the camera to any surface."""
+    """Minimum distance from the camera to any surface, in metres."""
     attempts: PositiveInt = 200
-    """Redraws before planning gives up."""
+    """Maximum number of draws before planning gives up."""

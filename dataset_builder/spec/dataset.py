@@ -21,25 +21,25 @@ def _known_layer(name: str) -> str:
 
 LayerName = Annotated[str, AfterValidator(_known_layer), Field(json_schema_extra={"enum": list(LAYERS)})]
 LayerExtents = Annotated[dict[LayerName, Literal["object", "frame"]], Field(min_length=1)]
-"""The pixels each layer is wanted on."""
+"""The pixels on which each layer is stored."""
 
 
 class ObjectsSpec(Model):
-    """Which object files a split draws from, and how many different objects."""
+    """Object files that a split draws from, and the number of different objects."""
 
     source: Annotated[tuple[str, ...], Field(min_length=1, alias="from")]
-    """Object files, relative to the dataset file; used in turn."""
+    """Object files, relative to the dataset file; used in rotation."""
     count: PositiveInt
-    """Different objects; files with distributions give a new object each time they are used."""
+    """Number of different objects; a file with distributions gives a new object each time it is used."""
 
 
 class ScenesSpec(Model):
-    """Which scene files a split draws from, and how many different scenes."""
+    """Scene files that a split draws from, and the number of different scenes."""
 
     source: Annotated[tuple[str, ...], Field(min_length=1, alias="from")]
-    """Scene files, relative to the dataset file; used in turn."""
+    """Scene files, relative to the dataset file; used in rotation."""
     count: PositiveInt
-    """Different scenes."""
+    """Number of different scenes."""
 
 
 def _all_or_count(value: Any) -> str | None:
@@ -64,7 +64,7 @@ class SplitSpec(Model):
     scenes: ScenesSpec
     """Rooms with furniture."""
     pairs: Pairs = "all"
-    """How many (object, scene) pairs; `all` is every one."""
+    """Number of (object, scene) pairs; `all` uses every combination."""
     views: PositiveInt = 1
     """Cameras per pair."""
     lights: PositiveInt = 1
@@ -83,47 +83,47 @@ class StorageSpec(Model):
     """How layers are stored."""
 
     dtype: Literal["float32", "float16"] = "float32"
-    """Type of the pixels; float16 refuses what lies beyond its range."""
+    """Pixel type; with float16, examples with values beyond its range are rejected."""
     examples_per_shard: PositiveInt = 16
-    """Neighbouring examples that share a tar file."""
+    """Number of consecutive examples per tar file."""
     standard_errors: bool = False
-    """Also ship a standard-error layer for every radiometric layer."""
+    """Also store a standard-error layer for every radiometric layer."""
 
 
 class GatesSpec(Model):
-    """Bounds that every example must keep to be shipped."""
+    """Bounds that an example must meet to be included in the dataset."""
 
     mask_overlap: Share = 0.7
-    """Least intersection over union of `mask` and `mask_rough`."""
+    """Minimum intersection over union of `mask` and `mask_rough`."""
     s_prime_energy: Annotated[Interval, interval(0)] = (1e-3, 1e3)
-    """Least and largest mean of `s_prime` over the mask."""
+    """Minimum and maximum mean of `s_prime` over the mask."""
     coverage: Annotated[Interval, interval(0, 1)] = (0.01, 0.95)
-    """Least and largest share of the frame under the mask."""
+    """Minimum and maximum share of the frame under the mask."""
 
 
 class DatasetSpec(Model):
     """One dataset."""
 
     name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]*$")]
-    """Folder and shards are named by it; lower-case letters, digits and hyphens."""
+    """Name of the folder and of the shards; lower-case letters, digits and hyphens."""
     version: Annotated[str, Field(pattern=r"^\d+\.\d+\.\d+$")] = "1.0.0"
     """Three numbers; the first is part of the names of shards."""
     title: str = ""
-    """For people; the name where it is empty."""
+    """Human-readable title; if empty, the name is used."""
     description: str = ""
     """One or two sentences for the card."""
     licence: str = "CC0-1.0"
     """SPDX identifier of the dataset."""
     seed: Annotated[int, Field(ge=0, lt=2**64)] = 0
-    """All draws derive from it; 0 is a seed like any other."""
+    """Seed of all random draws; 0 is a valid seed."""
     image: ImageSpec = ImageSpec()
     """Size of every layer."""
     layers: LayerExtents = dict.fromkeys(PAPER_LAYERS, "object")
-    """Layers by name, each with the pixels that it is wanted on."""
+    """Layers by name, each with its extent (`object` or `frame`)."""
     render: RenderSpec = RenderSpec()
     """Samples and path lengths."""
     rough: RoughSpec = RoughSpec()
-    """How the rough twin is made."""
+    """How rough meshes are made."""
     camera: CameraSpec = CameraSpec()
     """Viewpoints."""
     source: SourceSpec = SourceSpec()
@@ -131,7 +131,7 @@ class DatasetSpec(Model):
     target: TargetSpec = TargetSpec()
     """Target light."""
     gates: GatesSpec = GatesSpec()
-    """What an example must keep to be shipped."""
+    """Bounds that an example must meet to be included."""
     storage: StorageSpec = StorageSpec()
     """Files."""
     splits: Annotated[tuple[SplitSpec, ...], Field(min_length=1)]

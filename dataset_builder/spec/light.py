@@ -16,32 +16,32 @@ class SunSpec(Model):
     azimuth: AnyNumber = 0.0
     """Degrees about the vertical."""
     irradiance: within(low=0) = 1.0  # type: ignore[valid-type]
-    """On a surface that faces it; a dome of radiance 1 gives pi."""
+    """Irradiance on a surface facing the sun; a dome of radiance 1 gives pi."""
 
 
 class SourceSpec(Model):
-    """Source illumination: a uniform dome, plus an optional sun, with what blocks it out of the way."""
+    """Source illumination: a uniform dome and an optional sun. Parts of the room that would block it are removed."""
 
     dome: within(low=0) = 1.0  # type: ignore[valid-type]
-    """Radiance from everywhere."""
+    """Radiance of the dome, the same from all directions."""
     sun: SunSpec | None = None
-    """Leave it out for none."""
+    """No sun if omitted."""
     environment: str = ""
-    """Latitude-longitude image (.exr .hdr), relative to the dataset file, that multiplies `dome`; brought to mean
-    luminance 1 over the sphere, so that `dome` says how bright it is. Empty for none."""
+    """Latitude-longitude image (.exr .hdr), relative to the dataset file, that multiplies `dome`; normalised to
+    mean luminance 1 over the sphere, so that `dome` sets the brightness. Empty: none."""
     turn: AnyNumber = 0.0
-    """Degrees that the environment is turned about the vertical."""
+    """Rotation of the environment about the vertical, in degrees."""
     open: tuple[Literal["ceiling", "walls"], ...] = ("ceiling", "walls")
-    """Parts of the room that are taken away while the source shines."""
+    """Parts of the room that are removed in the source pass."""
 
 
 class TargetSpec(Model):
     """Target illumination: random lights with more energy than the source's."""
 
     lights: within(low=1, high=1024) = 1.0  # type: ignore[valid-type]
-    """How many; drawn numbers are rounded."""
+    """Number of lights; drawn numbers are rounded."""
     kinds: Annotated[tuple[Literal["area", "sphere", "spot", "point"], ...], Field(min_length=1)] = ("area", "sphere")
-    """What each light may be, each as likely."""
+    """Kinds of light, chosen with equal probability."""
     strength: within(low=0) = 2.0  # type: ignore[valid-type]
     """Unoccluded irradiance at the object in units of the source dome's (pi times its radiance)."""
     temperature: within(low=1000, high=40000) = 4500.0  # type: ignore[valid-type]
@@ -57,16 +57,16 @@ class TargetSpec(Model):
     dome: within(low=0) = 0.05  # type: ignore[valid-type]
     """Radiance of the dim light from outside, through windows."""
     environment: str = ""
-    """Latitude-longitude image (.exr .hdr), relative to the dataset file, that multiplies `dome`; brought to mean
-    luminance 1 over the sphere, so that `dome` says how bright it is. Empty for none."""
+    """Latitude-longitude image (.exr .hdr), relative to the dataset file, that multiplies `dome`; normalised to
+    mean luminance 1 over the sphere, so that `dome` sets the brightness. Empty: none."""
     turn: AnyNumber = 0.0
-    """Degrees that the environment is turned about the vertical."""
+    """Rotation of the environment about the vertical, in degrees."""
     sun: SunSpec | None = None
-    """A sun outside, which shines in through windows; leave it out for none."""
+    """A sun outside, which shines in through windows. No sun if omitted."""
     textures: tuple[str, ...] = ()
-    """Images (.exr .png), relative to the dataset file, one of which every area light shows, each as likely; brought
-    to mean luminance 1, so that `strength` holds. Empty for even light."""
+    """Images (.exr .png) for area lights, relative to the dataset file; each light shows one, chosen with equal
+    probability and normalised to mean luminance 1, so that `strength` holds. Empty: uniform light."""
     brightness: Annotated[Interval, interval(0)] = (0.1, 20.0)
-    """Least and largest mean direct irradiance on the visible part of the object, in units of the source dome's."""
+    """Minimum and maximum mean direct irradiance on the visible part of the object, in units of the source dome's."""
     attempts: PositiveInt = 200
-    """Redraws before planning gives up."""
+    """Maximum number of draws before planning gives up."""

@@ -44,15 +44,15 @@ class SppSpec(Model):
 
 
 class GoalSpec(Model):
-    """How good one layer is to be: sampling goes on in rounds until this is reached, or the cap."""
+    """Accuracy goal of one layer: sampling continues in rounds until the goal or the cap is reached."""
 
     error: Annotated[float, Field(gt=0, le=1)] | None = None
-    """Relative standard error that 95% of the layer's pixels are to stay below, see `docs/accuracy.md`."""
+    """Relative standard error that 95% of the layer's pixels must stay below, see `docs/accuracy.md`."""
     seconds: Annotated[float, Field(gt=0)] | None = None
-    """Time after which no further round begins; what comes out then depends on the machine."""
+    """Time after which no new round starts; the result then depends on the machine."""
     cap: PositiveInt = 4096
-    """Most samples of any pixel, at least the spp of the layer's pass. Rounds take four samples per batch at least, so
-    that fewer than that may be left of it."""
+    """Maximum number of samples per pixel, at least the spp of the layer's pass. A round takes at least four samples
+    per batch, so fewer than that may be left unused."""
 
     @model_validator(mode="after")
     def _asks_for_something(self) -> "GoalSpec":
@@ -62,14 +62,14 @@ class GoalSpec(Model):
 
 
 class DenoiseSpec(Model):
-    """Layers that are shipped denoised; the record of every example says so and how far that may be trusted."""
+    """Layers to denoise; the record of every example lists them, with the measured bias."""
 
     layers: tuple[Literal["i_s", "i_t", "s", "s_prime"], ...] = ()
     """Different layers to denoise, among those that the dataset holds; none by default."""
     keep_raw: bool = False
-    """Also ship each as it was before, as `<layer>_raw`."""
+    """Also store the noisy layer, as `<layer>_raw`."""
     examples: PositiveInt = 2
-    """Converged examples of the dataset on which the bias is measured before the build begins."""
+    """Number of converged examples on which the bias is measured before the build."""
 
     @model_validator(mode="after")
     def _distinct_layers(self) -> "DenoiseSpec":
@@ -106,21 +106,21 @@ class RenderSpec(Model):
     spp: Annotated[SppSpec, BeforeValidator(_every_pass, json_schema_input_type=PositiveInt | SppSpec)] = SppSpec()
     """A mapping of passes, or one number for all. Where a layer of the pass has a goal, this is the first round."""
     accuracy: dict[NoisyLayer, GoalSpec] = {}
-    """Goals by layer; a pass goes on until all of its layers have reached theirs. Without one, spp is fixed."""
+    """Goals by layer; a pass continues until all of its layers have reached theirs. Without goals, spp is fixed."""
     batches: Annotated[int, Field(ge=2)] = 4
     """Independent batches that spp is split into; standard errors come from their spread."""
     max_depth: Depth = "auto"
-    """Longest path in edges; 2 is direct light only. auto: planned from the materials and `bias`."""
+    """Maximum path length in edges; 2 is direct light only. auto: planned from the materials and `bias`."""
     rr_depth: PositiveInt = 3
     """Path length from which Russian roulette may end a path."""
     bias: Annotated[float, Field(gt=0, le=0.5)] = 0.01
     """Largest share of the light that planned simplifications may leave out."""
     texture_size: PositiveInt = 4096
-    """Most texels along a side; larger textures are averaged down."""
+    """Maximum texels per side; larger textures are downsampled by averaging."""
     effects: Literal["planned", "all"] = "planned"
-    """planned: simulate only what a scene calls for. all: everything, on every pixel, for comparison."""
+    """planned: simulate only what the scene needs. all: everything, on every pixel, for comparison."""
     denoise: DenoiseSpec = DenoiseSpec()
-    """Layers that are shipped denoised."""
+    """Layers to denoise."""
 
     @model_validator(mode="after")
     def _batches_divide_spp(self) -> "RenderSpec":

@@ -25,13 +25,14 @@ class RoughSpec(Model):
     """How rough meshes are made."""
 
     sigma: Levels = 0.004
-    """Standard deviation of vertex noise in bounding-sphere radii; a list holds noise levels, each its own example."""
+    """Standard deviation of vertex noise in bounding-sphere radii; a list gives several noise levels, each as a
+    separate example."""
     edge_length: within(low=1e-4) = 0.04  # type: ignore[valid-type]
     """Target edge length in metres."""
     rounds: Annotated[int, Field(ge=0, le=6)] = 1
     """Loop rounds; edges are split to `edge_length * 2**rounds` before."""
     crease_angle: Annotated[float, Field(ge=0, le=180)] = 30.0
-    """Edges whose faces meet at more than this angle (degrees) stay sharp."""
+    """Edges whose faces meet at more than this angle, in degrees, stay sharp."""
     direction: Literal["isotropic", "normal"] = "isotropic"
     """Vertices move independently along each axis, or along their normal only."""
 

@@ -18,9 +18,9 @@ class RoomSpec(Model):
     height: within(low=1.5, high=30) = 2.7  # type: ignore[valid-type]
     """Metres from floor to ceiling."""
     ceiling: bool = True
-    """Whether there is one."""
+    """Whether the room has a ceiling."""
     windows: within(low=0, high=4) = 1.0  # type: ignore[valid-type]
-    """How many, at most one in each wall; drawn numbers are rounded."""
+    """Number of windows, at most one per wall; drawn numbers are rounded."""
     glazing: bool = False
     """Whether the windows have panes of thin glass; open holes otherwise."""
     skirting: within(low=0, high=0.5) = 0.08  # type: ignore[valid-type]
@@ -31,15 +31,16 @@ class FogSpec(Model):
     """A homogeneous medium that fills the scene."""
 
     extinction: within(low=0, high=100) = 0.05  # type: ignore[valid-type]
-    """Share of light lost per metre, for short ways: scattering and absorption together."""
+    """Extinction coefficient per metre, scattering plus absorption (for short distances, the share of light lost per
+    metre)."""
     albedo: within(low=0, high=1) = 0.9  # type: ignore[valid-type]
-    """Share of it that is scattered."""
+    """Share of the extinction that is scattered."""
     anisotropy: within(low=-0.95, high=0.95) = 0.0  # type: ignore[valid-type]
     """Mean cosine of the scattering angle (Henyey and Greenstein 1941)."""
 
 
 class MaterialSpec(Model):
-    """Changes to a material of an object; what is left out stays as it is."""
+    """Changes to a material of an object; omitted fields are unchanged."""
 
     base_color: tuple[within(low=0, high=1), within(low=0, high=1), within(low=0, high=1)] | None = None  # type: ignore[valid-type]
     """Linear Rec.709 factors of reflectance; of transmission where the surface transmits."""
@@ -52,11 +53,11 @@ class MaterialSpec(Model):
     transmission: within(low=0, high=1) | None = None  # type: ignore[valid-type]
     """Share of the light that passes the dielectric surface that is refracted instead of scattered; 1 is glass."""
     ior: within(low=1, high=3) | None = None  # type: ignore[valid-type]
-    """Index of refraction of what transmits."""
+    """Index of refraction of the transmitting part."""
     thin: bool | None = None
-    """Whether the surface is a thin pane, which bends no light."""
+    """Whether the surface is a thin pane, which does not bend light."""
     abbe: within(low=0, high=100) | None = None  # type: ignore[valid-type]
-    """Abbe number of what transmits, 20 (flint) to 85; 0 is no dispersion."""
+    """Abbe number of the transmitting part, 20 (flint) to 85; 0 is no dispersion."""
     coat: within(low=0, high=1) | None = None  # type: ignore[valid-type]
     """Weight of a clear coat with index of refraction 1.5."""
     coat_roughness: within(low=0, high=1) | None = None  # type: ignore[valid-type]
@@ -66,7 +67,7 @@ class MaterialSpec(Model):
     sheen_roughness: within(low=0.05, high=1) | None = None  # type: ignore[valid-type]
     """Roughness of the sheen."""
     plain: bool = False
-    """Whether to leave the material's texture out."""
+    """Whether to ignore the material's texture."""
 
 
 class ObjectSpec(Model):
@@ -79,16 +80,16 @@ class ObjectSpec(Model):
     file: str | None = None
     """Mesh file (.glb .gltf .obj .ply), relative to this spec."""
     materials: dict[str, MaterialSpec] = {}
-    """Changes by name of the material; `*` is every material. `families` tells those of a family, and a
-    name that is none is refused with those that are."""
+    """Changes by name of the material; `*` is every material. `dataset-builder families` lists the names of a family.
+    An unknown name is an error that lists the known ones."""
     category: str = ""
-    """Filled from the family where it is empty."""
+    """If empty, taken from the family."""
     licence: str = "CC0-1.0"
     """SPDX identifier; written into the label of every example with this object."""
     scale: Annotated[float, Field(gt=0)] = 1.0
     """Factor from file units to metres."""
     up: Literal["x", "y", "z"] = "y"
-    """Axis of the file that points up; glTF files have y."""
+    """Axis of the file that points up; y in glTF."""
 
     @model_validator(mode="after")
     def _one_source(self) -> "ObjectSpec":
@@ -101,24 +102,24 @@ class ObjectSpec(Model):
 
 
 class FurnitureSpec(Model):
-    """Some pieces of furniture of a scene, beside the target object."""
+    """Furniture of a scene, in addition to the target object."""
 
     object: str
     """Object file, relative to the scene file."""
     count: within(low=0, high=50) = 1.0  # type: ignore[valid-type]
-    """How many; drawn numbers are rounded."""
+    """Number of pieces; drawn numbers are rounded."""
     place: Literal["near", "wall", "floor"] = "floor"
-    """near: within reach of the target, to cast shadows on it. wall: back to a wall. floor: anywhere."""
+    """near: close enough to the target to cast shadows on it. wall: with the back to a wall. floor: anywhere."""
 
 
 class SceneSpec(Model):
-    """A room and what stands in it."""
+    """A room and its contents."""
 
     room: str
     """Room file, relative to the scene file."""
     furniture: tuple[FurnitureSpec, ...] = ()
-    """What else stands there; pieces that find no free place are left out, with a note in the plan."""
+    """Other furniture; pieces for which no free place is found are left out, with a note in the plan."""
     fog: FogSpec | None = None
-    """A medium that fills the room; leave it out for clear air."""
+    """A medium that fills the room; clear air if omitted."""
     target: Literal["near", "wall", "floor"] = "floor"
     """Where the target object stands; `near` is `floor`."""
