@@ -2,6 +2,7 @@
 
 import tempfile
 from pathlib import Path
+from typing import get_args
 
 import _common as common
 import numpy as np
@@ -10,19 +11,20 @@ from cycles.contenders import Cycles, Ours, Setting
 
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.label.light_plan import LightPlan
+from dataset_builder.light_kinds import LIGHT_KINDS, LampName
 
-KINDS = ("area", "sphere", "spot", "point")
+KINDS = get_args(LampName)
 BOUND = 0.02
 SETTING = Setting(adaptive=False, denoise=False, knob=256)
 SIZE, CUTOFF, RADIANCE = 0.3, 50.0, 10.0
 
 
-def under(plan: ExamplePlan, kind: str) -> ExamplePlan:
+def under(plan: ExamplePlan, kind: LampName) -> ExamplePlan:
     """The plan with one lamp of a kind in place of its target lights, aimed at the object."""
     first = next(light for light in plan.target_light.lights if light.kind in KINDS)
     aim = np.array(plan.target.position) - np.array(first.position)
     changed = {"kind": kind, "direction": tuple((aim / np.linalg.norm(aim)).tolist()),
-               "size": SIZE if kind in ("area", "sphere") else 0.0, "cutoff": CUTOFF if kind == "spot" else 0.0,
+               "size": SIZE if LIGHT_KINDS[kind].sized else 0.0, "cutoff": CUTOFF if LIGHT_KINDS[kind].beamed else 0.0,
                "radiance": (RADIANCE, RADIANCE / 2, RADIANCE / 4), "weight": 1.0}
     lights: tuple[LightPlan, ...] = (first.model_copy(update=changed),)
     passes = tuple(entry.model_copy(update={"lights": (0,)}) if entry.name in ("target", "rough") else entry
@@ -34,7 +36,7 @@ def under(plan: ExamplePlan, kind: str) -> ExamplePlan:
 class _Under(Ours):
     """Ours, with the lamp changed."""
 
-    kind = KINDS[0]
+    kind: LampName = KINDS[0]
 
     def plan(self, setting: Setting, seed: int) -> ExamplePlan:
         """The example's plan under one lamp of the kind."""

@@ -1,10 +1,9 @@
 """The plan of the light of one pass."""
 
-from typing import Literal
-
 from pydantic import Field
 
 from dataset_builder.label.scene_plan import Vector
+from dataset_builder.light_kinds import LightName
 from dataset_builder.spec.model import Model
 
 
@@ -16,7 +15,7 @@ class LightPlan(Model):
     point: radiant intensity. spot: radiant intensity on its axis `direction`, `cutoff` degrees to its edge.
     """
 
-    kind: Literal["dome", "sun", "area", "sphere", "point", "spot"]
+    kind: LightName
     """What emits; see above for what the other keys mean by kind."""
     position: Vector
     """Of its middle, metres."""

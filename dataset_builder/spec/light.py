@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from dataset_builder.light_kinds import LampName
 from dataset_builder.spec.model import Model
 from dataset_builder.spec.numbers import AnyNumber, Interval, PositiveInt, interval, within
 
@@ -40,7 +41,7 @@ class TargetSpec(Model):
 
     lights: within(low=1, high=1024) = 1.0  # type: ignore[valid-type]
     """Number of lights; drawn numbers are rounded."""
-    kinds: Annotated[tuple[Literal["area", "sphere", "spot", "point"], ...], Field(min_length=1)] = ("area", "sphere")
+    kinds: Annotated[tuple[LampName, ...], Field(min_length=1)] = ("area", "sphere")
     """Kinds of light, chosen with equal probability."""
     strength: within(low=0) = 2.0  # type: ignore[valid-type]
     """Unoccluded irradiance at the object in units of the source dome's (pi times its radiance)."""

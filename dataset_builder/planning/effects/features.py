@@ -8,14 +8,13 @@ from dataset_builder.assets.glass_kinds import disperses, is_pane, is_solid, met
 from dataset_builder.label.effects_plan import Decision, Feature
 from dataset_builder.label.light_plan import LightPlan
 from dataset_builder.label.scene_plan import FogPlan
+from dataset_builder.light_kinds import LIGHT_KINDS
 from dataset_builder.planning.effects.materials_used import MaterialUse, SceneUse, is_smooth
 
 NAMED = 3
 """How many materials a reason names before it counts the rest."""
 MIRROR = 0.2
 """Roughness of metal up to which it throws caustics worth a word."""
-POINTS = ("point", "spot", "sun")
-"""Kinds of lights that no path can meet, only be connected to."""
 
 
 def _glossy(material: Material) -> bool:
@@ -98,7 +97,8 @@ def _caustics(materials: Sequence[MaterialUse], lights: Sequence[LightPlan]) -> 
     if not glass and not mirrors:
         return [Decision(effect="caustics", choice="none", reason="no solid glass and no mirror is in the scene")]
     kinds = {light.kind for light in lights if any(light.radiance)}
-    points, wide = sorted(kinds.intersection(POINTS)), sorted(kinds.difference(POINTS))
+    points, wide = (sorted(kind for kind in kinds if LIGHT_KINDS[kind].extended is extended)
+                    for extended in (False, True))
     # Textured glass may be smooth in one texel and rough in another
     lost = [each for each in glass if is_smooth(each.smoothest)]
     rough = [each for each in glass if not is_smooth(each.roughest)]

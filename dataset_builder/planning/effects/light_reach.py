@@ -7,9 +7,8 @@ import numpy as np
 
 from dataset_builder.label.light_plan import IlluminationPlan, LightPlan
 from dataset_builder.label.scene_plan import RoomPlan
+from dataset_builder.light_kinds import LIGHT_KINDS
 
-OUTSIDE = ("dome", "sun")
-"""Lights that stand outside the room."""
 WINDOW_SIDES = np.array([(0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, -1.0, 0.0)])
 """(4, 3) outward normals of the walls, in the order in which they get windows."""
 
@@ -26,7 +25,7 @@ def reach(light: LightPlan, room: RoomPlan, opened: Sequence[str]) -> Reach:
     """Whether a light can bring anything to the inside of a room of which the parts `opened` are taken away."""
     if not any(light.radiance):
         return Reach(kept=False, why="sends nothing")
-    if light.kind not in OUTSIDE:
+    if not LIGHT_KINDS[light.kind].outside:
         return Reach(kept=True, why="stands in the room")
     if opened:
         return Reach(kept=True, why=f"enters where the {' and '.join(opened)} {_verb(opened)} removed")
@@ -44,7 +43,7 @@ def _verb(parts: Sequence[str]) -> str:
 def _through_windows(light: LightPlan, room: RoomPlan) -> Reach:
     """A dome comes in through all windows, a sun through those in walls that it shines at from outside."""
     sides = WINDOW_SIDES[:room.windows]
-    open_to = len(sides) if light.kind == "dome" else int((sides @ np.asarray(light.direction) < 0).sum())
+    open_to = len(sides) if LIGHT_KINDS[light.kind].all_round else int((sides @ np.asarray(light.direction) < 0).sum())
     panes = "glazed " if room.glazing else ""
     if not open_to:
         return Reach(kept=False, why=f"does not shine on a wall with one of the {len(sides)} {panes}windows")

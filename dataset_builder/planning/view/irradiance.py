@@ -1,10 +1,12 @@
 """Irradiance that an emitter sends to a point, unoccluded: what strengths mean, and how lit a place would be."""
 
+from collections.abc import Callable
 from math import atan, pi, radians, sqrt
 
 import numpy as np
 
 from dataset_builder.label.light_plan import LightPlan
+from dataset_builder.light_kinds import LIGHT_KINDS, LightName
 
 BEAM_SHARE = 0.75
 """Half angle of a spot's full beam over its cutoff; between them intensity falls linearly (Mitsuba's default)."""
@@ -21,17 +23,20 @@ def _square(side: float, distance: float) -> float:
     return 4 * lean * atan(lean)
 
 
-def facing_irradiance(kind: str, size: float, distance: float) -> float:
-    """Irradiance, per unit of radiance or intensity, facing the emitter's centre from `distance` metres.
+_FACING: dict[LightName, Callable[[float, float], float]] = {
+    "dome": lambda size, distance: pi,
+    "sun": lambda size, distance: 1.0,
+    "area": _square,
+    "sphere": lambda size, distance: pi * min(size / distance, 1.0) ** 2,
+    "point": lambda size, distance: 1 / distance**2,
+    "spot": lambda size, distance: 1 / distance**2,
+}
+"""Irradiance facing each kind, from its size and distance: exact but for spots, which it is on the axis of."""
 
-    area: exact on the axis of the square. sphere: pi (radius / distance)^2, exact. point, spot (on its axis): inverse
-    square. dome: pi. sun: 1.
-    """
-    if kind == "area":
-        return _square(size, distance)
-    if kind == "sphere":
-        return pi * min(size / distance, 1.0) ** 2
-    return {"point": 1 / distance**2, "spot": 1 / distance**2, "dome": pi, "sun": 1.0}[kind]
+
+def facing_irradiance(kind: LightName, size: float, distance: float) -> float:
+    """Irradiance per unit of the kind's quantity, from `distance` metres, on the axis and facing the centre."""
+    return _FACING[kind](size, distance)
 
 
 def _spot_falloff(cosine: np.ndarray, cutoff: float) -> np.ndarray:
@@ -39,13 +44,22 @@ def _spot_falloff(cosine: np.ndarray, cutoff: float) -> np.ndarray:
     return np.clip((cutoff - angle) / (cutoff * (1 - BEAM_SHARE)), 0, 1)
 
 
+_LEAVING: dict[LightName, Callable[[np.ndarray, LightPlan], np.ndarray]] = {
+    "area": lambda cosine, light: np.maximum(cosine, 0),
+    "sphere": lambda cosine, light: np.ones_like(cosine),
+    "point": lambda cosine, light: np.ones_like(cosine),
+    "spot": lambda cosine, light: _spot_falloff(cosine, light.cutoff),
+}
+"""Share of what goes along its axis that a light in the room sends at an angle of this cosine to it."""
+
+
 def direct_irradiance(light: LightPlan, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
     """(N, 3) irradiance at points (N, 3) with unit normals (N, 3), nothing in the way.
 
     Emitters with an extent are taken as their centre: fair once they are further away than they are wide; images that
-    they show do not count. For a dome see `sky_directions`.
+    they show do not count. Raises KeyError for a dome, which has no centre: see `sky_directions`.
     """
-    if light.kind == "sun":
+    if LIGHT_KINDS[light.kind].parallel:
         facing = np.maximum(-normals @ np.asarray(light.direction), 0)
         return facing[:, None] * np.asarray(light.radiance)
     towards = np.asarray(light.position) - points
@@ -53,10 +67,7 @@ def direct_irradiance(light: LightPlan, points: np.ndarray, normals: np.ndarray)
     towards = towards / distance[:, None]
     cosine = np.maximum(np.einsum("ij,ij->i", towards, normals), 0)
     leaving = -towards @ np.asarray(light.direction)
-    if light.kind == "area":
-        cosine = cosine * np.maximum(leaving, 0)
-    elif light.kind == "spot":
-        cosine = cosine * _spot_falloff(leaving, light.cutoff)
+    cosine = cosine * _LEAVING[light.kind](leaving, light)
     return per_unit(light, distance)[:, None] * cosine[:, None] * np.asarray(light.radiance)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.label.light_plan import IlluminationPlan, LightPlan
 from dataset_builder.label.scene_plan import CameraPlan
+from dataset_builder.light_kinds import LIGHT_KINDS, LightName
 from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.planning.view.blackbody import LUMINANCE, colour
 from dataset_builder.planning.view.cameras import inside, towards, vector
@@ -71,7 +72,7 @@ def unit_irradiance(source: IlluminationPlan) -> float:
 class _Emitter:
     """What one emitter is, and the generator of where it stands."""
 
-    kind: str
+    kind: LightName
     temperature: float
     image: dict[str, str]
     rng: np.random.Generator
@@ -83,13 +84,13 @@ def _candidate(arrangement: Arrangement, spec: TargetSpec, emitter: _Emitter, ir
     direction = towards(float(rng.uniform(-180, 180)), draw(spec.elevation, rng))
     distance, size = draw(spec.distance, rng), draw(spec.size, rng)
     strength, cutoff = draw(spec.strength, rng), draw(spec.cutoff, rng)
-    sized, aimed = emitter.kind in ("area", "sphere"), emitter.kind in ("area", "spot")
+    kind = LIGHT_KINDS[emitter.kind]
     tint = np.array(colour(emitter.temperature))
     radiance = strength * irradiance / facing_irradiance(emitter.kind, size, distance)
     return LightPlan.model_validate({
         "kind": emitter.kind, "position": vector(arrangement.centre + distance * direction),
-        "direction": vector(-direction) if aimed else ORIGIN, "size": size if sized else 0.0,
-        "cutoff": cutoff if emitter.kind == "spot" else 0.0, "radiance": vector(radiance * tint),
+        "direction": vector(-direction) if kind.aimed else ORIGIN, "size": size if kind.sized else 0.0,
+        "cutoff": cutoff if kind.beamed else 0.0, "radiance": vector(radiance * tint),
         "temperature": emitter.temperature, "weight": float(strength * irradiance * tint.mean()),
         **emitter.image})
 
@@ -116,8 +117,8 @@ def expose(arrangement: Arrangement, sight: Sight, lights: Sequence[LightPlan], 
     points = sight.points[pick] + LIFT * normals
     total, reached = np.zeros(len(points)), np.zeros(len(points), dtype=bool)
     for light in lights:
-        if light.kind == "dome":
-            total += facing_irradiance("dome", 0.0, 1.0) * (light.radiance @ LUMINANCE) * sky
+        if LIGHT_KINDS[light.kind].all_round:
+            total += facing_irradiance(light.kind, 0.0, 1.0) * (light.radiance @ LUMINANCE) * sky
             continue
         sent = direct_irradiance(light, points, normals) @ LUMINANCE
         open_way = (sent > 0) & _unhindered(arrangement, light, points)
@@ -128,14 +129,14 @@ def expose(arrangement: Arrangement, sight: Sight, lights: Sequence[LightPlan], 
 
 def _unhindered(arrangement: Arrangement, light: LightPlan, points: np.ndarray) -> np.ndarray:
     """(N,) bool: whether nothing stands between points (N, 3) and a light's centre."""
-    if light.kind == "sun":
+    if LIGHT_KINDS[light.kind].parallel:
         return sunlit(arrangement, light, points)
     return ~arrangement.everything.occluded(points, np.broadcast_to(light.position, points.shape))
 
 
 def _reaching(arrangement: Arrangement, sight: Sight, light: LightPlan, sky: float) -> LightPlan:
     """A light outside, weighed by what of it reaches the visible part of the object."""
-    if light.kind == "dome":
+    if LIGHT_KINDS[light.kind].all_round:
         return weighed(light, sky)
     found = expose(arrangement, sight, [light], max(light.radiance), sky)
     return weighed(light, found.mean)
@@ -156,7 +157,7 @@ def _place_all(arrangement: Arrangement, spec: TargetSpec, emitters: Sequence[_E
 def _emitters(spec: TargetSpec, count: int, stream: Stream, root: Path) -> list[_Emitter]:
     kinds = [spec.kinds[stream(i, "kind").integers(len(spec.kinds))] for i in range(count)]
     return [_Emitter(kind=kind, temperature=draw(spec.temperature, stream(i, "temperature")),
-                     image=_texture(spec, stream(i, "texture"), root) if kind == "area" else {},
+                     image=_texture(spec, stream(i, "texture"), root) if LIGHT_KINDS[kind].image else {},
                      rng=stream(i, "position"))
             for i, kind in enumerate(kinds)]
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from dataset_builder.errors import PlanError
 from dataset_builder.label.light_plan import IlluminationPlan, LightPlan
+from dataset_builder.light_kinds import LIGHT_KINDS, Image, LightName
 from dataset_builder.planning.view.irradiance import BEAM_SHARE
 from dataset_builder.rendering.scene.images import LAMP_SIDE, environment, lamp_texture, read_image
 from dataset_builder.rendering.scene.small_spheres import bead, is_bead
@@ -41,8 +42,11 @@ class _Images:
         """The image of a light that has one."""
         if self.root is None:
             raise PlanError(f"lights: expected the folder of the image {light.image}, got none")
-        suffixes = ENVIRONMENT_SUFFIXES if light.kind == "dome" else TEXTURE_SUFFIXES
+        suffixes = _SUFFIXES[LIGHT_KINDS[light.kind].image]
         return read_image(self.root / light.image, light.image_sha256, suffixes)
+
+
+_SUFFIXES: dict[Image, tuple[str, ...]] = {"": (), "environment": ENVIRONMENT_SUFFIXES, "texture": TEXTURE_SUFFIXES}
 
 
 def emitters(illumination: IlluminationPlan, image_root: Path | None = None) -> dict[str, Any]:
@@ -52,9 +56,10 @@ def emitters(illumination: IlluminationPlan, image_root: Path | None = None) -> 
     than one dome or sun, no light at all, or an image that cannot be shown.
     """
     entries: dict[str, Any] = {}
-    lamps = (light for light in illumination.lights if light.kind == "area")
+    lamps = (light for light in illumination.lights if LIGHT_KINDS[light.kind].image == "texture")
     images = _Images(root=image_root, on_lamps=any(light.image for light in lamps))
-    for kind, (make, slots) in _KINDS.items():
+    for kind, row in LIGHT_KINDS.items():
+        make, slots = _MAKERS[kind], row.slots
         lights = [light for light in illumination.lights if light.kind == kind and not is_bead(light)]
         if slots and len(lights) > slots:
             raise PlanError(f"lights: expected at most {slots} of kind {kind}, got {len(lights)}")
@@ -73,8 +78,8 @@ def _power_of_two(count: int) -> int:
     return 1 << max(count - 1, 0).bit_length()
 
 
-def _spare(kind: str) -> LightPlan:
-    return LightPlan(kind=kind, position=(0, 0, SPARE_DEPTH), direction=(0, 0, -1), size=SPARE_SIZE, cutoff=30,  # type: ignore[arg-type]
+def _spare(kind: LightName) -> LightPlan:
+    return LightPlan(kind=kind, position=(0, 0, SPARE_DEPTH), direction=(0, 0, -1), size=SPARE_SIZE, cutoff=30,
                      radiance=(0, 0, 0), temperature=0, weight=0)
 
 
@@ -160,8 +165,6 @@ def _rgb(light: LightPlan) -> dict[str, Any]:
     return {"type": "rgb", "value": list(light.radiance)}
 
 
-_KINDS: dict[str, tuple[Callable[[LightPlan, _Images], Any], int]] = {
-    "dome": (_dome, 1), "sun": (_sun, 1), "area": (_area, 0), "sphere": (_sphere, 0), "point": (_point, 0),
-    "spot": (_spot, 0),
+_MAKERS: dict[LightName, Callable[[LightPlan, _Images], Any]] = {
+    "dome": _dome, "sun": _sun, "area": _area, "sphere": _sphere, "point": _point, "spot": _spot,
 }
-"""Maker of each kind, and its number of slots; 0 is as many as needed."""

@@ -13,10 +13,8 @@ import numpy as np
 
 from dataset_builder.label.light_plan import IlluminationPlan, LightPlan
 from dataset_builder.label.scene_plan import CameraPlan, FogPlan, Vector
+from dataset_builder.light_kinds import LENGTHS, LIGHT_KINDS
 from dataset_builder.rendering.scene.triangle_soup import Soup
-
-INTENSITIES = ("point", "spot")
-"""Lights whose natural unit is radiant intensity, W/sr: it holds a squared length."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,10 +55,10 @@ class LocalFrame:
         return fog.model_copy(update={"extinction": fog.extinction * self.unit})
 
     def _light(self, light: LightPlan) -> LightPlan:
-        changed: dict[str, object] = {"position": self._point(light.position), "size": light.size / self.unit}
-        if light.kind in INTENSITIES:
-            changed["radiance"] = tuple(value / self.unit**2 for value in light.radiance)
-        return light.model_copy(update=changed)
+        factor = self.unit ** LENGTHS[LIGHT_KINDS[light.kind].quantity]
+        return light.model_copy(update={
+            "position": self._point(light.position), "size": light.size / self.unit,
+            "radiance": tuple(value / factor for value in light.radiance)})
 
     def _point(self, point: Vector) -> Vector:
         return _vector(self.points(np.array(point)))

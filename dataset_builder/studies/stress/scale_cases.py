@@ -6,7 +6,7 @@ import numpy as np
 
 from dataset_builder.label.light_plan import IlluminationPlan, LightPlan
 from dataset_builder.label.scene_plan import CameraPlan
-from dataset_builder.rendering.scene.local_frame import INTENSITIES
+from dataset_builder.light_kinds import LENGTHS, LIGHT_KINDS
 from dataset_builder.studies.stress.bench import Picture, Shot, judged, moved, render
 from dataset_builder.studies.stress.case import CaseMeasured, Size, hard_case
 from dataset_builder.studies.stress.scenes import ball, camera, light, lit_by, matte, still_life
@@ -37,7 +37,7 @@ def elsewhere(size: Size, scale: float, offset: tuple[float, float, float]) -> C
 
 
 def _lamp(lamp: LightPlan, scale: float, shift: np.ndarray) -> LightPlan:
-    power = scale**2 if lamp.kind in INTENSITIES else 1.0
+    power = scale ** LENGTHS[LIGHT_KINDS[lamp.kind].quantity]
     return lamp.model_copy(update={"position": _place(lamp.position, scale, shift), "size": lamp.size * scale,
                                    "radiance": tuple(value * power for value in lamp.radiance)})
 

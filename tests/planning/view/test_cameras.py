@@ -29,7 +29,8 @@ def frame_of(camera: CameraPlan, image: ImageSpec) -> Pinhole:
 
 
 @pytest.mark.parametrize("size", [(160, 120), (96, 192), (64, 64)])
-def test_cameras_keep_every_bound_when_measured_again_finely(size: tuple[int, int], box_arrangement: BoxStage) -> None:
+def test_cameras_keep_every_bound_when_measured_again_finely(size: tuple[int, int],
+                                                             box_arrangement: BoxStage) -> None:
     arrangement, image = box_arrangement(CHAIR, (((0.6, -0.3, 0.0),
                                                   (1.1, 0.4, 1.2)),)), ImageSpec(width=size[0], height=size[1])
     spec = camera_spec(coverage=(0.1, 0.4), visibility=0.7, clearance=0.2)
@@ -61,7 +62,8 @@ def test_directions() -> None:
     assert towards(123, 90) == pytest.approx([0, 0, 1])
 
 
-def test_a_room_too_small_for_the_coverage_says_so(box_arrangement: BoxStage, room_of: Callable[..., RoomPlan]) -> None:
+def test_a_room_too_small_for_the_coverage_says_so(box_arrangement: BoxStage,
+                                                   room_of: Callable[..., RoomPlan]) -> None:
     arrangement = box_arrangement(((-1.2, -1.2, 0.0), (1.2, 1.2, 1.5)), room=room_of(3.0, 3.0, 2.5))
     with pytest.raises(PlanError, match=r"none in 200 draws: \d+ outside the room at any coverage") as caught:
         place_camera(arrangement, camera_spec(coverage=(0.05, 0.1)), ImageSpec(), rng(0), "train/000001 (bed)")

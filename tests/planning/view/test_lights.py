@@ -167,7 +167,8 @@ def test_an_environment_is_named_with_its_digest_and_turned(tmp_path: Path) -> N
 
 @pytest.mark.parametrize(("part", "key"), [("source", "environment"), ("target", "environment"),
                                            ("target", "textures")])
-def test_an_image_that_is_not_there_is_named(part: str, key: str, tmp_path: Path, box_arrangement: BoxStage) -> None:
+def test_an_image_that_is_not_there_is_named(part: str, key: str, tmp_path: Path,
+                                             box_arrangement: BoxStage) -> None:
     name = ("no.exr",) if key == "textures" else "no.exr"
     with pytest.raises(PlanError, match=rf"no\.exr: {part}\.{key}: expected an image, got: No such file") as caught:
         if part == "source":
