@@ -24,12 +24,13 @@ import psutil
 
 from dataset_builder.errors import UserError
 from dataset_builder.lightnet.data.lighting_dataset import LAYERS, LightingDataset
-from dataset_builder.lightnet.data.loader import spread_indices, training_batches
+from dataset_builder.lightnet.data.loader import training_batches
 from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.shards import exr
 from dataset_builder.shards.manifest import ShardIndex, from_json
 from dataset_builder.shards.structure import read_member
 from dataset_builder.shards.writer import shard_path
+from dataset_builder.spread import spread_indices
 
 DEFAULT = common.ROOT / "datasets" / "3df-lighting-mini"
 WORKERS, ROUNDS, MOST, MULTIPLE = (0, 1, 2), 9, 512, 16

@@ -18,7 +18,8 @@ ORDER = (
     ("planning",), ("planning.effects", "planning.view"), ("planning.scene",),
     ("planning.catalogue",),
     ("assets.procedural",), ("assets",), ("geometry",), ("label",), ("spec",),
-    ("lock",), ("files", "layers", "light_kinds", "processes", "tonemap"), ("seeding", "digest", "errors"), ("",),
+    ("lock",), ("files", "layers", "light_kinds", "processes", "spread", "tonemap"),
+    ("seeding", "digest", "errors"), ("",),
 )
 """Rooms of the package, top to bottom; those of one line do not know each other. A module belongs to the longest name
 that it begins with; a name stands for what is left of its folder. "" is the package itself."""

@@ -48,11 +48,11 @@ def _evaluate(options: argparse.Namespace) -> int:
 
     from dataset_builder.files import require_writable
     from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
-    from dataset_builder.lightnet.data.loader import spread_indices
     from dataset_builder.lightnet.results.evaluate import contender, evaluate, load_all, trivial
     from dataset_builder.report.evaluation_examples import example_rows
     from dataset_builder.report.evaluation_page import EXAMPLES, Evaluation, console_table, verdict_lines, write_page
     from dataset_builder.report.example_sheet import write_sheet
+    from dataset_builder.spread import spread_indices
 
     console, loaded = wide_console(), load_all(options.checkpoint, options.device)
     data = next(iter(loaded.values())).spec.data

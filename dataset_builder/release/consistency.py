@@ -10,8 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from dataset_builder.layers import PAPER_LAYERS
 from dataset_builder.release import light_checks, outline_checks, surface_checks
 from dataset_builder.release.cells import Cells, cells_of
@@ -19,6 +17,7 @@ from dataset_builder.release.dataset_check import Check, Rule
 from dataset_builder.release.outline_checks import Outline, outline_of
 from dataset_builder.release.surface_checks import SurfaceFacts, surface_of
 from dataset_builder.shards.reader import load_manifest, open_dataset
+from dataset_builder.spread import spread_indices
 
 HELPFUL = ("mask_rough", "air", "depth", "normal")
 """Layers that checks use where a dataset has them."""
@@ -69,5 +68,5 @@ def read_facts(folder: Path, examples: int = EXAMPLES) -> Iterator[Facts]:
     known = {layer.name for layer in load_manifest(folder).layers}
     dataset = open_dataset(folder, layers=[*PAPER_LAYERS, *(name for name in HELPFUL if name in known)])
     keys = [key for split in dataset.splits.values() for key in split]
-    for place in np.unique(np.linspace(0, len(keys) - 1, min(examples, len(keys))).round().astype(int)):
+    for place in spread_indices(len(keys), examples):
         yield facts(dataset[keys[place]])

@@ -11,6 +11,7 @@ from PIL import Image, ImageDraw, ImageFont
 from dataset_builder.files import write_atomic
 from dataset_builder.layers import LAYERS
 from dataset_builder.shards.reader import Dataset, open_dataset
+from dataset_builder.spread import runs, shares
 from dataset_builder.tonemap import exposure, to_8bit
 
 MARGIN, GAP = 12, 4
@@ -49,10 +50,8 @@ def contact_sheet(folder: Path, *, rows: int = 12, cell: int = 128) -> Image.Ima
 def spread(dataset: Dataset, count: int) -> list[str]:
     """Keys of up to `count` examples: every split gets its share, at least one (be it more in all), spaced evenly."""
     splits = list(dataset.splits.values())
-    shares = [min(len(split), max(1, round(count * len(split) / len(dataset)))) for split in splits]
-    while sum(shares) > max(count, len(splits)):
-        shares[shares.index(max(shares))] -= 1
-    return [split[i * len(split) // share] for split, share in zip(splits, shares, strict=True) for i in range(share)]
+    found = zip(splits, shares([len(split) for split in splits], count), strict=True)
+    return [split[run.start] for split, share in found for run in runs(len(split), share)]
 
 
 def cell_pixels(name: str, array: np.ndarray, factor: float) -> np.ndarray:

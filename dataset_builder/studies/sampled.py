@@ -12,6 +12,7 @@ from dataset_builder.planning.plan import Planner
 from dataset_builder.seeding import derive_seed
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.load import load_dataset
+from dataset_builder.spread import runs, shares
 
 PLANNERS = 128
 """Planners kept: one per setting, so that neighbouring examples share what they share."""
@@ -64,14 +65,9 @@ def _parts(refs: Sequence[ExampleRef], count: int) -> list[list[ExampleRef]]:
     for ref in refs:
         by_split.setdefault(ref.view.pair.split, []).append(ref)
     groups = list(by_split.values())[:count]
-    shares = [max(1, round(count * len(group) / len(refs))) for group in groups]
-    while sum(shares) > count:
-        shares[shares.index(max(shares))] -= 1
-    while sum(shares) < min(count, len(refs)):
-        spare = [len(group) - share for group, share in zip(groups, shares, strict=True)]
-        shares[spare.index(max(spare))] += 1
-    return [group[i * len(group) // share:(i + 1) * len(group) // share]
-            for group, share in zip(groups, shares, strict=True) for i in range(share)]
+    return [group[run.start:run.stop]
+            for group, share in zip(groups, shares([len(group) for group in groups], count), strict=True)
+            for run in runs(len(group), share)]
 
 
 def _plannable(planner: Planner, refs: Sequence[ExampleRef]) -> Iterator[ExampleRef]:

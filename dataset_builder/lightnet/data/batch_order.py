@@ -27,10 +27,3 @@ def draws_of(batch: int, *, size: int, count: int, seed: int) -> list[Draw]:
     """Batch number `batch`: positions [batch size, (batch + 1) size) of all epochs in a row, so that none is ragged."""
     places = (divmod(place, count) for place in range(batch * size, (batch + 1) * size))
     return [Draw(epoch=epoch, example=int(epoch_order(count, seed, epoch)[place])) for epoch, place in places]
-
-
-def spread_indices(count: int, wanted: int) -> list[int]:
-    """`wanted` positions of `count`, spread evenly and in order; all of them where 0 or more than there are."""
-    if wanted == 0 or wanted >= count:
-        return list(range(count))
-    return [(2 * i + 1) * count // (2 * wanted) for i in range(wanted)]

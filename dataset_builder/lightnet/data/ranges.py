@@ -11,8 +11,8 @@ of 12.92 at 0 that continues below 0. Inputs, losses and metrics see tone-mapped
 
 import torch
 
-LUMINANCE = (0.2126, 0.7152, 0.0722)
-"""Rec.709 luminance of linear R, G, B."""
+from dataset_builder.tonemap import LUMINANCE
+
 DARKEST = 1e-6
 """Least mean luminance that is exposed for; darker examples stay dark."""
 KNEE, SLOPE, GAMMA, OFFSET = 0.0031308, 12.92, 2.4, 0.055

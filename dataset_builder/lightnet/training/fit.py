@@ -35,6 +35,7 @@ from dataset_builder.lightnet.training.optimise import Optimisers
 from dataset_builder.lock import locked
 from dataset_builder.seeding import derive_seed
 from dataset_builder.shards.reader import load_manifest
+from dataset_builder.spread import spread_indices
 
 LAST, BEST, LOG, SPEC, LOCK = "last.pt", "best.pt", "log.csv", "training.json", ".lock"
 FREE = ("data.workers", "data.verify", "most_bad_steps")
@@ -183,7 +184,7 @@ class _Training:
 
     def _check(self) -> Checked:
         """Measure on held-out examples and write the checkpoint."""
-        indices = loader.spread_indices(len(self.held_out), self.spec.check.examples)
+        indices = spread_indices(len(self.held_out), self.spec.check.examples)
         found = [measure(predict(self.method, batch.inputs, self.precision).i_t, batch.truth.i_t, batch.inputs.inside)
                  for batch in (whole.to(self.device) for whole in loader.whole_images(self.held_out, indices))]
         metrics = asdict(mean_metrics([one for several in found for one in several]))

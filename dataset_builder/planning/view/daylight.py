@@ -17,6 +17,7 @@ from dataset_builder.planning.view.irradiance import sky_directions
 from dataset_builder.planning.view.visibility import Sight
 from dataset_builder.spec.light import SourceSpec, SunSpec, TargetSpec
 from dataset_builder.spec.numbers import draw
+from dataset_builder.spread import spaced
 
 Stream = Callable[..., np.random.Generator]
 """Makes the generator of a path below the view's."""
@@ -98,8 +99,3 @@ def sunlit(arrangement: Arrangement, light: LightPlan, points: np.ndarray) -> np
 def weighed(light: LightPlan, share: float) -> LightPlan:
     """A light outside, weighed by the share of its irradiance that gets in: light samples follow what they find."""
     return light.model_copy(update={"weight": light.weight * max(share, MIN_WEIGHT)})
-
-
-def spaced(count: int, most: int) -> np.ndarray:
-    """Indices of at most `most` of `count` things, evenly spread."""
-    return np.unique(np.linspace(0, count - 1, min(count, most)).astype(int))

@@ -20,7 +20,6 @@ from dataset_builder.planning.view.daylight import (
     image_of,
     outside,
     sky_share,
-    spaced,
     sunlit,
     weighed,
 )
@@ -28,6 +27,7 @@ from dataset_builder.planning.view.irradiance import direct_irradiance, facing_i
 from dataset_builder.planning.view.visibility import Sight
 from dataset_builder.spec.light import SourceSpec, TargetSpec
 from dataset_builder.spec.numbers import draw
+from dataset_builder.spread import spaced
 
 __all__ = ["Exposure", "LitView", "expose", "sky_share", "source_light", "target_light", "unit_irradiance"]
 

@@ -3,7 +3,7 @@ from itertools import chain
 import numpy as np
 import pytest
 
-from dataset_builder.lightnet.data.batch_order import Draw, draws_of, epoch_order, spread_indices
+from dataset_builder.lightnet.data.batch_order import Draw, draws_of, epoch_order
 
 
 def test_every_epoch_shows_every_example_once_in_an_order_of_its_own() -> None:
@@ -40,18 +40,3 @@ def test_every_place_is_as_likely_for_every_example() -> None:
 def test_an_order_is_not_to_be_written_to() -> None:
     with pytest.raises(ValueError, match="read-only"):
         epoch_order(5, 0, 0)[0] = 3
-
-
-@pytest.mark.parametrize(("count", "wanted", "expected"), [
-    (5, 0, [0, 1, 2, 3, 4]), (5, 9, [0, 1, 2, 3, 4]), (5, 5, [0, 1, 2, 3, 4]), (10, 2, [2, 7]), (9, 3, [1, 4, 7]),
-    (7, 1, [3]), (0, 3, []),
-])
-def test_indices_are_spread_evenly(count: int, wanted: int, expected: list[int]) -> None:
-    assert spread_indices(count, wanted) == expected
-
-
-def test_spread_indices_differ_and_lie_within() -> None:
-    for count in range(1, 40):
-        for wanted in range(1, count):
-            found = spread_indices(count, wanted)
-            assert len(set(found)) == wanted and found == sorted(found) and found[0] >= 0 and found[-1] < count
