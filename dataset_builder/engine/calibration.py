@@ -3,7 +3,6 @@
 Measured once before a build, kept beside the staged examples, and written into the record of every example.
 """
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,11 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from dataset_builder.digest import canonical_json, digest
 from dataset_builder.engine import local
+from dataset_builder.engine.maker_file import MakerFile
 from dataset_builder.engine.unit import BuildJob, planner_of
 from dataset_builder.errors import OutputError, PlanError, Problem, UserError
-from dataset_builder.files import write_atomic
 from dataset_builder.label.example_plan import ExamplePlan, GoalPlan
 from dataset_builder.label.record import Denoised
 from dataset_builder.planning.catalogue import ExampleRef
@@ -25,14 +23,12 @@ from dataset_builder.planning.plan import Planner
 from dataset_builder.planning.units import units
 from dataset_builder.rendering.backend import activate
 from dataset_builder.seeding import derive_seed
-from dataset_builder.shards.folder import WORK
 from dataset_builder.spec.loaded import LoadedSpec
+from dataset_builder.spread import spread_indices
 
 DARK = 0.01
 """Added to the squared reference in relMSE, so that black pixels do not rule it."""
 
-FILE = "denoised.{maker}.json"
-MAKER_DIGITS = 16
 DIGITS = 6
 Images = Mapping[str, np.ndarray]
 
@@ -56,20 +52,19 @@ def calibrate(loaded: LoadedSpec, job: BuildJob, made_by: Mapping[str, str], *, 
     can be rendered, OutputError as `local.run` and writing do.
     """
     spec = loaded.dataset.render.denoise
-    maker = digest({"spec": loaded.spec_digest, "versions": dict(made_by)})
-    path = job.folder / WORK / FILE.format(maker=maker[:MAKER_DIGITS])
-    if known := _load(path, maker):
+    file = MakerFile(job.folder, "denoised", Denoised, loaded.spec_digest, made_by)
+    if known := file.read():
         return known
     examples = _measured(candidates(Planner(loaded), spec.examples), spec.examples, job, workers)
     found = tuple(_combined(name, [example[name] for example in examples]) for name in spec.layers)
-    write_atomic(path, canonical_json({"maker": maker, "denoised": [item.model_dump(mode="json") for item in found]}))
+    file.write(found)
     return found
 
 
 def candidates(planner: Planner, count: int) -> list[ExampleRef]:
     """One example of every view: first `count` that are spread evenly over the dataset, then all others in order."""
     first = [unit.examples[0] for unit in units(planner.examples)]
-    spread = sorted({(2 * k + 1) * len(first) // (2 * count) for k in range(count)})
+    spread = spread_indices(len(first), count)
     return [*(first[i] for i in spread), *(ref for i, ref in enumerate(first) if i not in spread)]
 
 
@@ -184,14 +179,3 @@ def _combined(name: str, examples: Sequence[Figures]) -> Denoised:
 
 def _rounded(value: float) -> float:
     return float(f"{value:.{DIGITS}g}")
-
-
-def _load(path: Path, maker: str) -> tuple[Denoised, ...]:
-    """Figures that were measured before; none where there are none, or they are damaged or of another maker."""
-    try:
-        content = json.loads(path.read_bytes())
-        if not isinstance(content, dict) or content.get("maker") != maker:
-            return ()
-        return tuple(Denoised.model_validate(item) for item in content["denoised"])
-    except (FileNotFoundError, ValueError, KeyError, TypeError):
-        return ()

@@ -7,13 +7,11 @@ import numpy as np
 import pytest
 
 from dataset_builder.build import Event
-from dataset_builder.digest import digest
 from dataset_builder.engine import calibration
 from dataset_builder.engine.calibration import as_asked, calibrate, candidates, compare, converged
 from dataset_builder.engine.unit import BuildJob
 from dataset_builder.errors import PlanError, UserError
 from dataset_builder.label.example_plan import ExamplePlan, GoalPlan
-from dataset_builder.label.record import Denoised
 from dataset_builder.planning.effects.denoise_guides import FACTOR
 from dataset_builder.planning.plan import Planner
 from dataset_builder.rendering import oidn
@@ -212,18 +210,3 @@ def test_figures_are_measured_once(tiny: Path, news: list[Event], monkeypatch: p
     assert manifest_of(run_build(tiny, tiny.parent / "denoised", DENOISE)).denoised == manifest_of(news).denoised
     with pytest.raises(AssertionError, match="measured again"):
         run_build(tiny, tiny.parent / "denoised", DENOISE, "render.spp=8")
-
-
-@pytest.mark.parametrize("content", ["", "{", "[]", '{"maker": 1}', '{"maker": "MAKER"}',
-                                     '{"maker": "MAKER", "denoised": [{"layer": "i_t"}]}'])
-def test_damaged_figures_are_none(tmp_path: Path, content: str) -> None:
-    (tmp_path / "figures.json").write_text(content.replace("MAKER", digest("maker")))
-    assert calibration._load(tmp_path / "figures.json", digest("maker")) == ()
-
-
-def test_figures_have_no_more_digits_than_they_are_good_for() -> None:
-    figures = calibration.Figures(bias=1 / 3, bias_error=1e-6, pixel_bias=-1e-9, relmse_raw=2 / 3, relmse_denoised=0.1,
-                                  relmse_reference=0.0)
-    assert calibration._combined("s", [figures] * 4) == Denoised(
-        layer="s", bias=0.333333, bias_error=0.0005, pixel_bias=0.0, relmse_raw=0.666667, relmse_denoised=0.1,
-        relmse_reference=0.0, examples=4)

@@ -2,11 +2,8 @@
 
 from pathlib import Path
 
-import pytest
-
 from dataset_builder.engine.rejections import Rejections
 from dataset_builder.engine.unit import plan_digest
-from dataset_builder.shards.folder import WORK
 from dataset_builder.shards.manifest import Rejected
 from dataset_builder.spec.dataset import DatasetSpec
 from tests.plans import example_plan
@@ -56,9 +53,3 @@ def test_rejections_are_remembered_for_the_same_spec_and_versions(tmp_path: Path
     assert Rejections(tmp_path, "spec", {**MADE_BY, "numpy": "2.1"}).known == {}
 
 
-@pytest.mark.parametrize("content", ["", "{", "[]", '{"maker": 1}'])
-def test_a_damaged_memory_is_none(tmp_path: Path, content: str) -> None:
-    Rejections(tmp_path, "spec", MADE_BY).add(rejected(1))
-    memory, = (tmp_path / WORK).glob("rejected.*.json")
-    memory.write_text(content)
-    assert Rejections(tmp_path, "spec", MADE_BY).known == {}
