@@ -9,6 +9,10 @@ from typing import Literal
 Geometry = Literal["3dm", "r3dm"]
 Extent = Literal["object", "frame"]
 Pass = Literal["source", "target", "rough", "first_hit", "first_hit_rough"]
+PASSES: tuple[Pass, ...] = ("first_hit", "source", "target", "first_hit_rough", "rough")
+"""In the order that they run and plans tell of them; records keep that of `Pass`."""
+EVERYWHERE = ("mask", "mask_rough", "instance")
+"""Layers that say by themselves where the object is, so that their extent is no matter."""
 
 
 @dataclass(frozen=True, kw_only=True)

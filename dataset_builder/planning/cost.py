@@ -3,14 +3,13 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import astuple, dataclass, fields
 from math import inf, sqrt
-from typing import get_args
 
 import numpy as np
 
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.label.example_plan import ExamplePlan, GoalPlan, RenderPlan
-from dataset_builder.layers import LAYERS, Extent, Pass
+from dataset_builder.layers import LAYERS, PASSES, Extent
 from dataset_builder.planning.catalogue import ExampleRef, ViewRef, count_examples, views_of
 from dataset_builder.planning.effects.denoise_guides import FACTOR, REPEATS
 from dataset_builder.planning.plan import Planner, first_plan, layers_asked
@@ -19,8 +18,8 @@ from dataset_builder.seeding import rng
 from dataset_builder.spec.dataset import DatasetSpec
 
 INSTANCE = "instance"
-PASSES: tuple[str, ...] = (*get_args(Pass), INSTANCE)
 """The instance layer has a pass of its own: one ray through the centre of every pixel."""
+RUNS = (*PASSES, INSTANCE)
 CHANNEL_BYTES = {"float32": 4, "float16": 2}
 
 
@@ -97,7 +96,7 @@ def pass_runs(layers: Iterable[tuple[str, Extent]], lights: int, levels: int) ->
     asked = {_pass_of(name) for name, _ in layers} | {"first_hit"}
     if "rough" in asked:
         asked.add("first_hit_rough")
-    return {name: times[name] if name in asked else 0 for name in PASSES}
+    return {name: times[name] if name in asked else 0 for name in RUNS}
 
 
 def pass_share(name: str, plan: ExamplePlan, window: float) -> float:
@@ -235,7 +234,7 @@ def estimate(planner: Planner, views: int = 24, rates: Rates | None = None, core
     in a split can be planned.
     """
     spec, _ = planner.loaded.dataset, planner.contents
-    total, variance, tried, planned, runs = np.zeros(5), np.zeros(5), 0, 0, dict.fromkeys(PASSES, 0)
+    total, variance, tried, planned, runs = np.zeros(5), np.zeros(5), 0, 0, dict.fromkeys(RUNS, 0)
     views_by_split = {split.name: views_of(spec, split) for split in spec.splits}
     count = sum(map(len, views_by_split.values()))
     for split in spec.splits:

@@ -15,7 +15,7 @@ import numpy as np
 
 from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.label.example_plan import ExamplePlan, GoalPlan, RenderPlan
-from dataset_builder.layers import LAYERS, Pass
+from dataset_builder.layers import LAYERS, PASSES, Pass
 from dataset_builder.rendering import passes
 from dataset_builder.rendering.light_probe import lighting
 from dataset_builder.rendering.passes import FIRST_HIT_CHANNELS, RADIANCE_CHANNELS, RADIANCE_LAYERS, ViewSensor
@@ -26,8 +26,6 @@ from dataset_builder.rendering.scene.triangle_soup import Soup
 from dataset_builder.rendering.scene.window import covered_window
 from dataset_builder.rendering.view_scenes import ViewScenes
 from dataset_builder.seeding import derive_seed
-
-ORDER: tuple[Pass, ...] = ("first_hit", "target", "source", "first_hit_rough", "rough")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -199,7 +197,7 @@ class ViewPasses:
 
 def needed_passes(plan: ExamplePlan) -> tuple[Pass, ...]:
     """The passes that the layers of an example need, in order; the first always, for it finds the object's pixels."""
-    return tuple(name for name in ORDER if name == "first_hit" or _asked(plan, name)
+    return tuple(name for name in PASSES if name == "first_hit" or _asked(plan, name)
                  or (name == "first_hit_rough" and _asked(plan, "rough")))
 
 

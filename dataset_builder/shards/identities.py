@@ -9,14 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dataset_builder.layers import LAYERS, Extent, layers_of
+from dataset_builder.layers import EVERYWHERE, LAYERS, Extent, layers_of
 
 RANGE, REFLECTANCE, MASK, OUTSIDE, SHARED = "range", "reflectance", "mask", "outside", "shared"
 SHARED_LAYERS = layers_of("first_hit")
 """Layers that need no light: rendered once per view, so bit-identical in all of its examples."""
-
-EVERYWHERE = ("mask", "mask_rough", "instance")
-"""Layers that say by themselves where the object is."""
 
 _TOLERANCES = {"float32": {RANGE: 1e-5, REFLECTANCE: 1e-3}, "float16": {RANGE: 1e-3, REFLECTANCE: 2e-3}}
 

@@ -14,7 +14,7 @@ from dataset_builder.label.effects_plan import Decision, EffectsPlan, Feature, P
 from dataset_builder.label.example_plan import RenderPlan
 from dataset_builder.label.light_plan import IlluminationPlan, LightPlan
 from dataset_builder.label.scene_plan import FogPlan, PlacedObject, RoomPlan
-from dataset_builder.layers import LAYERS
+from dataset_builder.layers import EVERYWHERE, LAYERS, PASSES
 from dataset_builder.planning.effects.denoise_guides import guide_extents
 from dataset_builder.planning.effects.features import scene_features
 from dataset_builder.planning.effects.light_reach import reaching, said
@@ -22,10 +22,7 @@ from dataset_builder.planning.effects.materials_used import MaterialUse, SceneUs
 from dataset_builder.planning.effects.path_depth import MAX_DEPTH, path_depth
 from dataset_builder.spec.render import RenderSpec
 
-PASSES = ("first_hit", "source", "target", "first_hit_rough", "rough")
 LIT = ("source", "target", "rough")
-EVERYWHERE = ("mask", "mask_rough", "instance")
-"""Layers whose extent needs no further pixels: 0 where the object is not, or a pass of its own."""
 DARK = "remove parts of the room with `open`, add windows, remove the ceiling, or put a light inside"
 
 
