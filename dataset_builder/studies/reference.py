@@ -2,22 +2,21 @@
 
 import importlib.metadata
 from dataclasses import dataclass
-from functools import cache
 from io import BytesIO
 from pathlib import Path
 from zipfile import BadZipFile
 
 import numpy as np
 
-import dataset_builder
-from dataset_builder.digest import digest, sha256_file
+from dataset_builder.digest import digest
+from dataset_builder.engine.source import source_digest
 from dataset_builder.files import write_atomic
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.rendering.backend import renderer_versions
 from dataset_builder.studies.timing import render
 
-PIXEL_SOURCES = ("rendering", "planning", "assets", "geometry", "layers.py", "seeding.py")
-"""What of this package decides pixels, once there is a plan: reports may change without a reference being lost."""
+PIXELS = ("rendering.examples", "rendering.backend")
+"""What turns a plan into pixels: reports may change without a reference being lost."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,15 +55,7 @@ class References:
 def pixel_versions(backend: str) -> dict[str, str]:
     """Versions of whatever turns a plan into pixels."""
     libraries = {name: importlib.metadata.version(name) for name in ("numpy", "open3d", "scipy", "trimesh")}
-    return {**renderer_versions(backend), **libraries, "source": _pixel_source()}
-
-
-@cache
-def _pixel_source() -> str:
-    package = Path(dataset_builder.__file__).parent
-    files = [file for name in PIXEL_SOURCES for file in ([package / name] if name.endswith(".py")
-                                                         else sorted((package / name).rglob("*.py")))]
-    return digest({file.relative_to(package).as_posix(): sha256_file(file) for file in files})
+    return {**renderer_versions(backend), **libraries, "source": source_digest(*PIXELS)}
 
 
 def _read(path: Path) -> dict[str, np.ndarray] | None:
