@@ -7,6 +7,11 @@ import numpy as np
 from dataset_builder.geometry.mesh import TriangleMesh
 
 
+def reflectance_at(ior: float) -> float:
+    """Reflectance at normal incidence that belongs to an index of refraction: ((n - 1) / (n + 1))^2."""
+    return ((ior - 1) / (ior + 1)) ** 2
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Texture:
     """Texel values that multiply the factors of a material; repeats in both directions.

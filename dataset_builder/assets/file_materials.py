@@ -5,16 +5,16 @@ from typing import Any
 
 import numpy as np
 
-from dataset_builder.assets.asset import Material
+from dataset_builder.assets.asset import Material, reflectance_at
 from dataset_builder.assets.texture_maps import linear_from_srgb, make_texture
 from dataset_builder.errors import UserError
+from dataset_builder.spec.scene import MAX_SPECULAR
 
 ROUGHNESS = 0.8
 """Where a file says nothing about it."""
 GREY = 0.6
 SOLID_GLASS, THIN_GLASS = (6, 7), (4, 9)
 """Illumination models (`illum`) of MTL."""
-MAX_SPECULAR = 0.16
 TEXTURES = ("baseColorTexture", "metallicRoughnessTexture")
 
 
@@ -76,7 +76,7 @@ def _wavefront_glass(material: Material, extra: dict[str, Any]) -> Material:
     ior = float(np.clip(_number(extra, "ni", 1.5), 1, 3))
     tint = extra.get("tf") or (material.base_color if any(material.base_color) else (1.0, 1.0, 1.0))
     return replace(material, transmission=_share(1 - opaque % 1), thin=model in THIN_GLASS, ior=ior,
-                   specular=min(((ior - 1) / (ior + 1)) ** 2, MAX_SPECULAR),
+                   specular=min(reflectance_at(ior), MAX_SPECULAR),
                    base_color=_triple([float(value) for value in tint]),
                    roughness=material.roughness if "ns" in extra else 0.0)
 

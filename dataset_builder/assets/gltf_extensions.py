@@ -10,16 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from dataset_builder.assets.asset import Material
+from dataset_builder.assets.asset import Material, reflectance_at
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.spec.mesh_source import GLTF_SUFFIXES, gltf_header
+from dataset_builder.spec.scene import MAX_SPECULAR
 
 PREFIX = "KHR_materials_"
 TAKEN = ("transmission", "volume", "ior", "dispersion", "clearcoat", "sheen", "specular")
 ABBE_OF_ONE = 20.0
 """KHR_materials_dispersion: its factor is this over the Abbe number."""
 MIN_SHEEN_ROUGHNESS = 0.05
-MAX_SPECULAR = 0.16
 
 Entry = Mapping[str, Any]
 
@@ -68,7 +68,7 @@ def _dielectric(material: Material, found: Entry) -> Material:
     if not {"ior", "specular"} & set(found):
         return material
     ior = max(_factor(found, "ior", "ior", 1.5, 0.0, 3.0), 1.0)
-    specular = ((ior - 1) / (ior + 1)) ** 2 * _factor(found, "specular", "specularFactor", 1.0)
+    specular = reflectance_at(ior) * _factor(found, "specular", "specularFactor", 1.0)
     return replace(material, ior=ior, specular=min(specular, MAX_SPECULAR))
 
 

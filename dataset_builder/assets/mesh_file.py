@@ -16,11 +16,10 @@ from dataset_builder.assets.gltf_extensions import Extended, extended, material_
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.geometry.mesh import TriangleMesh, concatenate, transform
 from dataset_builder.geometry.repair import RepairReport, repair
-from dataset_builder.spec.mesh_source import FileReference
+from dataset_builder.spec.mesh_source import MESH_SUFFIXES, FileReference
 
 Up = Literal["x", "y", "z"]
 Entries = dict[str | None, dict[str, Any]]
-SUFFIXES = (".glb", ".gltf", ".obj", ".ply")
 READER_ERRORS = (ArithmeticError, AssertionError, AttributeError, LookupError, NameError, NotImplementedError, OSError,
                  TypeError, ValueError, struct.error)
 """What trimesh's readers raise over files that do not keep their format."""
@@ -81,8 +80,8 @@ def _problem(path: Path, rule: str, hint: str = "") -> UserError:
 
 
 def _check_file(path: Path) -> None:
-    if path.suffix.lower() not in SUFFIXES:
-        raise _problem(path, f"expected a mesh file ({' '.join(SUFFIXES)}), got {path.suffix or 'no suffix'}")
+    if path.suffix.lower() not in MESH_SUFFIXES:
+        raise _problem(path, f"expected a mesh file ({' '.join(MESH_SUFFIXES)}), got {path.suffix or 'no suffix'}")
     if not path.is_file():
         raise _problem(path, "expected an existing file, got none", "paths are relative to the spec that names them")
 

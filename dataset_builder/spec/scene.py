@@ -7,6 +7,9 @@ from pydantic import Field, model_validator
 from dataset_builder.spec.model import Model, broken
 from dataset_builder.spec.numbers import AnyNumber, within
 
+MAX_SPECULAR = 0.16
+"""Largest reflectance at normal incidence: that of an index of refraction of 7/3."""
+
 
 class RoomSpec(Model):
     """A room of drawn size, in metres."""
@@ -42,13 +45,14 @@ class FogSpec(Model):
 class MaterialSpec(Model):
     """Changes to a material of an object; omitted fields are unchanged."""
 
-    base_color: tuple[within(low=0, high=1), within(low=0, high=1), within(low=0, high=1)] | None = None  # type: ignore[valid-type]
+    base_color: tuple[within(low=0, high=1), within(low=0, high=1),
+                      within(low=0, high=1)] | None = None  # type: ignore[valid-type]
     """Linear Rec.709 factors of reflectance; of transmission where the surface transmits."""
     roughness: within(low=0, high=1) | None = None  # type: ignore[valid-type]
     """Perceptual; 0 is a mirror or clear glass."""
     metallic: within(low=0, high=1) | None = None  # type: ignore[valid-type]
     """1 is metal."""
-    specular: within(low=0, high=0.16) | None = None  # type: ignore[valid-type]
+    specular: within(low=0, high=MAX_SPECULAR) | None = None  # type: ignore[valid-type]
     """Reflectance of the dielectric part at normal incidence; 0.04 is an index of refraction of 1.5."""
     transmission: within(low=0, high=1) | None = None  # type: ignore[valid-type]
     """Share of the light that passes the dielectric surface that is refracted instead of scattered; 1 is glass."""
@@ -62,7 +66,8 @@ class MaterialSpec(Model):
     """Weight of a clear coat with index of refraction 1.5."""
     coat_roughness: within(low=0, high=1) | None = None  # type: ignore[valid-type]
     """Perceptual roughness of the coat."""
-    sheen: tuple[within(low=0, high=1), within(low=0, high=1), within(low=0, high=1)] | None = None  # type: ignore[valid-type]
+    sheen: tuple[within(low=0, high=1), within(low=0, high=1),
+                 within(low=0, high=1)] | None = None  # type: ignore[valid-type]
     """Colour of the sheen of fibres; 0 is none."""
     sheen_roughness: within(low=0.05, high=1) | None = None  # type: ignore[valid-type]
     """Roughness of the sheen."""

@@ -5,18 +5,17 @@ from dataclasses import replace
 from fnmatch import fnmatchcase
 from typing import Any
 
-from dataset_builder.assets.asset import Material
+from dataset_builder.assets.asset import Material, reflectance_at
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.label.scene_plan import MaterialChange, Param
 from dataset_builder.seeding import rng
 from dataset_builder.spec.numbers import draw
 from dataset_builder.spec.problems import nearest, shown
-from dataset_builder.spec.scene import MaterialSpec
+from dataset_builder.spec.scene import MAX_SPECULAR, MaterialSpec
 
 ROLE = ": "
 """Between what a material of embedded furniture is there for and what it happens to be: `top: oak`."""
 TRUTHS = ("thin", "plain")
-MAX_SPECULAR = 0.16
 
 
 def drawn_changes(spec: Mapping[str, MaterialSpec], seed: int, path: tuple[str | int, ...]) \
@@ -40,7 +39,7 @@ def _values(change: MaterialSpec, seed: int, path: tuple[str | int, ...]) -> tup
         elif value is not None:
             values[field] = draw(value, rng(seed, *path, field))
     if "ior" in values and "specular" not in values:
-        values["specular"] = min(((values["ior"] - 1) / (values["ior"] + 1)) ** 2, MAX_SPECULAR)
+        values["specular"] = min(reflectance_at(values["ior"]), MAX_SPECULAR)
     return tuple(Param(name=name, value=value) for name, value in values.items())
 
 
