@@ -97,12 +97,6 @@ def curves(edges: Edges, creases: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return ends[order[::2]], others[order].reshape(-1, 2)
 
 
-def watertight(edges: Edges) -> bool:
-    """True for a closed, consistently oriented surface: every edge is passed as often forwards as backwards."""
-    forward = np.bincount(edges.of_face.ravel(), weights=edges.forward.ravel(), minlength=len(edges.vertices))
-    return bool((2 * forward == edges.face_count).all())
-
-
 def fans(edges: Edges, passable: np.ndarray) -> np.ndarray:
     """(F, 3) int64: corners of one vertex share a number where faces around it connect across `passable` (E,) edges.
 

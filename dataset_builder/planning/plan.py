@@ -1,7 +1,7 @@
 """Spec to ExamplePlan: every number drawn, each from a path of its own, so that one example can be planned alone."""
 
 from collections import OrderedDict
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Callable, Hashable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -172,9 +172,3 @@ def first_plan(planner: Planner, most: int = 32) -> ExamplePlan | None:
         with suppress(PlanError):
             return planner.example(ref)
     return None
-
-
-def plan_all(loaded: LoadedSpec) -> Iterator[ExamplePlan]:
-    """The plans of all examples in order of index. Raises PlanError at the first that cannot be planned."""
-    planner = Planner(loaded)
-    return map(planner.example, planner.examples)

@@ -15,8 +15,6 @@ from dataset_builder.release.dataset_check import Check, Rule
 
 MIN_CELLS, MIN_EXAMPLES = 100, 6
 """Diffuse cells, and examples that have some, below which statistics are not judged."""
-MANY_EXAMPLES = 24
-"""The same for statistics that vary much from object to object."""
 ENOUGH = 8
 """Cells of an example that has a median or a correlation of its own."""
 VARIED, SHADED = 0.1, 0.2

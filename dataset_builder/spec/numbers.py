@@ -117,7 +117,6 @@ class Choice(Model):
         return min(self.choice), max(self.choice)
 
 
-Distribution = Uniform | LogUniform | Normal | Choice
 _KINDS: dict[str, type[Model]] = {"uniform": Uniform, "log_uniform": LogUniform, "normal": Normal, "choice": Choice}
 
 

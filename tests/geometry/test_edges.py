@@ -10,8 +10,8 @@ from dataset_builder.geometry.edges import (
     edges_of,
     fans,
     find_edges,
-    watertight,
 )
+from tests.geometry.closed import watertight
 
 
 @pytest.mark.parametrize(("name", "characteristic"), [("box", 2), ("cylinder", 2), ("torus", 0), ("grid", 1)])

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from dataset_builder.errors import UserError
-from dataset_builder.geometry.edges import edges_of, watertight
+from dataset_builder.geometry.edges import edges_of
 from dataset_builder.geometry.refine import split_long_edges
+from tests.geometry.closed import watertight
 
 CLOSED = ["box", "chamfered", "cylinder", "vase", "torus"]
 

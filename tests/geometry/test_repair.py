@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from dataset_builder.errors import UserError
-from dataset_builder.geometry.edges import edges_of, watertight
+from dataset_builder.geometry.edges import edges_of
 from dataset_builder.geometry.mesh import TriangleMesh
 from dataset_builder.geometry.repair import repair, weld
+from tests.geometry.closed import watertight
 
 
 def soup(mesh, jitter=0.0):

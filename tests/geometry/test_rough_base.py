@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from dataset_builder.errors import UserError
-from dataset_builder.geometry.edges import crease_mask, edges_of, watertight
+from dataset_builder.geometry.edges import crease_mask, edges_of
 from dataset_builder.geometry.loop import loop
 from dataset_builder.geometry.noise import displace
 from dataset_builder.geometry.rough_base import rough_base
+from tests.geometry.closed import watertight
 
 SOLIDS = [("box", {}), ("box", {"size": (0.04, 0.05, 0.9)}), ("chamfered", {}),
           ("chamfered", {"size": 0.3, "chamfer": 0.01}), ("cylinder", {}),

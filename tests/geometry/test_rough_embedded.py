@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from dataset_builder.assets.procedural.furniture import make_furniture
-from dataset_builder.geometry.edges import edges_of, watertight
+from dataset_builder.geometry.edges import edges_of
 from dataset_builder.geometry.rough_base import rough_base
 from dataset_builder.seeding import rng
 from dataset_builder.spec.families import FAMILIES
 from dataset_builder.spec.numbers import draw
+from tests.geometry.closed import watertight
 
 
 @lru_cache(maxsize=1)

@@ -6,11 +6,16 @@ import pytest
 from dataset_builder.errors import PlanError
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.layers import LAYERS
-from dataset_builder.planning.plan import Planner, plan_all, plan_example
+from dataset_builder.planning.plan import Planner, plan_example
 from dataset_builder.spec.loaded import LoadedSpec
 from dataset_builder.spec.scene import ObjectSpec
 
 Load = Callable[..., LoadedSpec]
+
+
+def plan_all(loaded: LoadedSpec) -> list[ExamplePlan]:
+    planner = Planner(loaded)
+    return [planner.example(ref) for ref in planner.examples]
 
 
 def plans_by_place(loaded: LoadedSpec) -> dict[tuple[str, int, int], ExamplePlan]:
@@ -24,7 +29,7 @@ def drawn(plan: ExamplePlan) -> dict[str, Any]:
 
 def test_an_example_alone_is_the_one_in_the_whole(load: Load) -> None:
     loaded = load()
-    whole = list(plan_all(loaded))
+    whole = plan_all(loaded)
     assert [plan.index for plan in whole] == list(range(len(whole))) and len(whole) == 52
     for index in (0, 7, 21, 51):
         assert plan_example(loaded, index) == whole[index]
@@ -39,7 +44,7 @@ def test_plans_are_json_and_back(load: Load) -> None:
 
 
 def test_examples_of_a_view_share_all_but_light_and_level(load: Load) -> None:
-    first, *others = list(plan_all(load()))[:4]
+    first, *others = plan_all(load())[:4]
     assert [(plan.light, plan.rough.level) for plan in (first, *others)] == [(0, 0), (0, 1), (1, 0), (1, 1)]
     for other in others:
         for name in ("view", "room", "target", "furniture", "camera", "source_light", "render"):

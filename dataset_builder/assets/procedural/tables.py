@@ -8,8 +8,6 @@ from dataset_builder.assets.procedural.fittings import drawer, lying_books, roun
 from dataset_builder.assets.procedural.parts import GAP, Part, assemble, block, mirrored, moved
 from dataset_builder.assets.procedural.round_solids import disc, turned
 
-PEDESTAL = 2
-
 
 def _board(params: dict[str, float], *, widest: float, finish: str = "top") -> tuple[Part, float, float]:
     """Table top, rectangular or round, and its half extents in x and y."""
