@@ -2,6 +2,7 @@
 
 from typing import Literal
 
+from dataset_builder.layers import Extent, Pass
 from dataset_builder.spec.model import Model
 
 
@@ -24,9 +25,9 @@ scene calls for."""
 class PassEffects(Model):
     """What one pass simulates."""
 
-    name: Literal["first_hit", "source", "target", "first_hit_rough", "rough"]
+    name: Pass
     """Of the pass."""
-    extent: Literal["object", "frame"]
+    extent: Extent
     """Pixels that it is traced on."""
     lights: tuple[int, ...]
     """Which of its illumination's lights, by their place there."""

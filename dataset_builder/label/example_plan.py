@@ -9,6 +9,7 @@ from typing import Literal
 from dataset_builder.label.effects_plan import EffectsPlan
 from dataset_builder.label.light_plan import IlluminationPlan
 from dataset_builder.label.scene_plan import CameraPlan, FogPlan, PlacedObject, RoomPlan
+from dataset_builder.layers import Extent
 from dataset_builder.spec.model import Model
 
 
@@ -51,7 +52,7 @@ class RenderPlan(Model):
     """Of every layer, pixels."""
     height: int
     """Of every layer, pixels."""
-    layers: tuple[tuple[str, Literal["object", "frame"]], ...]
+    layers: tuple[tuple[str, Extent], ...]
     """Pairs of a layer's name and its extent."""
     spp_first_hit: int
     """Samples per pixel of the passes that see surfaces alone."""

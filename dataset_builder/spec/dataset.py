@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, Tag, model_validator
 
-from dataset_builder.layers import LAYERS, PAPER_LAYERS
+from dataset_builder.layers import LAYERS, PAPER_LAYERS, Extent
 from dataset_builder.spec.camera import CameraSpec
 from dataset_builder.spec.light import SourceSpec, TargetSpec
 from dataset_builder.spec.model import Model, broken
@@ -20,7 +20,7 @@ def _known_layer(name: str) -> str:
 
 
 LayerName = Annotated[str, AfterValidator(_known_layer), Field(json_schema_extra={"enum": list(LAYERS)})]
-LayerExtents = Annotated[dict[LayerName, Literal["object", "frame"]], Field(min_length=1)]
+LayerExtents = Annotated[dict[LayerName, Extent], Field(min_length=1)]
 """The pixels on which each layer is stored."""
 
 

@@ -45,8 +45,7 @@ class FogSpec(Model):
 class MaterialSpec(Model):
     """Changes to a material of an object; omitted fields are unchanged."""
 
-    base_color: tuple[within(low=0, high=1), within(low=0, high=1),
-                      within(low=0, high=1)] | None = None  # type: ignore[valid-type]
+    base_color: tuple[within(low=0, high=1), within(low=0, high=1), within(low=0, high=1)] | None = None  # type: ignore[valid-type]
     """Linear Rec.709 factors of reflectance; of transmission where the surface transmits."""
     roughness: within(low=0, high=1) | None = None  # type: ignore[valid-type]
     """Perceptual; 0 is a mirror or clear glass."""
@@ -66,8 +65,7 @@ class MaterialSpec(Model):
     """Weight of a clear coat with index of refraction 1.5."""
     coat_roughness: within(low=0, high=1) | None = None  # type: ignore[valid-type]
     """Perceptual roughness of the coat."""
-    sheen: tuple[within(low=0, high=1), within(low=0, high=1),
-                 within(low=0, high=1)] | None = None  # type: ignore[valid-type]
+    sheen: tuple[within(low=0, high=1), within(low=0, high=1), within(low=0, high=1)] | None = None  # type: ignore[valid-type]
     """Colour of the sheen of fibres; 0 is none."""
     sheen_roughness: within(low=0.05, high=1) | None = None  # type: ignore[valid-type]
     """Roughness of the sheen."""
