@@ -43,10 +43,10 @@ def traced(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[tuple[str, int, boo
 
     ran: list[tuple[str, int, bool]] = []
     lights: list[Any] = []
-    staged = view_scenes.staged
+    open_scene = view_scenes.open_scene
     sampler = passes.radiance_sampler
-    monkeypatch.setattr(view_scenes, "staged",
-                        lambda body, light, *rest: lights.append(light) or staged(body, light, *rest))
+    monkeypatch.setattr(view_scenes, "open_scene",
+                        lambda body, light, *rest: lights.append(light) or open_scene(body, light, *rest))
     monkeypatch.setattr(passes, "radiance_sampler", lambda *args: _watched_sampler(sampler(*args), ran, lights))
     for name in ("first_hit", "instances"):
         monkeypatch.setattr(passes, name, _watched(name, getattr(passes, name), ran, lights))
