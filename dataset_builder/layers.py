@@ -1,6 +1,6 @@
 """The one table of layers: names, units, ranges and types. Everything else reads it.
 
-The definitions stand in `docs/layers.md`; the identifiers are the same in specs, in code and as members of a shard.
+The definitions are in `docs/layers.md`; the identifiers are the same in specs, in code and as members of a shard.
 """
 
 from dataclasses import dataclass, replace
@@ -52,21 +52,22 @@ _TABLE = (
     Layer(name="i_t", symbol="I_t-bar", geometry="3dm", render_pass="target", channels=3, low=0, high=INF,
           unit=RADIANCE, meaning="outgoing radiance of the clean mesh under the target illumination"),
     Layer(name="s_prime", symbol="S'", geometry="r3dm", render_pass="rough", channels=3, low=0, high=INF, unit=RADIANCE,
-          meaning="raw lighting on the rough mesh: what a white Lambertian first surface would send back"),
+          meaning="raw lighting on the rough mesh: the radiance that a white Lambertian first surface would reflect"),
     Layer(name="mask", symbol="M", geometry="3dm", render_pass="first_hit", channels=1, low=0, high=1, unit="1",
           meaning="share of the pixel that the target object covers (box filter)"),
     Layer(name="s", symbol="S", geometry="3dm", render_pass="target", channels=3, low=0, high=INF, unit=RADIANCE,
           meaning="raw lighting on the clean mesh under the target illumination"),
     Layer(name="spec", symbol="R R_l", geometry="3dm", render_pass="target", channels=3, low=0, high=INF, unit=RADIANCE,
-          meaning="the part of i_t that the specular lobes of the first surface and its emission send"),
+          meaning="the part of i_t from specular lobes and emission of the first surface"),
     Layer(name="air", symbol="A", geometry="3dm", render_pass="target", channels=3, low=-INF, high=INF, unit=RADIANCE,
-          meaning="what fog adds to i_t between the camera and the first surface, less what it takes; 0 without fog"),
+          meaning="what fog adds to i_t between camera and first surface, less what it absorbs or scatters away; 0 "
+                  "without fog"),
     Layer(name="mask_rough", symbol="M'", geometry="r3dm", render_pass="first_hit_rough", channels=1, low=0, high=1,
           unit="1", meaning="share of the pixel that the rough mesh of the target object covers"),
     Layer(name="depth", symbol="z", geometry="3dm", render_pass="first_hit", channels=1, low=0, high=INF, unit="m",
-          meaning="distance along the view axis to the first surface, mean over the samples that meet one; 0 for none"),
+          meaning="distance along the view axis to the first surface, mean over the samples that hit one; 0 for none"),
     Layer(name="normal", symbol="n", geometry="3dm", render_pass="first_hit", channels=3, low=-1, high=1, unit="1",
-          meaning="mean shading normal in world space, turned to the viewer; 0 where nothing is met"),
+          meaning="mean shading normal in world space, turned to the viewer; 0 where no surface is"),
     Layer(name="normal_rough", symbol="n'", geometry="r3dm", render_pass="first_hit_rough", channels=3, low=-1, high=1,
           unit="1", meaning="as normal, on the rough mesh"),
     Layer(name="instance", symbol="id", geometry="3dm", render_pass="first_hit", channels=1, low=0, high=65504,
@@ -81,14 +82,14 @@ _ERRORS = tuple(
 )
 
 DENOISABLE = ("i_s", "i_t", "s", "s_prime")
-"""Layers that may be shipped denoised."""
+"""Layers that may be denoised."""
 
 _RAW = tuple(replace(layer, name=f"{layer.name}_raw", symbol=f"raw({layer.symbol})",
-                     meaning=f"{layer.name} as it was before denoising") for layer in _TABLE
+                     meaning=f"{layer.name} before denoising") for layer in _TABLE
              if layer.name in DENOISABLE)
 
 LAYERS: dict[str, Layer] = {layer.name: layer for layer in (*_TABLE, *_ERRORS, *_RAW)}
-"""Every layer by name: the paper's six first, then the free ones, then standard errors, then what was denoised."""
+"""Every layer by name: the paper's six, then the free ones, then standard errors, then layers before denoising."""
 
 PAPER_LAYERS = ("i_s", "d", "r", "i_t", "s_prime", "mask")
 """The tuple of the paper (section 5.1.1), which every dataset holds unless its spec says otherwise."""

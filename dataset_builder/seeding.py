@@ -1,7 +1,7 @@
 """Randomness as an argument, derived from a path and never from call order.
 
 `rng(7, "train", 3, "camera")` depends on its arguments alone, so that adding an object, a light or a noise level moves
-no other draw. Seed 0 is a seed like any other.
+no other draw. Seed 0 is a valid seed.
 """
 
 import hashlib

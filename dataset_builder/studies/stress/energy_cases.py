@@ -1,4 +1,4 @@
-"""Light too strong, too weak, too much of it, from the wrong side: energy adds up, scales, and stays where it is."""
+"""Lights that are very strong, very weak, very many, or on the wrong side: energy adds up and scales."""
 
 import math
 
@@ -40,7 +40,7 @@ def scaled_energy(size: Size, factor: float) -> CaseMeasured:
 
 @hard_case(name="light/energy-1e-6", bound=1e-5, figure=DEVIATION,
            expectation="with a millionth of the energy, the same picture a million times darker, to rounding",
-           failure="black or grainy pictures: a threshold somewhere takes little light for none")
+           failure="black or grainy pictures: a threshold takes little light for none")
 def energy_small(size: Size) -> CaseMeasured:
     """Far below what any display shows."""
     return scaled_energy(size, 1e-6)

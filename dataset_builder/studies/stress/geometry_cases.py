@@ -1,4 +1,4 @@
-"""Geometry that renderers stumble over: far off, tiny, huge, flat, doubled, folded, inside out."""
+"""Geometry that is hard to render: far off, tiny, huge, flat, doubled, folded, inside out."""
 
 import math
 
@@ -52,7 +52,7 @@ def same_as(size: Size, soup: Soup, plain: Soup, shot: Shot = SEEN) -> CaseMeasu
 
 
 @hard_case(name="geometry/duplicate-faces", bound=1e-4, figure=DEVIATION,
-           expectation="a ball of which every face stands twice looks as one of which every face stands once",
+           expectation="a ball with every face doubled looks like the ball itself",
            failure="black speckle: a face shades its twin")
 def duplicate_faces(size: Size) -> CaseMeasured:
     """Bit-equal corners."""
@@ -78,7 +78,7 @@ def _cosine(normal: tuple[float, float, float]) -> float:
 
 
 @hard_case(name="geometry/zero-area-faces", bound=1e-4, figure=DEVIATION,
-           expectation="faces of no area, points and lines, change nothing",
+           expectation="faces without area, points and lines, change nothing",
            failure="NaN normals that spread, or slits where a face without area hides its neighbours")
 def zero_area_faces(size: Size) -> CaseMeasured:
     """Repeated corners, and three corners in a row, with normals from `geometry.normals`."""
@@ -100,7 +100,7 @@ def needle_faces(size: Size) -> CaseMeasured:
 
 
 @hard_case(name="geometry/inverted-faces", bound=1e-4, figure=DEVIATION,
-           expectation="a box of which every other face is inside out looks as it should",
+           expectation="a box with every other face inside out looks like the box itself",
            failure="black triangles: a face seen from its back is taken for unlit")
 def inverted_faces(size: Size) -> CaseMeasured:
     """Two-sided surfaces are lit on the viewer's side."""
@@ -111,8 +111,8 @@ def inverted_faces(size: Size) -> CaseMeasured:
 
 
 @hard_case(name="geometry/folded-rough-mesh", bound=0.02, figure="how far the brightest S exceeds the sky, relative",
-           expectation="a rough mesh that folds and cuts itself is lit by no more than the sky that it stands under",
-           failure="NaN or fireflies where faces meet at no angle, or a mask with holes")
+           expectation="a rough mesh that folds and intersects itself is lit by no more than the sky above it",
+           failure="NaN or fireflies where faces meet at angle 0, or a mask with holes")
 def folded_rough_mesh(size: Size) -> CaseMeasured:
     """Noise of half the object's radius. No point of a scene in a white furnace sees more than the furnace, whatever
     its albedo."""
@@ -184,7 +184,7 @@ def endless_floor(size: Size) -> CaseMeasured:
 
 
 @hard_case(name="geometry/closed-room-is-dark", bound=0.0, figure="largest S inside",
-           expectation="no light of sun and sky gets into a closed ball of many small triangles",
+           expectation="no light of sun or sky enters a closed ball of many small triangles",
            failure="light leaks: rays slip through edges and vertices")
 def closed_room_is_dark(size: Size) -> CaseMeasured:
     """The camera is inside; flat normals of the facets."""

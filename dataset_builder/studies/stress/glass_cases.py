@@ -1,4 +1,4 @@
-"""Glass, clear and rough, thick and thin: what it reflects and what it lets through add up to what arrives."""
+"""Glass, clear and rough, thick and thin: what it reflects and what it transmits add up to what arrives."""
 
 import math
 from dataclasses import replace
@@ -63,7 +63,7 @@ def dispersive_glass(size: Size) -> CaseMeasured:
 
 @hard_case(name="material/thin-pane", bound=0.01, figure=ENERGY,
            expectation="a pane of thin glass under a white sky cannot be told from the sky",
-           failure="a grey pane: what it reflects and what it lets through do not add up")
+           failure="a grey pane: what it reflects and what it transmits do not add up")
 def thin_pane(size: Size) -> CaseMeasured:
     """Upright, before the camera."""
     pane = quad(replace(GLASS, thin=True), (-3, 0, -3), (6, 0, 0), (0, 0, 6), instance=1)

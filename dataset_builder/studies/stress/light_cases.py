@@ -1,4 +1,4 @@
-"""Sources where they should not stand, of sizes and energies that nobody would choose: against formulas."""
+"""Lights at extreme places, sizes and energies, compared with formulas."""
 
 import math
 
@@ -49,7 +49,7 @@ def distance(points: np.ndarray, height: float, x: float = 0.0, y: float = 0.0) 
 
 @hard_case(name="light/touching", bound=SIGMAS, figure=WORST,
            expectation="a ball light lying on the floor lights it as the formula L r^2 h / d^3 says",
-           failure="a dark or bright ring about the point of contact: lost shadow rays, or densities beyond bounds")
+           failure="a dark or bright ring around the point of contact: lost shadow rays, or unbounded densities")
 def touching(size: Size) -> CaseMeasured:
     """The ball's lowest point is on the floor."""
     return sphere_over_floor(size, OBLIQUE, 0.15, 0.15)

@@ -1,4 +1,4 @@
-"""Surfaces at the ends of their ranges, in white furnaces: light that goes in comes out, no more and hardly less."""
+"""Materials at the ends of their ranges, in white furnaces: no light is gained, and hardly any is lost."""
 
 import math
 from dataclasses import replace
@@ -39,7 +39,7 @@ def beyond(picture: Picture) -> tuple[str, ...]:
 
 
 @hard_case(name="material/albedo-0", bound=0.0, figure="largest I",
-           expectation="a black object sends nothing back, while its S is that of any convex one: the sky",
+           expectation="a black object reflects nothing, while its S is that of any convex object: the sky",
            failure="NaN where 0 is divided by 0: lobes are sampled in proportion to what they reflect")
 def albedo_zero(size: Size) -> CaseMeasured:
     """Both lobes are zero. A box, since flat faces see no other: on a smooth-shaded ball facets hide a little sky."""
@@ -62,7 +62,7 @@ def albedo_one(size: Size) -> CaseMeasured:
 
 @hard_case(name="material/closed-white-furnace", bound=0.01, figure=ENERGY,
            expectation="in a closed white room with a black lamp, paths of 64 edges find its radiance everywhere",
-           failure="darkness in proportion to depth: paths are cut, or roulette takes more than it gives back")
+           failure="darkness in proportion to depth: paths are cut, or roulette removes more than it restores")
 def closed_white_furnace(size: Size) -> CaseMeasured:
     """Walls of albedo 1 lose nothing, so in equilibrium all that arrives anywhere is what the lamp, which absorbs all,
     sends. A path misses the lamp 63 times with a probability of 1e-4."""
@@ -100,7 +100,7 @@ def metal(size: Size, roughness: float) -> CaseMeasured:
 
 
 @hard_case(name="material/roughness-0", bound=0.01, figure=ENERGY,
-           expectation="metal of roughness 0 sends back R, all but 1% of it",
+           expectation="metal of roughness 0 reflects R, to within 1%",
            failure="black or blazing metal: the lobe is narrower than float32 resolves")
 def roughness_zero(size: Size) -> CaseMeasured:
     """The limit of the microfacet lobe."""
@@ -108,7 +108,7 @@ def roughness_zero(size: Size) -> CaseMeasured:
 
 
 @hard_case(name="material/roughness-1e-4", bound=0.01, figure=ENERGY,
-           expectation="metal of roughness 1e-4 sends back R, all but 1% of it",
+           expectation="metal of roughness 1e-4 reflects R, to within 1%",
            failure="as for roughness 0, or a step between the two")
 def roughness_tiny(size: Size) -> CaseMeasured:
     """Alpha would be 1e-8."""
@@ -116,7 +116,7 @@ def roughness_tiny(size: Size) -> CaseMeasured:
 
 
 @hard_case(name="material/roughness-1", bound=0.01, figure=ENERGY,
-           expectation="metal of roughness 1 sends back R, all but 1% of it",
+           expectation="metal of roughness 1 reflects R, to within 1%",
            failure="R that is not what the surface does: a table that differs from the lobe")
 def roughness_one(size: Size) -> CaseMeasured:
     """The widest lobe."""
@@ -158,15 +158,15 @@ def layered(material: Material, size: Size) -> CaseMeasured:
 
 
 @hard_case(name="material/coat", bound=0.01, figure=ENERGY,
-           expectation="a white plastic under a clear coat sends back D + R, and no more than it gets",
-           failure="varnish that glows: the coat's light is added without being taken from below")
+           expectation="white plastic under a clear coat reflects D + R, and no more than it receives",
+           failure="varnish that glows: the coat's light is added and not subtracted from the base")
 def coated(size: Size) -> CaseMeasured:
     """Full weight, smooth coat over a glossy base."""
     return layered(Material(name="coat", base_color=WHITE, roughness=0.4, coat=1.0, coat_roughness=0.1), size)
 
 
 @hard_case(name="material/sheen", bound=0.01, figure=ENERGY,
-           expectation="white cloth with a white sheen sends back D + R, and no more than it gets",
+           expectation="white cloth with a white sheen reflects D + R, and no more than it receives",
            failure="rims that glow: fibres add light at grazing angles")
 def sheened(size: Size) -> CaseMeasured:
     """Full sheen, the roughest and the most glancing."""
@@ -174,7 +174,7 @@ def sheened(size: Size) -> CaseMeasured:
 
 
 @hard_case(name="material/everything", bound=0.05, figure=ENERGY,
-           expectation="half metal, half glass, coated and with sheen: finite, and no more than goes in",
+           expectation="half metal, half glass, coated and with sheen: finite, and no more than it receives",
            failure="NaN or energy out of nothing where lobes meet")
 def everything(size: Size) -> CaseMeasured:
     """All lobes at once, at the middle of their ranges; what comes out is at most 1 and most of it."""

@@ -1,4 +1,4 @@
-"""Meshes that subdivision, normals and repair stumble over: no light is needed."""
+"""Meshes that are hard to subdivide, shade or repair; nothing is rendered."""
 
 import math
 
@@ -76,7 +76,7 @@ def valence_two(size: Size) -> CaseMeasured:
 
 @hard_case(name="mesh/loop-valence-3", bound=1e-12, figure="deviation from the weights by hand",
            expectation="a regular tetrahedron, all valences 3, shrinks to what the weights say by hand",
-           failure="a body that collapses or bulges: the weight of valence 3 is a case of its own")
+           failure="a body that collapses or bulges: valence 3 has its own weight")
 def valence_three(size: Size) -> CaseMeasured:
     """One round: corner v goes to 7/16 v + 3/16 of the others' sum -v, a quarter; edge a b to (a + b) / 4."""
     corners = np.array([[1, 1, 1], [-1, -1, 1], [-1, 1, -1], [1, -1, -1]])
@@ -98,7 +98,7 @@ def valence_sixty(size: Size) -> CaseMeasured:
 
 @hard_case(name="mesh/rough-base-keeps-volume", bound=0.03, figure="change of volume, relative",
            expectation="the rough base of a double cone of sixty sides has the volume of the cone",
-           failure="rough twins that are thinner or thicker than their object, so that masks do not meet")
+           failure="rough meshes that are thinner or thicker than their object, so that masks do not match")
 def rough_base_keeps_volume(size: Size) -> CaseMeasured:
     """As rough meshes are made, without their noise."""
     clean = bipyramid(60)
@@ -140,7 +140,7 @@ def touching_tips(size: Size) -> CaseMeasured:
 
 
 @hard_case(name="mesh/normals-of-rubbish", bound=1e-6, figure="largest deviation of a normal's length from 1",
-           expectation="faces of no area, doubled, and folded back by half a turn have normals of length 1",
+           expectation="faces without area, doubled, and folded back by half a turn have normals of length 1",
            failure="NaN normals, which turn pixels black or the whole picture into NaN")
 def normals_of_rubbish(size: Size) -> CaseMeasured:
     """Points, lines, twins in both windings, and a face folded onto its neighbour."""
@@ -151,7 +151,8 @@ def normals_of_rubbish(size: Size) -> CaseMeasured:
 
 
 @hard_case(name="mesh/rough-twin-of-rubbish", bound=1e-9, figure="change of volume by repair, relative",
-           expectation="a ball with doubled, flat and stray faces is mended to the ball, and its rough base is finite",
+           expectation="a ball with doubled, flat and stray faces is repaired to the ball, and its rough base is "
+                       "finite",
            failure="a repair that opens holes, or NaN that reach the renderer")
 def rough_twin_of_rubbish(size: Size) -> CaseMeasured:
     """Vertices at the seam and at the poles stand twice or more."""

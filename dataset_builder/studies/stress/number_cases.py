@@ -45,7 +45,7 @@ def denormals(size: Size) -> CaseMeasured:
 
 
 @hard_case(name="number/half-range", bound=0.0, figure=LOST,
-           expectation="the largest half, and all about powers of two, come back from a file as rounded",
+           expectation="the largest half, and values around powers of two, come back from a file as rounded",
            failure="infinite or clipped highlights")
 def half_range(size: Size) -> CaseMeasured:
     """Up to 65504, each power's neighbours included."""
@@ -55,8 +55,9 @@ def half_range(size: Size) -> CaseMeasured:
 
 
 @hard_case(name="number/all-black-layer", bound=0.0, figure="values that are not 0",
-           expectation="where no light arrives, I and S are 0 in picture and file, and the energy gate says so",
-           failure="NaN from 0 / 0, or a black example that is shipped")
+           expectation="where no light arrives, I and S are 0 in picture and file, and the energy gate rejects the "
+                       "example",
+           failure="NaN from 0 / 0, or a black example in the dataset")
 def all_black_layer(size: Size) -> CaseMeasured:
     """A sun from below the floor."""
     picture = render(floor(instance=TARGET_INSTANCE), lit_by(light("sun", direction=(0, 0, 1))),
@@ -79,7 +80,7 @@ def checked(picture: Picture) -> list[str]:
 
 
 @hard_case(name="number/mask-of-one-pixel", bound=0.0, figure="pixels of the mask but one",
-           expectation="an object that covers part of one pixel has a mask of one pixel, and layers as they should be",
+           expectation="an object that covers part of one pixel has a mask of one pixel, and correct layers",
            failure="an object that is lost, or broken identities: means over a handful of samples")
 def mask_of_one_pixel(size: Size) -> CaseMeasured:
     """A chip in the middle of a pixel's footprint."""
@@ -95,7 +96,7 @@ def mask_of_one_pixel(size: Size) -> CaseMeasured:
 
 @hard_case(name="number/empty-mask", bound=0.0, figure="pixels of the mask",
            expectation="an object out of the frame has an empty mask, no NaN anywhere, and breaks the identity mask",
-           failure="depth or normals of 0 / 0, or an example without its object that is shipped")
+           failure="depth or normals of 0 / 0, or an example without its object in the dataset")
 def empty_mask(size: Size) -> CaseMeasured:
     """The object is behind the camera, the frame sees the floor and nothing else."""
     soup = merge([ball(matte(), centre=(0, -9, 3)), floor()])

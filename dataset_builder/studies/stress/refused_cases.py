@@ -1,4 +1,4 @@
-"""What cannot be rendered or stored: it is refused, with a reason that says what is wrong, never silently mended."""
+"""What cannot be rendered or stored is refused with a reason, and never silently corrected."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -96,7 +96,7 @@ def texture_negative(size: Size) -> CaseMeasured:
 
 @hard_case(name="refused/texture-1e8", bound=0.0, figure=TAKEN,
            expectation="a texel of 1e8 in any map is refused, with the material's name",
-           failure="a texel that half makes infinite, or a surface that sends back more than it gets")
+           failure="a texel that half makes infinite, or a surface that reflects more than it receives")
 def texture_huge(size: Size) -> CaseMeasured:
     """Beyond half's range."""
     return textured(1e8)
@@ -104,7 +104,7 @@ def texture_huge(size: Size) -> CaseMeasured:
 
 @hard_case(name="refused/material", bound=0.0, figure=TAKEN,
            expectation="factors outside their range are refused, with the material's name",
-           failure="a surface that sends back more than it gets, or NaN")
+           failure="a surface that reflects more than it receives, or NaN")
 def material(size: Size) -> CaseMeasured:
     """NaN, albedo above 1, negative roughness, less than no refraction."""
     plain = Material(name="painted", base_color=(1, 1, 1))
@@ -117,7 +117,7 @@ def material(size: Size) -> CaseMeasured:
 
 
 @hard_case(name="refused/beyond-half", bound=0.0, figure=TAKEN,
-           expectation="a value beyond 65504 is not stored as half: gate and encoder both say so",
+           expectation="a value beyond 65504 is not stored as half: gate and encoder both refuse it",
            failure="Inf in a file, or a highlight that was clipped")
 def beyond_half(size: Size) -> CaseMeasured:
     """The next float32 above, and a million."""
@@ -132,8 +132,9 @@ def beyond_half(size: Size) -> CaseMeasured:
 
 
 @hard_case(name="refused/layer-nan", bound=0.0, figure=TAKEN,
-           expectation="a layer with one NaN, Inf or negative value is not stored: identities tell it, and the encoder",
-           failure="rubbish in a shard that passes for an example")
+           expectation="a layer with one NaN, Inf or negative value is not stored: identities and the encoder refuse "
+                       "it",
+           failure="invalid pixels in a shard")
 def layer_nan(size: Size) -> CaseMeasured:
     """The last line of defence, whatever the renderer does."""
     attempts: dict[str, Callable[[], object]] = {}
@@ -150,7 +151,7 @@ def layer_nan(size: Size) -> CaseMeasured:
 
 
 @hard_case(name="refused/mesh", bound=0.0, figure=TAKEN,
-           expectation="meshes of NaN, of nothing but flat faces, and too fine for memory are refused",
+           expectation="meshes of NaN, of flat faces only, and too fine for memory are refused",
            failure="a crash deep inside, or hours of swapping")
 def mesh(size: Size) -> CaseMeasured:
     """And noise without a bound."""

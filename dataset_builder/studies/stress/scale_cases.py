@@ -61,7 +61,7 @@ def scaled_down(size: Size) -> CaseMeasured:
 
 @hard_case(name="geometry/scaled-1e3", bound=0.01, figure=SPECKLED,
            expectation="a scene a thousand times larger gives the same picture",
-           failure="pixels that see nothing or shade themselves: clipped rays, coordinates without digits")
+           failure="pixels that see nothing or shade themselves: clipped rays, lost precision of coordinates")
 def scaled_up(size: Size) -> CaseMeasured:
     """Kilometres."""
     return elsewhere(size, 1e3, (0, 0, 0))
@@ -77,7 +77,7 @@ def moved_far(size: Size) -> CaseMeasured:
 
 @hard_case(name="geometry/tiny-and-far", bound=0.01, figure=SPECKLED,
            expectation="a scene of a tenth, a kilometre from the origin, gives the same picture",
-           failure="as for the two of which it is made, each ten thousand times worse than the other allows for")
+           failure="as for a small scene and for a distant one, but ten thousand times worse")
 def tiny_and_far(size: Size) -> CaseMeasured:
     """Both at once."""
     return elsewhere(size, 0.1, (1e3, 1e3, -1e3))

@@ -26,15 +26,15 @@ def seeded(size: Size, seed: int) -> CaseMeasured:
 
 
 @hard_case(name="number/seed-0", bound=SIGMAS, figure="worst |z| of pixels and picture",
-           expectation="seed 0 is a seed like any other: right on average, repeatable, unlike its neighbour",
-           failure="a generator that stands still, so that all pixels err alike")
+           expectation="seed 0 is a valid seed: right on average, repeatable, unlike its neighbour",
+           failure="a generator that is stuck, so that all pixels have the same error")
 def seed_zero(size: Size) -> CaseMeasured:
     """Generators that multiply dislike it."""
     return seeded(size, 0)
 
 
 @hard_case(name="number/seed-2^64-1", bound=SIGMAS, figure="worst |z| of pixels and picture",
-           expectation="the largest seed is a seed like any other",
+           expectation="the largest seed is a valid seed",
            failure="an overflow, or the same picture as for another seed: only half of the bits are used")
 def seed_largest(size: Size) -> CaseMeasured:
     """All bits set; its neighbour is 0."""
@@ -74,7 +74,7 @@ def long_sum(size: Size) -> CaseMeasured:
 
 
 @hard_case(name="number/long-sum-of-unlike", bound=DRIFT, figure=AGAINST_DOUBLE,
-           expectation="so is the mean of samples between 0 and 2000, most of them small",
+           expectation="the same holds for samples between 0 and 2000, most of them small",
            failure="small samples that are lost beside a large sum")
 def long_sum_of_unlike(size: Size) -> CaseMeasured:
     """2000 x^9 over the pixel."""
@@ -82,7 +82,7 @@ def long_sum_of_unlike(size: Size) -> CaseMeasured:
 
 
 @hard_case(name="number/long-render", bound=DRIFT, figure="deviation of S from E cos / pi, relative",
-           expectation="a pixel in the sun has its value after a million samples, too (65 thousand in a small run)",
+           expectation="a pixel in the sun keeps its value after a million samples (65 thousand in a small run)",
            failure="drift of the sums in a pass")
 def long_render(size: Size) -> CaseMeasured:
     """All samples are equal, so the sum is known."""
