@@ -1,4 +1,4 @@
-"""What processes of this package know of the machine and of each other."""
+"""Cores of the machine, and processes that end with their parent."""
 
 import multiprocessing
 import os

@@ -1,6 +1,6 @@
 """Which of this package's own code turns a plan into bytes, and the digest of it.
 
-That is whatever `engine.unit` imports, directly or by way of others. Code is compared as its syntax tree, without
+That is everything that `engine.unit` imports, directly or indirectly. Code is compared as its syntax tree, without
 docstrings, comments, and annotations of functions and variables: none of them changes a byte. Annotations in a class
 count, since they declare the fields of dataclasses and what pydantic makes of a value.
 """

@@ -1,5 +1,5 @@
-"""What every example took, beside the dataset: wall-clock seconds are of one machine and one day, and would make two
-builds of the same dataset differ, so they stand in no shard.
+"""Seconds that every example took, kept beside the dataset: they depend on the machine and the day, and would make two
+builds of the same dataset differ, so no shard holds them.
 """
 
 import csv

@@ -1,4 +1,4 @@
-"""One unit of work, in whatever process: plan the examples of a view, render, gate, encode and stage them."""
+"""One unit of work, in any process: plan the examples of a view, render, gate, encode and stage them."""
 
 import importlib.metadata
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,5 +1,4 @@
-"""The one place that imports Open3D, late: it takes seconds, and needs a system library that its wheel does not
-carry."""
+"""The only module that imports Open3D, and late: it takes seconds and needs a system library that its wheel lacks."""
 
 import importlib
 from types import ModuleType

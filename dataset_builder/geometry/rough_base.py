@@ -1,4 +1,4 @@
-"""The rough base: a clean mesh, fine enough to carry noise and still of the same shape."""
+"""The rough base: a clean mesh, subdivided until it is fine enough for noise, with the same shape."""
 
 from dataclasses import dataclass, replace
 

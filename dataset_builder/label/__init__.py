@@ -1,1 +1,1 @@
-"""What every example says of itself, as frozen models: its plan and what was found while it was rendered; no code."""
+"""The label of an example as frozen models: its plan and the record of how it was rendered; no code."""

@@ -1,4 +1,4 @@
-"""Specs as flat lists of values: what stands at each key, and in what two of them differ."""
+"""Specs as flat lists of values by key, and the differences between two of them."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -1,9 +1,9 @@
-"""The release gate: is a dataset fit to be given away? Four parts, cheap ones first, each a list of checks.
+"""The release gate: is a dataset ready for release? Four parts, cheap ones first, each a list of checks.
 
 files        every file, hash, label and identity (`shards.verify`)
-consistency  layers that belong together (`shards.consistency`)
-loader       what training reads of it (`lightnet.gate_loader`)
-training     LighTNet from scratch against predictions that learn nothing (`lightnet.gate_training`)
+consistency  layers that agree with each other (`release.consistency`)
+loader       what training reads of it (`release.loader_checks`)
+training     LighTNet from scratch against untrained baselines (`release.training_checks`)
 """
 
 from collections.abc import Callable, Generator, Iterator

@@ -1,4 +1,4 @@
-"""What training reads of a dataset: every example of both splits, as tensors, once."""
+"""The data that training reads: every example of both splits, as tensors, once."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

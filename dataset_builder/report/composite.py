@@ -1,4 +1,4 @@
-"""A composed frame as files: linear for further work, tone-mapped for people, and what it was made of."""
+"""A composed frame as files: linear for further work, tone-mapped for viewing, and its parts."""
 
 from collections.abc import Mapping
 from pathlib import Path

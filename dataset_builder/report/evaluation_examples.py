@@ -1,4 +1,4 @@
-"""Best, median and worst examples of an evaluation, by the first method's PSNR, as every method has them."""
+"""Best, median and worst examples of an evaluation, by the first method's PSNR, with the pictures of every method."""
 
 from collections.abc import Sequence
 

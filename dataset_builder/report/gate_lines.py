@@ -1,4 +1,4 @@
-"""What the terminal shows of a release gate: parts as they begin and end, a line per check, a bar while training."""
+"""Terminal output of a release gate: parts as they begin and end, a line per check, a bar while training."""
 
 from collections.abc import Iterable, Iterator
 

@@ -1,4 +1,4 @@
-"""JSON Schemas of what people write, for editors that complete and underline YAML."""
+"""JSON Schemas of spec files, for editors that complete and underline YAML."""
 
 import json
 from pathlib import Path

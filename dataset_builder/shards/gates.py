@@ -1,4 +1,4 @@
-"""Gates that only an example under construction can pass: bounds of the spec, and evidence that is not shipped.
+"""Gates that are checked while an example is built: bounds of the spec, and evidence that is not stored.
 
 Each returns the violations it finds, with figures. Arrays are (H, W, C) float32.
 """

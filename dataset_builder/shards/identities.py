@@ -1,4 +1,4 @@
-"""What must hold inside every example, as functions of arrays: each returns the violations it finds, with figures.
+"""Identities of every example, as functions of arrays: each returns the violations that it finds, with figures.
 
 The same functions gate examples before they are written and verify them afterwards. Arrays are (H, W, C) float32 as
 they read after storage; all tolerances stand here and in `dataset.json`.

@@ -1,4 +1,4 @@
-"""What a dataset says about itself: `dataset.json`, and one index per shard; nothing in them says when it was built."""
+"""The manifest: `dataset.json`, and one index per shard; neither contains the time of the build."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Literal, TypeVar

@@ -1,4 +1,4 @@
-"""What verification asks of examples: names, decoding, digests, labels, identities, and agreement with one another."""
+"""Verification of examples: names, decoding, digests, labels, identities, and agreement with each other."""
 
 import json
 from collections import Counter

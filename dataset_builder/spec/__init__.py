@@ -1,1 +1,1 @@
-"""What people write, as frozen models with every rule checked; YAML is read in `load` alone."""
+"""Spec files as frozen models with every rule checked; only `load` reads YAML."""

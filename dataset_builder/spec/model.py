@@ -1,4 +1,4 @@
-"""What every model of a spec shares: frozen, no unknown keys, finite numbers, field names as written in YAML."""
+"""The base of every model of a spec: frozen, no unknown keys, finite numbers, field names as written in YAML."""
 
 from pydantic import BaseModel, ConfigDict
 from pydantic_core import PydanticCustomError

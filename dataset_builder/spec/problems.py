@@ -1,4 +1,4 @@
-"""What pydantic found wrong, said as one problem per broken rule: where, path, rule, value, nearest known key."""
+"""Pydantic's errors as one problem per broken rule: where, path, rule, value, nearest known key."""
 
 from collections.abc import Callable, Iterable, Sequence
 from difflib import get_close_matches

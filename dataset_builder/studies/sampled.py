@@ -1,4 +1,4 @@
-"""What studies work on: a few examples of a dataset, planned with other settings but the same content."""
+"""The examples of studies: a few of a dataset, planned with other settings but the same content."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What studies measured, on disk: rows of `lightnet.evaluate`, written whole and read back to the last digit."""
+"""Scores of studies on disk: rows of `lightnet.results.evaluate`, written whole and read back to the last digit."""
 
 import csv
 from collections.abc import Callable, Iterable

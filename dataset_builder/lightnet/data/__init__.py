@@ -1,1 +1,1 @@
-"""From shards to batches: what is read, cut, varied and exposed before a network sees it."""
+"""From shards to batches: reading, cropping, augmentation and exposure."""

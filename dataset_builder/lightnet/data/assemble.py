@@ -1,4 +1,4 @@
-"""Layers as they are on the disk to the tensors of a batch: cut, mirrored, exposed, nothing outside the object.
+"""From layers on disk to the tensors of a batch: cropped, mirrored, exposed, 0 outside the object.
 
 The pictures of a batch share one stretch of memory, which may be one that two processes share.
 """
@@ -31,7 +31,7 @@ class ExamplePart:
 
 
 Chosen = tuple[ExamplePart, Variation, Window]
-"""An example, how it is varied, and what is cut from it."""
+"""An example, its augmentation, and its crop."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""How an example is varied: another stretch of the picture, its mirror image, another strength or colour of the lamp.
+"""Augmentation of an example: another crop, its mirror image, another strength or colour of the target light.
 
 Light is additive, so that all that is seen under the target light, S', I_t and the harmonics, may be multiplied by one
 factor per channel, and I_t = D S + spec holds as before. Mirror images are pictures of a mirrored world.

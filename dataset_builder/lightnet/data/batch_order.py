@@ -1,4 +1,4 @@
-"""Which examples make up a batch: a pure function of the seed and the batch's number, whoever reads."""
+"""Which examples make up a batch: a pure function of the seed and the number of the batch."""
 
 from functools import lru_cache
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""The light that arrives at an object, as nine numbers per channel, in the frame of the camera that looks at it."""
+"""The light that arrives at an object, as nine numbers per channel, in the camera's frame."""
 
 from collections.abc import Mapping
 from typing import Any

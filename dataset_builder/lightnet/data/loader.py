@@ -1,9 +1,9 @@
 """Batches for training, read ahead by other processes, and whole frames for looking at results.
 
-What a batch holds depends on the seed and the step alone, whoever reads it. Workers are forked from a server process
-that has loaded PyTorch once and never had a thread: a fork of the training process would inherit its pools of threads,
-and a fresh interpreter takes seconds to start. They write pictures into memory that is shared from start to end, since
-fresh pages can cost as much as what is written to them.
+A batch depends on the seed and the step alone, and not on the process that reads it. Workers are forked from a server
+process that has loaded PyTorch once and never had a thread: a fork of the training process would inherit its pools of
+threads, and a fresh interpreter takes seconds to start. They write pictures into memory that is shared from start to
+end, since fresh pages can cost as much as what is written to them.
 """
 
 import multiprocessing

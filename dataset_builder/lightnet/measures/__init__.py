@@ -1,1 +1,1 @@
-"""Figures of pictures over the object, as losses and metrics share them."""
+"""Measures of pictures over the object, shared by losses and metrics."""

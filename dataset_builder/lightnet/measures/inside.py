@@ -1,4 +1,4 @@
-"""What losses and metrics share: they see the object alone, in float32 or better, and average over its pixels."""
+"""Shared by losses and metrics: both see only the object, in float32 or better, and average over its pixels."""
 
 import torch
 

@@ -1,1 +1,1 @@
-"""Networks with their losses and checkpoints: whatever turns a batch into a prediction."""
+"""Networks with their losses and checkpoints: everything that turns a batch into a prediction."""

@@ -1,6 +1,6 @@
-"""What the networks are made of: convolutions that see the object and nothing else, encoders, decoders.
+"""Parts of the networks: convolutions that see only the object, encoders, decoders.
 
-An object fills a part of the frame, and how large a part is chance. So features are 0 outside the object after every
+An object fills a part of the frame, larger or smaller by chance. So features are 0 outside the object after every
 layer, exactly as convolutions pad them, and normalisation takes its moments over the object. The result on an object
 then has nothing to do with how much empty frame there is around it, be it a crop, a whole picture or padding.
 """

@@ -1,4 +1,4 @@
-"""LighTNet (section 3 of the paper): finds D and R in I_s, mends S', and puts the light of S' on the object.
+"""LighTNet (section 3 of the paper): estimates D and R from I_s, corrects S', and lights the object with it.
 
 E, a U-Net, sees I_s and has a head for D and one for R. E_r encodes S', D and R to F_r; two decoders make S'_r and
 alpha of it. I_t = (D + R + alpha) (S' + S'_r), in exposed linear light. A variant of the paper's table 3 has only the

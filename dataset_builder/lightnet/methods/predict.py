@@ -1,4 +1,4 @@
-"""Using a method: any size of picture, no gradients, at the precision asked for."""
+"""Using a method: any size of picture, no gradients, at the requested precision."""
 
 from dataclasses import fields, replace
 

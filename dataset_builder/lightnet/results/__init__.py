@@ -1,1 +1,1 @@
-"""What trained methods make of held-out examples: scores, means, composites and pictures."""
+"""Results of trained methods on held-out examples: scores, means, composites and pictures."""

@@ -1,4 +1,4 @@
-"""What many rows say together: means, how far they can be trusted, and who is better than whom.
+"""Means over many rows, their standard errors, and which method is better than which.
 
 Examples of one object, or of one view, are not independent, so that the usual s / sqrt(n) promises too much. Standard
 errors here are clustered by object (Liang and Zeger 1986, with the factor G / (G - 1) for G clusters):
@@ -6,7 +6,7 @@ errors here are clustered by object (Liang and Zeger 1986, with the factor G / (
     se^2 = G / (G - 1) * sum over objects of (sum over its examples of (x - mean))^2 / n^2
 
 which is s^2 / n where every example has an object of its own. G is small in practice; intervals are therefore those of
-Student's t with G - 1 degrees of freedom. They speak of new objects in rooms as these, not of new kinds of rooms.
+Student's t with G - 1 degrees of freedom. They hold for new objects in such rooms, not for new kinds of rooms.
 """
 
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Examples as 8-bit pictures, mapped as networks and metrics see them, so that what looks alike measures alike."""
+"""Examples as 8-bit pictures, mapped as networks and metrics see them, so that looks agree with scores."""
 
 from collections.abc import Callable, Mapping
 

@@ -1,1 +1,1 @@
-"""What stands where: contents of a split, layout of a room, and the assets that a plan names."""
+"""Positions and contents: objects and scenes of a split, layout of a room, and the assets that a plan names."""

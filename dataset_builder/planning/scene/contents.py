@@ -1,4 +1,4 @@
-"""What a split holds: its objects and its scenes, every parameter drawn; no two splits share one."""
+"""Contents of a split: its objects and its scenes, with every parameter drawn; no two splits share one."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass

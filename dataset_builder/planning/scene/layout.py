@@ -1,4 +1,4 @@
-"""Where things stand: the target first, then furniture beside it, along walls and on the floor, without overlaps."""
+"""Layout of a room: the target first, then furniture beside it, along walls and on the floor, without overlaps."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,1 +1,1 @@
-"""What one view sees and what lights it: cameras, lights, daylight, colours."""
+"""One view: its camera, lights, daylight and their colours."""

@@ -1,4 +1,4 @@
-"""What the study of noise works on: one spec at several levels, built as any dataset is, so that only S' repeats."""
+"""Input of the study of noise: one spec at several levels, built as any dataset is, so that only S' repeats."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What a hard case is: an expectation, a figure that is measured, a bound that it may miss, and a verdict."""
+"""A hard case: an expectation, a measured figure, a bound for it, and a verdict."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass

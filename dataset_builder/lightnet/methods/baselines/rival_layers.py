@@ -1,4 +1,5 @@
-"""What the rivals share: normalisation that a single value does not break, and pictures as their networks see them."""
+"""Layers that the baselines share: normalisation that works for a single value, and pictures as their networks see
+them."""
 
 import torch
 from torch import nn
