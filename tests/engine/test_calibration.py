@@ -101,7 +101,7 @@ def test_the_first_reason_is_told_where_no_example_can_be_measured(tmp_path: Pat
         calibrate(loaded, job, {}, workers=1)
     rule, *reasons = caught.value.problems
     assert rule.path == "render.denoise" and [reason.path for reason in reasons] == ["source"]
-    assert reasons[0].where.startswith("train/") and "without windows" in reasons[0].rule
+    assert reasons[0].where.startswith("train/") and "no windows" in reasons[0].rule
 
 
 # What is measured

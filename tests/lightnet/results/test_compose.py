@@ -222,7 +222,7 @@ def test_all_that_is_wrong_with_a_frame_is_told_at_once(frame: ComposeInput) -> 
 def test_masks_that_show_nothing_are_told(frame: ComposeInput) -> None:
     with pytest.raises(UserError, match=r"expected a mask with a pixel >= 0.5, got at most 0.4"):
         compose(trained(), replace(frame, mask=frame.mask * np.float32(0.4)))
-    with pytest.raises(UserError, match="expected the rough mesh within the mask"):
+    with pytest.raises(UserError, match="expected the rough mesh inside the mask"):
         compose(trained(), replace(frame, s_prime=np.zeros_like(frame.s_prime)))
 
 

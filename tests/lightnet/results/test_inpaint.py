@@ -117,5 +117,5 @@ def test_a_rim_at_800_pixels_takes_a_moment() -> None:
 
 
 def test_nothing_known_is_told() -> None:
-    with pytest.raises(UserError, match="expected a pixel that is known"):
+    with pytest.raises(UserError, match="expected at least one known pixel"):
         fill(picture(), np.zeros((SIZE, SIZE), bool), disc(5))
