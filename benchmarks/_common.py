@@ -6,6 +6,7 @@ from time import perf_counter
 
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.planning.plan import plan_example
+from dataset_builder.rendering import plugins
 from dataset_builder.rendering.backend import activate
 from dataset_builder.spec.load import load_dataset
 
@@ -16,8 +17,6 @@ MINI = ROOT / "scene_specs" / "3df-lighting-mini.yaml"
 def start(threads: int = 0) -> None:
     """Switch the renderer on and say which; threads = 0 is all cores."""
     print(f"backend: {activate('auto', threads).summary}")
-    from dataset_builder.rendering import plugins
-
     plugins.register()
 
 

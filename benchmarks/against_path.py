@@ -13,9 +13,15 @@ from functools import partial
 from pathlib import Path
 
 import _common as common
+import mitsuba as mi
 import numpy as np
 
 from dataset_builder.label.example_plan import ExamplePlan
+from dataset_builder.rendering import passes
+from dataset_builder.rendering.examples import render_view
+from dataset_builder.rendering.scene.open_scene import body_of, open_scene, sensor_of
+from dataset_builder.rendering.scene.rough_mesh import rough_twin
+from dataset_builder.rendering.scene.triangle_soup import clean, merge, surroundings
 
 SPP, SIZE, EXAMPLES = 64, 256, (0, 3, 20)
 ASKED = ("render.max_depth=8", "render.rr_depth=5", f"image.width={SIZE}", f"image.height={SIZE}", f"render.spp={SPP}")
@@ -26,10 +32,6 @@ SPECS = common.MINI.parent
 
 def path_render(plan: ExamplePlan) -> Callable[[object], np.ndarray]:
     """Full-frame render of a staged scene with Mitsuba's C++ path integrator."""
-    import mitsuba as mi
-
-    from dataset_builder.rendering.scene.open_scene import sensor_of
-
     sensor = sensor_of(plan.camera, SIZE, SIZE)
     depth = plan.effects.of("target").max_depth
     path = mi.load_dict({"type": "path", "max_depth": depth, "rr_depth": plan.render.rr_depth})
@@ -38,10 +40,6 @@ def path_render(plan: ExamplePlan) -> Callable[[object], np.ndarray]:
 
 def one_pass(plan: ExamplePlan) -> tuple[float, float]:
     """Seconds of our pass and of `path`, the scene being there."""
-    from dataset_builder.rendering import passes
-    from dataset_builder.rendering.scene.open_scene import body_of, open_scene
-    from dataset_builder.rendering.scene.triangle_soup import clean, merge, surroundings
-
     body = body_of(merge([clean(plan.target, SPECS), surroundings(plan, SPECS)]),
                    features=frozenset(plan.effects.features))
     depth = plan.effects.of("target").max_depth
@@ -55,10 +53,6 @@ def one_pass(plan: ExamplePlan) -> tuple[float, float]:
 
 def three_renders(plan: ExamplePlan, root: Path) -> None:
     """Source light, target light, and the rough mesh under the target light, each on the full frame."""
-    from dataset_builder.rendering.scene.open_scene import body_of, open_scene
-    from dataset_builder.rendering.scene.rough_mesh import rough_twin
-    from dataset_builder.rendering.scene.triangle_soup import clean, merge, surroundings
-
     render, target, room = path_render(plan), clean(plan.target, root), surroundings(plan, root)
     opened = room.without(plan.source_light.open)
     rough = rough_twin(plan.target, plan.rough, root).soup
@@ -71,8 +65,6 @@ def three_renders(plan: ExamplePlan, root: Path) -> None:
 
 def whole_tuple(plan: ExamplePlan) -> None:
     """Every layer of one example."""
-    from dataset_builder.rendering.examples import render_view
-
     list(render_view([plan], SPECS))
 
 

@@ -11,9 +11,11 @@ from collections import Counter
 from time import perf_counter
 
 import _common as common
+import drjit as dr
 
 from dataset_builder.planning.plan import Planner
 from dataset_builder.rendering.backend import activate
+from dataset_builder.rendering.examples import render_view
 from dataset_builder.shards.example import Example, encode_members, preview
 from dataset_builder.shards.segment import segment
 from dataset_builder.spec.load import load_dataset
@@ -31,10 +33,6 @@ def encode(rendered) -> int:
 
 def measure(planner: Planner, indices: range) -> Counter[str]:
     """Sums over views: seconds by step and pass, kernel seconds, paths, passes, bytes."""
-    import drjit as dr
-
-    from dataset_builder.rendering.examples import render_view
-
     total: Counter[str] = Counter()
     for index in indices:
         begin = perf_counter()
@@ -55,8 +53,6 @@ def measure(planner: Planner, indices: range) -> Counter[str]:
 def main() -> int:
     """Print the figures; exit code 1 where the bound is broken."""
     print(f"backend: {activate('auto', 1).summary}, one thread")
-    import drjit as dr
-
     planner = Planner(load_dataset(common.MINI))
     dr.set_flag(dr.JitFlag.KernelHistory, True)
     measure(planner, range(1))

@@ -1,7 +1,11 @@
 """Scenes of Mitsuba's own plugins, traced by us and by its own integrators, for tests that compare the two."""
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 from scipy import stats
+
+from dataset_builder.rendering.transport.integrator import trace
 
 SIZE, BATCHES = 16, 8
 BLOCK = 8
@@ -10,8 +14,6 @@ NO_ROULETTE = 1000
 
 def sensor(origin=(0.0, -4.0, 1.2), target=(0.0, 0.0, 0.0), fov=40.0):
     """A camera with a square frame."""
-    import mitsuba as mi
-
     film = {"type": "hdrfilm", "width": SIZE, "height": SIZE, "rfilter": {"type": "box"}, "pixel_format": "rgb"}
     return mi.load_dict({"type": "perspective", "fov": fov, "film": film,
                          "to_world": mi.ScalarTransform4f().look_at(origin, target, [0, 0, 1])})
@@ -19,8 +21,6 @@ def sensor(origin=(0.0, -4.0, 1.2), target=(0.0, 0.0, 0.0), fov=40.0):
 
 def rectangle(centre, normal, half, **more):
     """A square of half side `half`; `more` are its bsdf or emitter."""
-    import mitsuba as mi
-
     up = [1, 0, 0] if abs(normal[2]) > 0.9 else [0, 0, 1]
     facing = mi.ScalarTransform4f().look_at(list(centre), [a + b for a, b in zip(centre, normal, strict=True)], up)
     return {"type": "rectangle", "to_world": facing @ mi.ScalarTransform4f().scale([half, half, 1]), **more}
@@ -38,11 +38,6 @@ def shining(*radiance):
 
 def traced(scene, view, spp, seed, *, features=(), fog=None, max_depth=8, rr_depth=5):
     """Our layers: name -> (BATCHES, SIZE, SIZE, 3) means of `spp` samples each."""
-    import drjit as dr
-    import mitsuba as mi
-
-    from dataset_builder.rendering.transport.integrator import trace
-
     lanes = BATCHES * SIZE * SIZE * spp
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(seed, lanes)
@@ -63,8 +58,6 @@ def _means(colour, spp):
 
 def rendered(scene, view, spp, integrator, **more):
     """Mitsuba's image: (BATCHES, SIZE, SIZE, 3) of `spp` samples each."""
-    import mitsuba as mi
-
     plugin = mi.load_dict({"type": integrator, **more})
     return np.array([np.array(mi.render(scene, integrator=plugin, sensor=view, spp=spp, seed=seed))
                      for seed in range(100, 100 + BATCHES)], dtype=np.float64)

@@ -14,7 +14,7 @@ ORDER = (
     ("lightnet",),
     ("build",), ("engine",), ("shards",),
     ("rendering",), ("rendering.sampling", "rendering.scene"), ("rendering.transport",), ("rendering.surface",),
-    ("rendering.backend", "rendering.buffers", "rendering.oidn"),
+    ("rendering.backend", "rendering.buffers", "rendering.oidn", "rendering.plugin_class"),
     ("planning",), ("planning.effects", "planning.view"), ("planning.scene",),
     ("planning.catalogue",),
     ("assets.procedural",), ("assets",), ("geometry",), ("label",), ("spec",),

@@ -15,6 +15,7 @@ from dataset_builder.layers import LAYERS
 from dataset_builder.planning.plan import Planner
 from dataset_builder.processes import cores
 from dataset_builder.rendering.backend import activate
+from dataset_builder.rendering.examples import render_view
 from dataset_builder.report.contact_sheet import cell_pixels
 from dataset_builder.spec.load import load_dataset
 from dataset_builder.tonemap import exposure
@@ -62,8 +63,6 @@ ROOMS = Picture(
 
 def render(picture: Picture) -> Iterator[Mapping[str, np.ndarray]]:
     """The layers of every example of a picture, in order."""
-    from dataset_builder.rendering.examples import render_view
-
     loaded = load_dataset(SPEC, picture.overrides)
     planner = Planner(loaded)
     for index in picture.examples:

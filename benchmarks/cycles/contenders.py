@@ -12,6 +12,7 @@ from cycles.scene_file import scene_of, write
 from cycles.units import indirect_bounces
 
 from dataset_builder.label.example_plan import ExamplePlan
+from dataset_builder.rendering.examples import render_view
 
 LAYERS = {"i_s": "source", "i_t": "target", "s_prime": "rough"}
 """Layers with Monte Carlo noise, and the render that each comes from."""
@@ -85,16 +86,12 @@ class Ours:
 
     def covered(self) -> np.ndarray:
         """(H, W) truth: pixels that the clean and the rough object cover whole."""
-        from dataset_builder.rendering.examples import render_view
-
         plan = self.plan(Setting(adaptive=False, denoise=False, knob=4), 0)
         found = next(render_view([plan], self._specs)).evidence
         return np.minimum(found["mask"], found["mask_rough"])[..., 0] > WHOLE
 
     def shots(self, setting: Setting, seed: int) -> tuple[Mapping[str, Shot], float]:
         """S' pays for finding its pixels, denoising is split evenly, D, R and the mask are common."""
-        from dataset_builder.rendering.examples import render_view
-
         found = next(render_view([self.plan(setting, seed)], self._specs))
         spent = dict(found.seconds)
         denoising = spent.pop("denoise") / len(LAYERS) if setting.denoise else 0.0

@@ -22,6 +22,7 @@ def add(verbs: Verbs) -> None:
 
 def _stress(options: argparse.Namespace) -> int:
     from dataset_builder.files import write_atomic
+    from dataset_builder.rendering import plugins
     from dataset_builder.rendering.backend import activate
     from dataset_builder.report.stress_lines import header, show
     from dataset_builder.studies.stress.case import SIZES, CaseResult, run_all, select
@@ -34,8 +35,6 @@ def _stress(options: argparse.Namespace) -> int:
         return 0
     console, start = wide_console(), perf_counter()
     backend = activate(options.backend)
-    from dataset_builder.rendering import plugins
-
     plugins.register()
     console.print(f"backend: {backend.summary}", highlight=False)
     console.print(header())

@@ -1,6 +1,7 @@
-"""Choose the Dr.Jit backend before Mitsuba is imported: CUDA where it runs, else LLVM with a library that works.
+"""Choose the Dr.Jit backend: CUDA where it runs, else LLVM with a library that works.
 
-Dr.Jit 1.5 loads the first libLLVM it finds and aborts the process on some old ones, so the choice is made here.
+Dr.Jit 1.5 loads the first libLLVM it finds as soon as it is imported, and aborts the process on some old ones. So
+`rendering/__init__.py` names a good one before anything here imports Dr.Jit.
 """
 
 import ctypes
@@ -38,7 +39,11 @@ class Backend:
 
 
 def llvm_version(path: str) -> int | None:
-    """Major version in a libLLVM's file name, `libLLVM-19.so` or `libLLVM.so.19.1`; None where it has none."""
+    """Major version in a libLLVM's file name; None where it has none.
+
+    >>> llvm_version("/usr/lib/libLLVM-19.so"), llvm_version("libLLVM.so.20.1"), llvm_version("libLLVM.so")
+    (19, 20, None)
+    """
     match = re.search(r"libLLVM(?:-|\.so\.)(\d+)", path)
     return int(match.group(1)) if match else None
 
@@ -87,12 +92,17 @@ def renderer_versions(wanted: str = "auto") -> dict[str, str]:
     return {**packages, "variant": backend.variant, "llvm": str(llvm_version(backend.llvm) or "")}
 
 
+def name_llvm() -> None:
+    """Set DRJIT_LIBLLVM_PATH to the best libLLVM there is, unless it is set; for Dr.Jit, which is not imported yet."""
+    if llvm := find_llvm():
+        os.environ["DRJIT_LIBLLVM_PATH"] = llvm
+
+
 @cache
 def activate(wanted: str = "auto", threads: int = 0) -> Backend:
     """Set the Mitsuba variant of this process; threads = 0 keeps Dr.Jit's choice (all cores). Call before rendering."""
     backend = choose(wanted)
-    if backend.llvm:
-        os.environ["DRJIT_LIBLLVM_PATH"] = backend.llvm
+    # The doctor asks this module, too, and works where there is no Dr.Jit
     import drjit as dr
     import mitsuba as mi
 

@@ -1,5 +1,7 @@
 """NumPy arrays -> Dr.Jit arrays in Dr.Jit's own memory."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import drjit as dr

@@ -4,6 +4,8 @@ Lights are sampled from the point and directions uniformly over the sphere, comb
 as fog does it where it scatters evenly (`integrator`): so lamps without a size count, which no direction would meet.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import drjit as dr

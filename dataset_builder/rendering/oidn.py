@@ -76,7 +76,7 @@ def _execute(images: dict[str, np.ndarray]) -> None:
 @cache
 def _device() -> Any:
     """The device of this process, with as many threads as Dr.Jit has: processes of a build share the cores."""
-    # Dr.Jit may be imported only once the backend is chosen, which `require` need not wait for
+    # The doctor asks `require`, too, and works where there is no Dr.Jit
     import drjit as dr
 
     require()

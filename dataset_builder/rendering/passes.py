@@ -1,5 +1,7 @@
 """The passes: each an integrand over a scene, and the layers its channels mean."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -3,13 +3,11 @@
 from collections.abc import Hashable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.layers import LAYERS
-
-if TYPE_CHECKING:
-    from dataset_builder.rendering.examples import Rendered
+from dataset_builder.rendering.examples import Rendered, render_view
 
 STEADY = 0.9
 """Share of the time that a repetition must save for another one to be worth it."""
@@ -21,14 +19,12 @@ DENOISE = "denoise"
 """What the denoiser's time is called in `Rendered.seconds`."""
 
 
-def render(plan: ExamplePlan, mesh_root: Path) -> "Rendered":
+def render(plan: ExamplePlan, mesh_root: Path) -> Rendered:
     """One example; `rendering.backend.activate` must have run in this process."""
-    from dataset_builder.rendering.examples import render_view
-
     return next(render_view([plan], mesh_root))
 
 
-def timed(plan: ExamplePlan, mesh_root: Path, repeats: int = REPEATS) -> "Rendered":
+def timed(plan: ExamplePlan, mesh_root: Path, repeats: int = REPEATS) -> Rendered:
     """One example with the least time of every pass out of up to `repeats` runs: until one saves next to nothing.
 
     What else the machine does, and kernels that were not compiled after all, only ever add.
@@ -62,7 +58,7 @@ def tiny(plan: ExamplePlan) -> ExamplePlan:
     return plan.model_copy(update={"render": plan.render.model_copy(update={"width": TINY, "height": TINY})})
 
 
-def seconds_of(layer: str, found: "Rendered") -> float:
+def seconds_of(layer: str, found: Rendered) -> float:
     """Seconds of the pass that makes a layer, and of its share of denoising where that was asked for."""
     denoised = found.plan.render.denoise
     share = found.seconds.get(DENOISE, 0.0) / len(denoised) if layer in denoised else 0.0

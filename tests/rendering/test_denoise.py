@@ -2,6 +2,7 @@
 
 import sys
 
+import drjit as dr
 import numpy as np
 import pytest
 
@@ -133,8 +134,6 @@ def test_what_has_no_noise_stays(size: tuple[int, int], value: float) -> None:
 @needs_oidn
 def test_the_same_image_gives_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
     """Again, and with another number of threads: builds with any number of workers are equal bytes."""
-    import drjit as dr
-
     _, noisy, guides = scene(96)
     runs = []
     for threads in (1, 2, 2, 4):

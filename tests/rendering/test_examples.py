@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,10 +12,9 @@ from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.layers import LAYERS
 from dataset_builder.planning.effects.decisions import plan_effects
 from dataset_builder.planning.plan import plan_example
+from dataset_builder.rendering import passes, view_scenes
+from dataset_builder.rendering.examples import Rendered, render_view
 from dataset_builder.spec.load import load_dataset
-
-if TYPE_CHECKING:
-    from dataset_builder.rendering.examples import Rendered
 
 Plan = Callable[..., ExamplePlan]
 
@@ -39,8 +38,6 @@ def plan(small_spec: Path) -> Plan:
 @pytest.fixture
 def traced(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[tuple[str, int, bool]]]:
     """(integrand, pixels, lit) of every pass that runs."""
-    from dataset_builder.rendering import passes, view_scenes
-
     ran: list[tuple[str, int, bool]] = []
     lights: list[Any] = []
     open_scene = view_scenes.open_scene
@@ -67,10 +64,8 @@ def _watched(name: str, run: Callable[..., Any], ran: list[tuple[str, int, bool]
     return watched
 
 
-def rendered(*plans: ExamplePlan) -> "Rendered":
+def rendered(*plans: ExamplePlan) -> Rendered:
     """The one example of a plan."""
-    from dataset_builder.rendering.examples import render_view
-
     example, = render_view(plans, Path())
     return example
 
@@ -137,8 +132,6 @@ def test_layers_have_their_channels_and_ranges(plan: Plan) -> None:
 
 def test_rounding_leaves_no_specular_part_below_zero(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
     """It is a difference of floats; a layer of radiance may not be negative at all."""
-    from dataset_builder.rendering import passes
-
     sampler = passes.radiance_sampler
     monkeypatch.setattr(passes, "radiance_sampler", lambda *args: lambda *rest: _rounded(sampler(*args)(*rest)))
     layers = rendered(plan(spec="object", i_t="object", mask="object")).layers

@@ -3,6 +3,8 @@
 import gc
 from pathlib import Path
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 import pytest
 from scipy import stats
@@ -10,7 +12,11 @@ from scipy import stats
 from dataset_builder.geometry.harmonics import COUNT, basis
 from dataset_builder.planning.plan import plan_example
 from dataset_builder.planning.scene.arrangement import TARGET_INSTANCE
+from dataset_builder.rendering.examples import render_view
+from dataset_builder.rendering.light_probe import lighting
+from dataset_builder.rendering.scene.open_scene import body_of, open_scene
 from dataset_builder.rendering.scene.triangle_soup import clean, merge, surroundings
+from dataset_builder.rendering.transport.fog import Fog
 from dataset_builder.spec.load import load_dataset
 from tests.small_scenes import ball, box, corner_of_a_room, light, lit_by, matte
 
@@ -30,10 +36,6 @@ def nothing():
 
 def found(soup, *lights, fog=None, **values):
     """(9, 3) coefficients and their standard errors."""
-    from dataset_builder.rendering.light_probe import lighting
-    from dataset_builder.rendering.scene.open_scene import body_of, open_scene
-    from dataset_builder.rendering.transport.fog import Fog
-
     medium = Fog(**fog) if fog else None
     with open_scene(body_of(soup), lit_by(*lights), medium) as opened:
         got = lighting(opened, **({"max_depth": MAX_DEPTH, "rr_depth": RR_DEPTH, "seed": 3} | values))
@@ -117,10 +119,6 @@ def test_agrees_with_mitsubas_path_along_even_directions(name):
 
 def _mitsubas(soup, lights, place, batches=24, count=1 << 15):
     """(batches, 9, 3) coefficients by nothing but uniform directions; an edge to a camera is not counted here."""
-    import mitsuba as mi
-
-    from dataset_builder.rendering.scene.open_scene import body_of, open_scene
-
     path = mi.load_dict({"type": "path", "max_depth": MAX_DEPTH - 1, "rr_depth": RR_DEPTH})
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(11, batches * count)
@@ -148,8 +146,6 @@ def test_repetition_gives_the_same_bits_and_another_seed_other_ones():
 
 def test_another_scene_needs_no_new_kernel():
     """Nor does it matter where NumPy puts what it is given: arrays that are held meanwhile move it about."""
-    import drjit as dr
-
     gc.collect()
     kernels, held = [], []
     for count in range(16):
@@ -170,8 +166,6 @@ def planned(small_spec, index=1, layers=(("i_t", "object"),)):
 
 
 def rendered(*plans):
-    from dataset_builder.rendering.examples import render_view
-
     return list(render_view(plans, Path()))
 
 

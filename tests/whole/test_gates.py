@@ -6,6 +6,7 @@ import pytest
 
 from dataset_builder.cli.main import main
 from dataset_builder.errors import UserError
+from dataset_builder.rendering import view_scenes
 from dataset_builder.shards.folder import WORK
 from dataset_builder.shards.reader import load_manifest, open_dataset
 from dataset_builder.shards.verify import verify
@@ -87,8 +88,6 @@ def test_half_that_cannot_hold_a_value_rejects_the_example(small_spec: Path, tmp
 
 def test_a_mesh_beyond_all_bounds_rejects_its_example_and_no_other(small_spec: Path, tmp_path: Path,
                                                                    monkeypatch: pytest.MonkeyPatch) -> None:
-    from dataset_builder.rendering import view_scenes
-
     def refuse(*_: object) -> None:
         raise UserError("edges of at most 1e-05 m need 9000000 faces")
 

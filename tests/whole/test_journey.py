@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from dataset_builder.cli.main import main
+from dataset_builder.rendering import passes
+from dataset_builder.rendering.backend import activate
 from dataset_builder.shards.folder import STAGING, WORK
 from dataset_builder.shards.reader import open_dataset
 from tests.small_specs import FILES, VIEW, outcomes_of, records, run_build, write_spec
@@ -121,11 +123,7 @@ def counted(name: str, run: Callable[..., Any], calls: Counter[str]) -> Callable
 
 
 def test_passes_are_not_repeated(small_spec: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from dataset_builder.rendering.backend import activate
-
     activate("llvm")
-    from dataset_builder.rendering import passes
-
     calls = Counter[str]()
     for name in ("first_hit", "radiance_sampler", "instances"):
         monkeypatch.setattr(passes, name, counted(name, getattr(passes, name), calls))

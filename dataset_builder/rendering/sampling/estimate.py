@@ -7,6 +7,8 @@ Sums run over contiguous samples in a fixed order, so that a repetition gives th
 more than one batch, so that none drifts.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -36,7 +38,7 @@ class Samplers:
     rest: mi.Sampler
 
 
-Integrand = Callable[[Samplers, mi.Vector2f], list[mi.Float]]
+Integrand = Callable[[Samplers, "mi.Vector2f"], "list[mi.Float]"]
 """Samplers and film position in [0, 1]^2 of every lane -> C channels."""
 
 

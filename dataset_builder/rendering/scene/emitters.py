@@ -8,6 +8,8 @@ A dome's image is latitude and longitude: its upper edge is the zenith, its midd
 of its width further left towards +Y; `turn` degrees carry it about +Z from +X to +Y.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

@@ -26,7 +26,11 @@ class LocalFrame:
 
     @classmethod
     def of(cls, corners: np.ndarray) -> "LocalFrame":
-        """The frame of an object's (..., 3) points: its middle, and the power of two next to its radius."""
+        """The frame of an object's (..., 3) points: its middle, and the power of two next to its radius.
+
+        >>> LocalFrame.of(np.array([[0, 0, 0], [0, 0, 6]]))
+        LocalFrame(origin=(0.0, 0.0, 3.0), unit=4.0)
+        """
         points = corners.reshape(-1, 3)
         low, high = points.min(axis=0), points.max(axis=0)
         radius = float(np.linalg.norm(high - low) / 2)

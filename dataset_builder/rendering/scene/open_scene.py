@@ -4,6 +4,8 @@ Dr.Jit compiles a call of a method for every object that is alive, so the kernel
 only if nothing of another scene is about: bodies are kept as bare arrays, and a scene lives as long as its pass.
 """
 
+from __future__ import annotations
+
 import gc
 from collections.abc import Iterator
 from contextlib import contextmanager

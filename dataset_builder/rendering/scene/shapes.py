@@ -1,5 +1,7 @@
 """Arrays -> Mitsuba meshes. The only file that knows Mitsuba's mesh parameter names."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import drjit as dr

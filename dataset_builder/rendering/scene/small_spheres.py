@@ -5,6 +5,8 @@ hundredth of its value where the ball is seen under a third of a degree, and all
 no such trouble; they are sampled by area, half of them in vain, so large balls stay spheres.
 """
 
+from __future__ import annotations
+
 from functools import cache
 from typing import Any
 

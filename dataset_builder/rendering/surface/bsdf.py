@@ -6,10 +6,13 @@ cache ever after (`docs/design.md`). What the surface is, is told in `docs/mater
 layer weighs, `lobes`, `glass` and `sheen` what it does, `material_table` where its numbers come from.
 """
 
+from __future__ import annotations
+
 import drjit as dr
 import mitsuba as mi
 
 from dataset_builder.rendering.buffers import owned
+from dataset_builder.rendering.plugin_class import plugin_class
 from dataset_builder.rendering.surface import lobes as scattering
 from dataset_builder.rendering.surface.first_hit import FirstHit, cosine_direction, white_lambert
 from dataset_builder.rendering.surface.layering import Reflectances, lobes_of
@@ -26,8 +29,8 @@ FEATURES = frozenset({"textures", "specular", "coat", "sheen", "glass", "thin", 
 """Everything a surface can be compiled with."""
 
 
-class Surface(mi.BSDF):
-    """Two-sided surfaces of one merged mesh; `bind` the arrays before use."""
+class Surface:
+    """Two-sided surfaces of one merged mesh; `bind` the arrays before use. `register` makes a BSDF of it."""
 
     def __init__(self, props: mi.Properties):
         mi.BSDF.__init__(self, props)
@@ -137,4 +140,4 @@ class Surface(mi.BSDF):
 
 def register() -> None:
     """Make the plugin known to Mitsuba under `PLUGIN`; once per variant."""
-    mi.register_bsdf(PLUGIN, lambda props: Surface(props))
+    mi.register_bsdf(PLUGIN, plugin_class(Surface, mi.BSDF))

@@ -4,6 +4,8 @@
 Mitsuba's own interface: D from `eval_diffuse_reflectance`, no specular reflectance, the geometric shading normal.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import drjit as dr

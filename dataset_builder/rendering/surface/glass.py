@@ -10,6 +10,8 @@ into the mirror image of the reflected lobe (KHR_materials_transmission).
 Directions here are in the frame of the shading normal on the viewer's side, so cos_i > 0.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import drjit as dr

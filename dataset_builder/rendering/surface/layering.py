@@ -5,6 +5,8 @@ what its own directional reflectance, seen from the viewer's side alone, leaves 
 Cycles, and of KHR_materials_clearcoat and _sheen. The diffuse lobe is thereby Lambertian in the other direction.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

@@ -5,6 +5,8 @@ does; a coat is one more such mirror above it, and glass takes the place of a sh
 compiled. `layering` finds D, R and what each lobe weighs.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import drjit as dr

@@ -1,5 +1,7 @@
 """Tables over (roughness, cosine), read on the device."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import drjit as dr

@@ -3,6 +3,8 @@
 Fields of effects that a kernel leaves out are None, so that nothing of them is looked up.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -28,7 +30,7 @@ class Textures:
     needs: frozenset[str] = frozenset()
 
     @classmethod
-    def upload(cls, materials: Sequence[Material], texture_size: int = 4096) -> "Textures":
+    def upload(cls, materials: Sequence[Material], texture_size: int = 4096) -> Textures:
         """Pack and copy; sides of textures are limited to `texture_size`. Raises PlanError as `texels.pack` does."""
         arrays = pack(materials, texture_size)
         return cls(factors=owned(mi.Float, arrays.factors), extents=owned(mi.UInt32, arrays.extents),

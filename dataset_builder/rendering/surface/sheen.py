@@ -6,6 +6,8 @@ V = 1 / (4 (cos_i + cos_o - cos_i cos_o)) (Neubelt and Pettineo, "Crafting a nex
 1886", 2013), as KHR_materials_sheen has it.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cache
 

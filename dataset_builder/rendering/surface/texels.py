@@ -84,7 +84,11 @@ def pack_texture(texture: Texture | None, texture_size: int = 4096) -> np.ndarra
 
 def averaged(values: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     """(H, W) or (H, W, C) values as means over the boxes of a smaller grid of `size` (height, width); a value that two
-    boxes share counts in each by its part. Keeps the mean of all values. float32."""
+    boxes share counts in each by its part. Keeps the mean of all values. float32.
+
+    >>> averaged(np.array([[0, 3, 6]]), (1, 2))
+    array([[1., 5.]], dtype=float32)
+    """
     rows = _averaged_rows(np.asarray(values, dtype=np.float32), size[0])
     return np.swapaxes(_averaged_rows(np.swapaxes(rows, 0, 1), size[1]), 0, 1)
 

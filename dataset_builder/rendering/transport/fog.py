@@ -5,6 +5,8 @@ Greenstein, "Diffuse radiation in the galaxy" (1941), sampled as in Pharr, Jakob
 rendering" (2023), section 11.3. Everything is a value on the device, so that all fogs share a kernel.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -10,12 +10,15 @@ an ordinary path tracer with multiple importance sampling; see `follow`.
 frame; `rendering.estimate` calls it on lists of pixels.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 
+from dataset_builder.rendering.plugin_class import plugin_class
 from dataset_builder.rendering.surface.first_hit import COSINE_SHARE, FirstHit, first_hit, mixture
 from dataset_builder.rendering.transport.fog import Fog
 from dataset_builder.rendering.transport.light_sampling import World, balance, carried, in_air, sample_light
@@ -120,7 +123,7 @@ def _air(world: World, fog: Fog, sampler: mi.Sampler, rest: mi.Sampler, ray: mi.
     return lost * (fog.albedo * (direct + later) - surface)
 
 
-class LightingIntegrator(mi.SamplingIntegrator):
+class LightingIntegrator:
     """Mitsuba plugin: the image, with raw lighting and specular part as AOVs. Parameters: max_depth, rr_depth, features
     (of `trace`, separated by spaces)."""
 
@@ -144,4 +147,4 @@ class LightingIntegrator(mi.SamplingIntegrator):
 
 def register() -> None:
     """Make the plugin known to Mitsuba under `PLUGIN`; once per variant."""
-    mi.register_integrator(PLUGIN, lambda props: LightingIntegrator(props))
+    mi.register_integrator(PLUGIN, plugin_class(LightingIntegrator, mi.SamplingIntegrator))

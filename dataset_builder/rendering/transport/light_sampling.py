@@ -1,5 +1,7 @@
 """What all legs of a light path share: the scene, its limits, and light samples that see through panes and fog."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import drjit as dr

@@ -5,6 +5,8 @@ Carlo methods for light transport simulation", 1997, sections 9.2 and 10.4). Ver
 the air; panes that a ray passes straight are no vertices, so that both ways to the light behind them stay comparable.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import drjit as dr

@@ -7,19 +7,16 @@ replicates, independent of each other, tell how much is left.
 
 from collections.abc import Iterator, Mapping
 from math import sqrt
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dataset_builder.planning.catalogue import ExampleRef
+from dataset_builder.rendering.examples import Rendered
 from dataset_builder.studies.accuracy.budget import REFERENCE_DEPTH
 from dataset_builder.studies.accuracy.rows import AccuracyRow
 from dataset_builder.studies.accuracy.workbench import Bench, kept
 from dataset_builder.studies.sampled import reseeded
 from dataset_builder.studies.timing import seconds_of, work_of
-
-if TYPE_CHECKING:
-    from dataset_builder.rendering.examples import Rendered
 
 DEPTH = "depth"
 
@@ -33,12 +30,12 @@ def measure(bench: Bench, ref: ExampleRef) -> Iterator[AccuracyRow]:
             yield _row(layer, depth, runs, truth)
 
 
-def _runs(bench: Bench, ref: ExampleRef, depth: int) -> list["Rendered"]:
+def _runs(bench: Bench, ref: ExampleRef, depth: int) -> list[Rendered]:
     plan = bench.plan(ref, bench.spp(bench.budget.depth_spp), f"render.max_depth={depth}")
     return [bench.timed(DEPTH, reseeded(plan, "replicate", k), repeats=1) for k in range(bench.budget.replicates)]
 
 
-def _row(layer: str, depth: int, runs: list["Rendered"], truth: list["Rendered"]) -> AccuracyRow:
+def _row(layer: str, depth: int, runs: list[Rendered], truth: list[Rendered]) -> AccuracyRow:
     found = [relative_difference(run.layers[layer], deep.layers[layer], kept(run, deep.layers, layer))
              for run, deep in zip(runs, truth, strict=True)]
     bias, error = mean_and_error(found)

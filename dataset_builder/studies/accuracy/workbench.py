@@ -3,21 +3,18 @@
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.planning.catalogue import ExampleRef
+from dataset_builder.rendering.examples import Rendered
 from dataset_builder.studies.accuracy.budget import REFERENCE_DEPTH, Budget
 from dataset_builder.studies.accuracy.rows import AccuracyRow
 from dataset_builder.studies.image_errors import flip, psnr, relative_mse, relative_variance
 from dataset_builder.studies.reference import References
 from dataset_builder.studies.sampled import StudySpec, layer_override, reseeded, spp_override
 from dataset_builder.studies.timing import Warm, reached_by, seconds_of, timed, work_of
-
-if TYPE_CHECKING:
-    from dataset_builder.rendering.examples import Rendered
 
 PLAIN = ("render.accuracy={}", "render.denoise={}", "storage.standard_errors=false")
 """Fixed spp, nothing denoised: what every setting starts from."""
@@ -44,7 +41,7 @@ class Bench:
         dataset = self.spec.dataset
         return spp_override(dataset, math.ceil(spp / dataset.render.batches) * dataset.render.batches)
 
-    def timed(self, setting: str, plan: ExamplePlan, repeats: int | None = None) -> "Rendered":
+    def timed(self, setting: str, plan: ExamplePlan, repeats: int | None = None) -> Rendered:
         """One example, timed with its kernels compiled before."""
         self.warm.up(setting, plan, self.spec.mesh_root)
         return timed(plan, self.spec.mesh_root, self.repeats if repeats is None else repeats)
@@ -56,14 +53,14 @@ class Bench:
                          "storage.standard_errors=true")
         return self.references.get(reseeded(plan, "reference"), self.spec.mesh_root).layers
 
-    def compared(self, question: str, setting: str, value: float, found: "Rendered",
+    def compared(self, question: str, setting: str, value: float, found: Rendered,
                  reference: Mapping[str, np.ndarray], layers: Iterable[str] | None = None) -> list[AccuracyRow]:
         """Rows of an example's layers against a reference with standard errors."""
         return [compare(question, setting, value, found, reference, layer)
                 for layer in (self.extents if layers is None else layers)]
 
 
-def compare(question: str, setting: str, value: float, found: "Rendered", reference: Mapping[str, np.ndarray],
+def compare(question: str, setting: str, value: float, found: Rendered, reference: Mapping[str, np.ndarray],
             layer: str) -> AccuracyRow:
     """One layer against a reference; without its standard error, the reference is taken to be free of noise."""
     image, truth, keep = found.layers[layer], reference[layer], kept(found, reference, layer)
@@ -76,7 +73,7 @@ def compare(question: str, setting: str, value: float, found: "Rendered", refere
                        reached=reached_by(layer, found.record), **work_of(layer, found.record))
 
 
-def kept(found: "Rendered", reference: Mapping[str, np.ndarray], layer: str) -> np.ndarray:
+def kept(found: Rendered, reference: Mapping[str, np.ndarray], layer: str) -> np.ndarray:
     """(H, W) pixels that count: the frame, or those that the object covers a share of in both pictures."""
     mask = found.layers["mask"][..., 0]
     if dict(found.plan.render.layers)[layer] == "frame":

@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,13 +12,11 @@ from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.layers import LAYERS
 from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.rendering.backend import activate
+from dataset_builder.rendering.examples import Rendered
 from dataset_builder.studies.effects.picture_differences import Difference, clear_difference, noisy_difference
 from dataset_builder.studies.image_errors import geometric_mean
 from dataset_builder.studies.sampled import StudySpec, reseeded
 from dataset_builder.studies.timing import Warm, timed
-
-if TYPE_CHECKING:
-    from dataset_builder.rendering.examples import Rendered
 
 COMMON = ("render.accuracy={}", "render.denoise={}", "storage.standard_errors=true")
 """Equal samples on both sides, and errors to judge by."""
@@ -85,7 +82,7 @@ def _judged(layer: str) -> bool:
     return not layer.endswith("_se") and layer != "instance"
 
 
-def _difference(layer: str, planned: "Rendered", everything: "Rendered", again: "Rendered",
+def _difference(layer: str, planned: Rendered, everything: Rendered, again: Rendered,
                 allowed: float) -> Difference:
     keep = np.ones(planned.layers[layer].shape[:2], dtype=bool)
     if dict(planned.plan.render.layers)[layer] == "object":

@@ -1,7 +1,4 @@
-"""Render a small scene as the product does, several times, and compare the pictures with laws and formulas.
-
-The renderer can be imported only once a variant of Mitsuba is set, so it is imported where it is called.
-"""
+"""Render a small scene as the product does, several times, and compare the pictures with laws and formulas."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -14,6 +11,9 @@ from dataset_builder.geometry.pinhole import Pinhole, unit
 from dataset_builder.label.example_plan import RenderPlan
 from dataset_builder.label.light_plan import IlluminationPlan
 from dataset_builder.label.scene_plan import CameraPlan
+from dataset_builder.rendering import passes
+from dataset_builder.rendering.scene.local_frame import LocalFrame
+from dataset_builder.rendering.scene.open_scene import body_of, open_scene
 from dataset_builder.rendering.scene.triangle_soup import Soup
 from dataset_builder.studies.stress.case import CaseMeasured, Size
 
@@ -77,10 +77,6 @@ class Picture:
 
 def render(soup: Soup, illumination: IlluminationPlan, shot: Shot, size: Size) -> Picture:
     """All layers of one shot."""
-    from dataset_builder.rendering import passes
-    from dataset_builder.rendering.scene.local_frame import LocalFrame
-    from dataset_builder.rendering.scene.open_scene import body_of, open_scene
-
     frame = LocalFrame.of(soup.corners[soup.instance == 1]) if shot.framed else LocalFrame()
     width, height = shot.size or (size.side, size.side)
     view = passes.ViewSensor(camera=frame.camera(shot.camera), render=_render_plan(width, height, shot.batches))

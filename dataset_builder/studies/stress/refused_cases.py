@@ -14,6 +14,7 @@ from dataset_builder.geometry.refine import split_long_edges
 from dataset_builder.geometry.repair import repair
 from dataset_builder.label.light_plan import IlluminationPlan
 from dataset_builder.planning.view.lights import source_light
+from dataset_builder.rendering.scene.emitters import emitters
 from dataset_builder.rendering.surface.texels import pack
 from dataset_builder.seeding import derive_seed, rng
 from dataset_builder.shards.exr import encode
@@ -46,8 +47,6 @@ def taken(attempts: Mapping[str, Callable[[], object]], *, says: str = "expected
            failure="an example of black layers, or a division by the lights' weights, which are 0")
 def no_light(size: Size) -> CaseMeasured:
     """No lights, lights of no radiance, lights that are never sampled."""
-    from dataset_builder.rendering.scene.emitters import emitters
-
     dark: dict[str, IlluminationPlan] = {
         "no lights": lit_by(), "no radiance": lit_by(light("point", 0.0)), "no weight": lit_by(light("dome", weight=0))}
     attempts: dict[str, Callable[[], object]] = {name: partial(emitters, plan) for name, plan in dark.items()}

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from dataset_builder.rendering.sampling.estimate import estimate
 from dataset_builder.studies.stress.bench import Shot, at, judged, off_by, on_floor, render, sigmas
 from dataset_builder.studies.stress.case import SIGMAS, CaseMeasured, Size, hard_case
 from dataset_builder.studies.stress.number_cases import DOWN, S_OF_FLOOR, SUN
@@ -50,8 +51,6 @@ AGAINST_DOUBLE = "deviation from the sum in double, relative"
 def long_mean(function: Callable[[Any], Any], size: Size) -> float:
     """Mean over one pixel of a function of the place across it, as passes average their channels, against the double
     sum of the same samples."""
-    from dataset_builder.rendering.sampling.estimate import estimate
-
     samples: list[np.ndarray] = []
 
     def integrand(samplers: Any, position: Any) -> list[Any]:

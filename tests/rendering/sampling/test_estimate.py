@@ -1,22 +1,21 @@
 """Means and standard errors: honest on integrands whose answer is known."""
 
+import drjit as dr
 import numpy as np
 from scipy import stats
+
+from dataset_builder.rendering.sampling.estimate import estimate, stratified
 
 SIZE = 24
 
 
 def run(integrand, spp=64, batches=4, seed=1, pixels=None, size=SIZE):
-    from dataset_builder.rendering.sampling.estimate import estimate
-
     pixels = np.arange(size * size) if pixels is None else pixels
     return estimate(integrand, pixels, width=size, height=size, spp=spp, batches=batches, seed=seed)
 
 
 def noisy(samplers, position):
     """Expectation 1/3 in every pixel, with variance that stratification cannot remove."""
-    import drjit as dr
-
     return [dr.square(samplers.rest.next_1d())]
 
 
@@ -56,8 +55,6 @@ def test_errors_do_not_count_what_stratification_removes():
 
 
 def test_spp_grows_to_a_grid_of_strata():
-    from dataset_builder.rendering.sampling.estimate import stratified
-
     assert stratified(64, 4) == (1, 4, 16)
     assert stratified(1, 4) == (1, 1, 1)
     repetitions, batches, each = stratified(20, 4)
@@ -65,9 +62,7 @@ def test_spp_grows_to_a_grid_of_strata():
 
 
 def test_chunks_of_a_large_list_differ_and_repeat(monkeypatch):
-    from dataset_builder.rendering.sampling import estimate
-
-    monkeypatch.setattr(estimate, "LANES", 64 * 100)
+    monkeypatch.setattr("dataset_builder.rendering.sampling.estimate.LANES", 64 * 100)
     first, second = run(noisy), run(noisy)
     assert np.array_equal(first.mean, second.mean)
     assert len(np.unique(first.mean)) > 0.95 * first.mean.size

@@ -8,6 +8,10 @@ import numpy as np
 import pytest
 
 from dataset_builder.planning.plan import Planner
+from dataset_builder.rendering import plugins
+from dataset_builder.rendering.passes import RADIANCE_CHANNELS, radiance_sampler
+from dataset_builder.rendering.sampling.adaptive import Goal, refine
+from dataset_builder.rendering.view_passes import ViewPasses
 from dataset_builder.spec.load import load_dataset
 
 SPEC = Path(__file__).parents[3] / "scene_specs" / "3df-lighting-mini.yaml"
@@ -19,10 +23,6 @@ REFERENCE_SPP = 2048
 @pytest.fixture(scope="module")
 def scenes() -> list[tuple[Any, slice, np.ndarray, Any]]:
     """(view passes, channels, pixels, reference) of S' in two and I_t in two scenes, on the object."""
-    from dataset_builder.rendering import plugins
-    from dataset_builder.rendering.passes import RADIANCE_CHANNELS
-    from dataset_builder.rendering.view_passes import ViewPasses
-
     plugins.register()
     loaded = load_dataset(SPEC, [f"image={{width: {SIZE}, height: {SIZE}}}"])
     planner = Planner(loaded)
@@ -39,16 +39,12 @@ def scenes() -> list[tuple[Any, slice, np.ndarray, Any]]:
 
 def sampler(shared: Any) -> Any:
     """The rough scene under the target light, lit."""
-    from dataset_builder.rendering.passes import radiance_sampler
-
     return radiance_sampler(shared.view, shared.scenes.rough(shared.plan), 12)
 
 
 @pytest.fixture
 def refined(scenes: Any) -> Iterator[Any]:
     """Rounds on one of the scenes, with a goal or without."""
-    from dataset_builder.rendering.sampling.adaptive import Goal, refine
-
     def run(number: int, error: float, seed: int, first: int = 16) -> Any:
         shared, channels, pixels, _ = scenes[number]
         goal = Goal(layer="l", channels=channels, inside=np.ones(len(pixels), bool), error=error, seconds=0, cap=4096)

@@ -3,6 +3,8 @@
 import gc
 from pathlib import Path
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 import OpenEXR
 import pytest
@@ -10,6 +12,8 @@ import pytest
 from dataset_builder.digest import sha256_file
 from dataset_builder.errors import PlanError
 from dataset_builder.planning.view.blackbody import LUMINANCE
+from dataset_builder.rendering.scene.emitters import emitters
+from dataset_builder.rendering.scene.images import environment, lamp_texture, mean_luminance, read_image
 from dataset_builder.spec.image_source import ENVIRONMENT_SUFFIXES, TEXTURE_SUFFIXES
 from tests.reference_scenes import deviates, diffuse, rectangle, sensor, traced
 from tests.small_scenes import light, lit_by
@@ -24,8 +28,6 @@ def written(folder: Path, pixels: np.ndarray, name: str = "image.exr") -> dict[s
         header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
         OpenEXR.File(header, {"RGB": pixels}).write(str(folder / name))
     else:
-        import mitsuba as mi
-
         mi.Bitmap(pixels).write(str(folder / name))
     return {"image": name, "image_sha256": sha256_file(folder / name)}
 
@@ -36,8 +38,6 @@ def sky_light(folder, pixels, turn=0.0, name="image.exr"):
 
 def radiance_from(emitters, direction):
     """What a ray along `direction` sees of lights and nothing else."""
-    import mitsuba as mi
-
     scene = mi.load_dict({"type": "scene", **emitters})
     ray = mi.Ray3f(mi.Point3f(0, 0, 0), mi.Vector3f(*direction))
     si = scene.ray_intersect(ray)
@@ -62,8 +62,6 @@ def mean_over_sphere(pixels: np.ndarray) -> float:
     (0.5, 0.5, 0, (1, 0, 0)), (0.25, 0.5, 0, (0, 1, 0)), (0.75, 0.5, 0, (0, -1, 0)), (0.5, 0.25, 0, (1, 0, 1)),
     (0.5, 0.75, 0, (1, 0, -1)), (0.5, 0.5, 90, (0, 1, 0)), (0.25, 0.5, 90, (-1, 0, 0)), (0.5, 0.25, -90, (0, -1, 1))])
 def test_an_environment_stands_upright_and_turns_from_x_to_y(tmp_path, column, row, turn, direction):
-    from dataset_builder.rendering.scene.emitters import emitters
-
     pixels = spot_of_sky(column, row)
     made, mean = emitters(lit_by(sky_light(tmp_path, pixels, turn)), tmp_path), mean_over_sphere(pixels)
     towards = np.array(direction) / np.linalg.norm(direction)
@@ -73,10 +71,6 @@ def test_an_environment_stands_upright_and_turns_from_x_to_y(tmp_path, column, r
 
 def test_an_environment_lights_the_side_that_it_is_bright_on(tmp_path):
     """Along -X a wall faces a bright patch at +X; turned by half it gets next to nothing."""
-    import mitsuba as mi
-
-    from dataset_builder.rendering.scene.emitters import emitters
-
     def lighting(turn):
         wall = rectangle((0, 0, 0), (1, 0, 0), 4, bsdf=diffuse(0.5))
         made = emitters(lit_by(sky_light(tmp_path, spot_of_sky(0.5, 0.5), turn)), tmp_path)
@@ -91,10 +85,6 @@ def test_an_environment_lights_the_side_that_it_is_bright_on(tmp_path):
 
 
 def test_an_even_image_is_a_plain_dome(tmp_path):
-    import mitsuba as mi
-
-    from dataset_builder.rendering.scene.emitters import emitters
-
     def shading(dome):
         ball = {"type": "sphere", "bsdf": diffuse(0.5)}
         scene = mi.load_dict({"type": "scene", "ball": ball, **emitters(lit_by(dome), tmp_path)})
@@ -109,10 +99,6 @@ def test_an_even_image_is_a_plain_dome(tmp_path):
 @pytest.mark.parametrize(("column", "row", "shape"), [(0.5, 0.1, (HEIGHT, WIDTH)), (0.2, 0.5, (20, 50))])
 def test_a_dome_sends_its_radiance_whatever_it_shows(tmp_path, column, row, shape, exposure):
     """The mean luminance over all directions, and the weight, are those of an even dome: even near a pole."""
-    import mitsuba as mi
-
-    from dataset_builder.rendering.scene.emitters import emitters
-
     pixels = exposure * spot_of_sky(column, row)[:shape[0], :shape[1]]
     made = emitters(lit_by(light("dome", (2.0, 2.0, 2.0), weight=5.0, **written(tmp_path, pixels))), tmp_path)
     up, around = np.meshgrid((np.arange(4000) + 0.5) / 2000 - 1, 2 * np.pi * (np.arange(256) + 0.5) / 256)
@@ -125,9 +111,6 @@ def test_a_dome_sends_its_radiance_whatever_it_shows(tmp_path, column, row, shap
 
 def dr_interaction(directions):
     """Interactions of rays along `directions` (3, N) that left the scene."""
-    import drjit as dr
-    import mitsuba as mi
-
     si = dr.zeros(mi.SurfaceInteraction3f, directions.shape[1])
     si.wi = -mi.Vector3f(directions.astype(np.float32))
     return si
@@ -135,10 +118,6 @@ def dr_interaction(directions):
 
 @pytest.mark.parametrize("size", [(16, 16), (40, 100)])
 def test_a_textured_lamp_is_as_bright_from_afar_as_a_plain_one(tmp_path, size):
-    import mitsuba as mi
-
-    from dataset_builder.rendering.scene.emitters import emitters
-
     def shading(**image):
         lamp = light("area", (30, 20, 10), position=(0.0, 0.0, 6.0), direction=(0.0, 0.0, -1.0), size=0.4, **image)
         floor = rectangle((0, 0, 0), (0, 0, 1), 4, bsdf=diffuse(0.5))
@@ -153,11 +132,6 @@ def test_a_textured_lamp_is_as_bright_from_afar_as_a_plain_one(tmp_path, size):
 
 
 def test_another_image_needs_no_new_kernel(tmp_path):
-    import drjit as dr
-    import mitsuba as mi
-
-    from dataset_builder.rendering.scene.emitters import emitters
-
     rng = np.random.default_rng(6)
 
     def render(seed, width):
@@ -180,8 +154,6 @@ def test_another_image_needs_no_new_kernel(tmp_path):
 def test_images_are_read_as_linear_light(tmp_path):
     from PIL import Image
 
-    from dataset_builder.rendering.scene.images import read_image
-
     Image.new("RGB", (4, 2), (0, 188, 255)).save(tmp_path / "a.png")
     found = read_image(tmp_path / "a.png", sha256_file(tmp_path / "a.png"), TEXTURE_SUFFIXES)
     assert found.shape == (2, 4, 3) and found[0, 0] == pytest.approx([0, 0.5029, 1], abs=1e-4)
@@ -192,8 +164,6 @@ def test_images_are_read_as_linear_light(tmp_path):
 
 
 def test_sizes_are_few_and_means_are_kept():
-    from dataset_builder.rendering.scene.images import environment, lamp_texture, mean_luminance
-
     rng = np.random.default_rng(8)
     assert {environment(rng.random((n // 2, n, 3))).shape for n in (10, 64, 65, 128)} == {(32, 64, 3), (64, 128, 3)}
     texture = lamp_texture(rng.random((30, 300, 3)) * [1, 2, 3])
@@ -208,8 +178,6 @@ def test_sizes_are_few_and_means_are_kept():
 
 @pytest.mark.parametrize(("value", "said"), [(np.nan, "got nan in 1 places"), (np.inf, "got inf"), (-1, "got -1")])
 def test_values_that_no_light_has_are_refused(tmp_path, value, said):
-    from dataset_builder.rendering.scene.emitters import emitters
-
     pixels = np.ones((4, 8, 3))
     pixels[1, 2, 0] = value
     with pytest.raises(PlanError, match=rf"image\.exr: expected finite values of at least 0, {said}"):
@@ -217,8 +185,6 @@ def test_values_that_no_light_has_are_refused(tmp_path, value, said):
 
 
 def test_files_that_are_not_as_planned_are_refused(tmp_path):
-    from dataset_builder.rendering.scene.emitters import emitters
-
     def refused(said, **more):
         fields = written(tmp_path, np.ones((4, 8, 3))) | more
         with pytest.raises(PlanError, match=said):
@@ -238,15 +204,11 @@ def test_files_that_are_not_as_planned_are_refused(tmp_path):
 
 @pytest.mark.parametrize("kind", ["dome", "area"])
 def test_black_images_are_refused(tmp_path, kind):
-    from dataset_builder.rendering.scene.emitters import emitters
-
     with pytest.raises(PlanError, match=r"night\.exr: expected an image with a value above 0, got a black one"):
         emitters(lit_by(light(kind, **written(tmp_path, np.zeros((4, 8, 3)), "night.exr"))), tmp_path)
 
 
 def test_no_light_and_too_many_are_refused():
-    from dataset_builder.rendering.scene.emitters import emitters
-
     with pytest.raises(PlanError, match="at least one with a radiance above 0"):
         emitters(lit_by(light("dome", (0, 0, 0))))
     with pytest.raises(PlanError, match="at most 1 of kind dome, got 2"):

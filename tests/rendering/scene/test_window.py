@@ -1,17 +1,16 @@
 """Projection against the camera that renders, and windows that hold what they must."""
 
+import mitsuba as mi
 import numpy as np
 
 from dataset_builder.geometry.pinhole import Pinhole
+from dataset_builder.rendering import passes
+from dataset_builder.rendering.scene.open_scene import body_of, open_scene, sensor_of
 from dataset_builder.rendering.scene.window import covered_window
 from tests.small_scenes import ball, camera, matte, render_plan
 
 
 def test_projection_is_mitsubas():
-    import mitsuba as mi
-
-    from dataset_builder.rendering.scene.open_scene import sensor_of
-
     plan, rng = camera((1.0, -3.0, 2.0), (0.2, 0.1, 0.3), 50.0), np.random.default_rng(2)
     film = rng.uniform(0, 1, (20, 2))
     ray, _ = sensor_of(plan, 64, 48).sample_ray(0, 0.5, mi.Point2f(film.T), mi.Point2f(0.5))
@@ -23,9 +22,6 @@ def test_projection_is_mitsubas():
 
 
 def test_window_holds_every_covered_pixel_and_little_else():
-    from dataset_builder.rendering import passes
-    from dataset_builder.rendering.scene.open_scene import body_of, open_scene
-
     size, soup = 40, ball(matte(), (0.3, 0.2, 0.1), 0.5)
     view = passes.ViewSensor(camera=camera(), render=render_plan(size))
     frame = np.arange(size * size)

@@ -1,18 +1,18 @@
 """A surface on the bench: made of materials, seen from a direction, asked and sampled."""
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
+from mitsuba.chi2 import ChiSquareTest, SphericalDomain
 
 from dataset_builder.assets.asset import Material
+from dataset_builder.rendering.surface.bsdf import PLUGIN, MaterialTable, Textures
 
 SAMPLES = 1 << 16
 
 
 def surface_of(*materials: Material, features=None):
     """A surface of its own, face i of material i, with `features` or everything."""
-    import mitsuba as mi
-
-    from dataset_builder.rendering.surface.bsdf import PLUGIN, MaterialTable, Textures
-
     surface = mi.load_dict({"type": PLUGIN})
     rows = mi.UInt32(np.arange(len(materials), dtype=np.uint32))
     surface.bind(MaterialTable(textures=Textures.upload(materials), face_material=rows), features)
@@ -22,9 +22,6 @@ def surface_of(*materials: Material, features=None):
 def interaction(cosine, width: int, uv=(0.5, 0.5)):
     """`width` points seen under `cosine`, or under one cosine each; negative ones from behind. Nothing in it is a
     literal, so that all of them share a kernel."""
-    import drjit as dr
-    import mitsuba as mi
-
     cosine = np.broadcast_to(np.asarray(cosine, dtype=np.float32), width)
     si = dr.zeros(mi.SurfaceInteraction3f, width)
     si.wi = mi.Vector3f(mi.Float(np.sqrt(1 - cosine**2)), 0, mi.Float(cosine))
@@ -36,8 +33,6 @@ def interaction(cosine, width: int, uv=(0.5, 0.5)):
 
 def uniform(seed: int, width: int):
     """A seeded sampler."""
-    import mitsuba as mi
-
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(seed, width)
     return sampler
@@ -45,8 +40,6 @@ def uniform(seed: int, width: int):
 
 def sampled(surface, si, seed: int = 3, width: int = SAMPLES):
     """(BSDFSample3f, (3, width) weights)."""
-    import mitsuba as mi
-
     sampler = uniform(seed, width)
     bs, weight = surface.sample(mi.BSDFContext(), si, sampler.next_1d(), sampler.next_2d(), mi.Bool(True))
     return bs, np.array(weight)
@@ -59,9 +52,6 @@ def mean_and_error(values: np.ndarray):
 
 def directions_follow(surface, cosine: float, test_count: int):
     """A finished chi-square test of `sample` against `pdf`; (passed, messages)."""
-    import mitsuba as mi
-    from mitsuba.chi2 import ChiSquareTest, SphericalDomain
-
     ctx = mi.BSDFContext()
 
     def sample(numbers):
@@ -82,8 +72,6 @@ def directions_follow(surface, cosine: float, test_count: int):
 
 def hemisphere(side: int, width: int = SAMPLES, seed: int = 11):
     """Uniform directions above (side 1) or below (-1), of density 1 / (2 pi), in strata."""
-    import mitsuba as mi
-
     count = int(np.sqrt(width))
     jitter = np.random.default_rng(seed).random((2, count, count))
     z, turn = (np.indices((count, count)) + jitter).reshape(2, -1) / count

@@ -1,10 +1,13 @@
 """The surface model: its sampling has the density it claims, and D and R are the integrals they are said to be."""
 
+import mitsuba as mi
 import numpy as np
 import pytest
 from scipy import stats
 
 from dataset_builder.assets.asset import Material, Texture
+from dataset_builder.rendering.surface.reflectance import COSINES as NODES
+from dataset_builder.rendering.surface.reflectance import split_sum_table
 from tests.rendering.surface.surface_bench import (
     SAMPLES,
     directions_follow,
@@ -37,8 +40,6 @@ COSINES = (0.999, 0.7, 0.3, 0.08)
 @pytest.mark.parametrize("name", [*MATERIALS, *MIRRORS])
 @pytest.mark.parametrize("cosine", COSINES)
 def test_sampling_weights_average_to_d_plus_r(name, cosine):
-    import mitsuba as mi
-
     surface, si = surface_of((MATERIALS | MIRRORS)[name]), interaction(cosine, SAMPLES)
     _, weights = sampled(surface, si)
     diffuse, specular, _ = surface.reflectance(si, mi.Bool(True))
@@ -57,8 +58,6 @@ def test_directions_follow_their_density(name, cosine):
 
 
 def test_lambert_lobe_is_exact_and_two_sided():
-    import mitsuba as mi
-
     surface, width = surface_of(MATERIALS["matte"]), 16
     above, below = interaction(0.5, width), interaction(-0.5, width)
     wo = mi.Vector3f(0, 0.6, 0.8)
@@ -70,8 +69,6 @@ def test_lambert_lobe_is_exact_and_two_sided():
 
 
 def test_texels_are_interpolated_and_repeat():
-    import mitsuba as mi
-
     texels = np.zeros((2, 4, 3), np.float32)
     texels[0, :, 0], texels[1, :, 1] = [0.25, 0.5, 0.75, 1.0], 1.0
     material = Material(name="t", base_color=(1, 1, 1), specular=0.0, texture=Texture(base_color=texels))
@@ -90,8 +87,6 @@ def test_texels_are_interpolated_and_repeat():
 
 
 def test_normal_map_tilts_the_lambert_lobe():
-    import mitsuba as mi
-
     tilt = np.zeros((1, 1, 3), np.float32)
     tilt[..., 0], tilt[..., 2] = 0.6, 0.8
     texture = Texture(base_color=np.ones((1, 1, 3), np.float32), normal=tilt)
@@ -101,9 +96,6 @@ def test_normal_map_tilts_the_lambert_lobe():
 
 
 def test_split_sum_of_a_smooth_mirror_is_schlick():
-    from dataset_builder.rendering.surface.reflectance import COSINES as NODES
-    from dataset_builder.rendering.surface.reflectance import split_sum_table
-
     mu = np.linspace(0, 1, NODES)[4:]
     a, b = split_sum_table()[0, 4:].T
     assert np.allclose(b, (1 - mu) ** 5, atol=5e-3)
@@ -112,8 +104,6 @@ def test_split_sum_of_a_smooth_mirror_is_schlick():
 
 
 def test_no_more_light_leaves_than_arrives():
-    import mitsuba as mi
-
     generator, count, copies = np.random.default_rng(4), 400, 64
     materials = [Material(name=str(i), base_color=tuple(generator.choice([0, 0.5, 1], 3)),
                           roughness=generator.choice([0, 0.05, 0.3, 1]), metallic=generator.choice([0, 0.5, 1]),
@@ -139,8 +129,6 @@ def test_no_more_light_leaves_than_arrives():
     (Material(name="s", base_color=(0.5, 0.7, 0.9), roughness=0.0, transmission=0.7, thin=True), {"specular", "thin"}),
 ))
 def test_features_that_a_material_does_not_use_change_nothing(material, features):
-    import mitsuba as mi
-
     si, ctx, active = interaction(0.6, 4096), mi.BSDFContext(), mi.Bool(True)
     full, lean = surface_of(material), surface_of(material, features=frozenset(features))
     for side in (1, -1):
@@ -161,8 +149,6 @@ def test_a_kernel_without_what_a_material_needs_is_refused():
 
 
 def test_mitsuba_sees_what_was_bound():
-    import mitsuba as mi
-
     flags = mi.BSDFFlags
     for features, expected in (({"specular"}, 0), ({"glass"}, flags.DeltaTransmission),
                                ({"thin"}, flags.Null | flags.DeltaReflection)):
@@ -174,8 +160,6 @@ def test_mitsuba_sees_what_was_bound():
 
 
 def test_the_coat_lies_flat_on_a_tilted_base():
-    import mitsuba as mi
-
     tilt = np.zeros((1, 1, 3), np.float32)
     tilt[..., 0], tilt[..., 2] = 0.6, 0.8
     texture = Texture(base_color=np.ones((1, 1, 3), np.float32), normal=tilt)
@@ -187,8 +171,6 @@ def test_the_coat_lies_flat_on_a_tilted_base():
 
 
 def test_a_perfect_mirror_reflects_what_it_is_coloured():
-    import mitsuba as mi
-
     si = interaction(0.7, SAMPLES)
     bs, weights = sampled(surface_of(MIRRORS["mirror"]), si)
     schlick = np.array([0.95, 0.9, 0.8]) + (1 - np.array([0.95, 0.9, 0.8])) * 0.3**5

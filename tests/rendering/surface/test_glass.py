@@ -1,9 +1,11 @@
 """Glass obeys Snell, Fresnel, reciprocity and the conservation of energy, and its sampling its density."""
 
+import mitsuba as mi
 import numpy as np
 import pytest
 
 from dataset_builder.assets.asset import Material
+from dataset_builder.rendering.surface.first_hit import transparency
 from tests.rendering.surface.surface_bench import (
     SAMPLES,
     directions_follow,
@@ -53,8 +55,6 @@ def test_directions_follow_their_density(name, cosine):
 @pytest.mark.parametrize("name", ROUGH)
 @pytest.mark.parametrize("cosine", (0.8, 0.2, -0.4))
 def test_weight_is_value_over_density(name, cosine):
-    import mitsuba as mi
-
     surface, si = surface_of(ROUGH[name]), interaction(cosine, SAMPLES)
     bs, weight = sampled(surface, si)
     value, density = surface.eval_pdf(mi.BSDFContext(), si, bs.wo, mi.Bool(True))
@@ -67,8 +67,6 @@ def test_weight_is_value_over_density(name, cosine):
 @pytest.mark.parametrize("cosine", (0.8, 0.1, -0.9, -0.4))
 @pytest.mark.parametrize("side", (1, -1))
 def test_rough_glass_is_that_of_mitsuba(cosine, side):
-    import mitsuba as mi
-
     material = Material(name="white", base_color=(1, 1, 1), roughness=0.5, transmission=1.0)
     theirs = mi.load_dict({"type": "roughdielectric", "distribution": "ggx", "alpha": 0.25, "int_ior": 1.5,
                            "ext_ior": 1.0})
@@ -81,8 +79,6 @@ def test_rough_glass_is_that_of_mitsuba(cosine, side):
 @pytest.mark.parametrize("name", ROUGH)
 @pytest.mark.parametrize("cosine", (0.4, -0.9, -0.3))
 def test_weights_average_to_the_integral_of_the_values(name, cosine):
-    import mitsuba as mi
-
     surface, si = surface_of(ROUGH[name]), interaction(cosine, SAMPLES)
     mean, error = mean_and_error(sampled(surface, si)[1])
     integral, noise = 0, 0
@@ -96,8 +92,6 @@ def test_weights_average_to_the_integral_of_the_values(name, cosine):
 @pytest.mark.parametrize("name", ROUGH)
 @pytest.mark.parametrize("cosine", (0.95, 0.5, 0.15))
 def test_d_and_r_are_the_light_sent_back(name, cosine):
-    import mitsuba as mi
-
     surface, si = surface_of(ROUGH[name]), interaction(cosine, SAMPLES)
     value = surface.eval(mi.BSDFContext(), si, hemisphere(1), mi.Bool(True))
     integral, error = mean_and_error(2 * np.pi * np.array(value))
@@ -107,8 +101,6 @@ def test_d_and_r_are_the_light_sent_back(name, cosine):
 
 @pytest.mark.parametrize("cosine", (1.0, 0.5, 0.1, -0.9, -0.5))
 def test_smooth_glass_reflects_and_refracts_by_fresnel_and_snell(cosine):
-    import mitsuba as mi
-
     surface, si = surface_of(CLEAR), interaction(cosine, SAMPLES)
     bs, weight = sampled(surface, si)
     index = 1.5 if cosine > 0 else 1 / 1.5
@@ -133,8 +125,6 @@ def test_smooth_glass_reflects_and_refracts_by_fresnel_and_snell(cosine):
 
 
 def test_rough_glass_is_reciprocal_up_to_the_squared_index():
-    import mitsuba as mi
-
     surface, count, generator = surface_of(FROSTED), 4096, np.random.default_rng(5)
     above, below = generator.uniform(0.1, 1, count), generator.uniform(0.1, 1, count)
     turn = generator.uniform(0, 2 * np.pi, count)
@@ -153,10 +143,6 @@ def test_rough_glass_is_reciprocal_up_to_the_squared_index():
 
 @pytest.mark.parametrize("cosine", (1.0, 0.6, -0.2))
 def test_smooth_pane_reflects_from_both_faces_and_passes_the_rest_straight_on(cosine):
-    import mitsuba as mi
-
-    from dataset_builder.rendering.surface.first_hit import transparency
-
     surface, si = surface_of(PANE), interaction(cosine, SAMPLES)
     face = fresnel(abs(cosine), 1.5)
     passed = np.array(transparency(mi.BSDFPtr(surface), si, mi.Bool(True)))
@@ -175,8 +161,6 @@ def test_smooth_pane_reflects_from_both_faces_and_passes_the_rest_straight_on(co
 
 @pytest.mark.parametrize("material", (CLEAR, FROSTED, SHOWER))
 def test_only_smooth_panes_are_transparent(material):
-    import mitsuba as mi
-
     passed = surface_of(material).eval_null_transmission(interaction(0.7, 4), mi.Bool(True))
     assert np.all(np.array(passed) == 0)
 

@@ -1,5 +1,7 @@
 """Glass as a renderer meets it: closed bodies, extreme materials, and the first hit of a camera ray."""
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 import pytest
 
@@ -9,8 +11,6 @@ from tests.rendering.surface.surface_bench import SAMPLES, interaction, mean_and
 
 @pytest.mark.parametrize("roughness, lost", ((0.0, 1e-3), (0.2, 0.02), (1.0, 0.6)))
 def test_a_closed_sphere_of_white_glass_keeps_the_light_of_a_white_furnace(roughness, lost):
-    import mitsuba as mi
-
     material = Material(name="ball", base_color=(1, 1, 1), roughness=roughness, transmission=1.0)
     scene = mi.load_dict({
         "type": "scene", "light": {"type": "constant"}, "ball": {"type": "sphere", "bsdf": surface_of(material)},
@@ -26,8 +26,6 @@ def test_a_closed_sphere_of_white_glass_keeps_the_light_of_a_white_furnace(rough
 @pytest.mark.parametrize("roughness", (0.0, 0.01, 0.0316, 0.0317, 1.0))
 @pytest.mark.parametrize("thin", (False, True))
 def test_extremes_stay_finite(roughness, thin):
-    import mitsuba as mi
-
     materials = [Material(name=f"{m}", base_color=(0, 0.5, 1), roughness=roughness, transmission=t, metallic=m, ior=ior,
                           thin=thin, abbe=abbe, coat=1.0, coat_roughness=roughness, sheen=(1, 1, 1),
                           sheen_roughness=roughness)
@@ -47,9 +45,6 @@ def test_extremes_stay_finite(roughness, thin):
 
 
 def test_the_first_hit_tells_discrete_choices_from_the_others():
-    import drjit as dr
-    import mitsuba as mi
-
     half = Material(name="half", base_color=(0.8, 0.8, 0.8), roughness=0.0, transmission=0.5, thin=True)
     surface, si = surface_of(half), interaction(0.6, SAMPLES)
     mean, error = mean_and_error(sampled(surface, si)[1])

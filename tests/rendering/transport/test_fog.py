@@ -1,9 +1,13 @@
 """Fog: its distances and directions by hand, light through it against Beer and Lambert and Mitsuba's `volpath`."""
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 import pytest
 from scipy import stats
 
+from dataset_builder.rendering.transport.fog import Fog, Way
+from dataset_builder.rendering.transport.integrator import trace
 from tests.reference_scenes import (
     BATCHES,
     NO_ROULETTE,
@@ -21,14 +25,10 @@ LOW, HIGH = (-2.0, -2.5, -1.5), (2.0, 2.5, 2.5)
 
 
 def fog_of(extinction=0.4, albedo=0.8, anisotropy=0.0, low=LOW, high=HIGH):
-    from dataset_builder.rendering.transport.fog import Fog
-
     return Fog(extinction, albedo, anisotropy, low, high)
 
 
 def column(*values):
-    import mitsuba as mi
-
     return mi.Float(np.ravel(values).astype(np.float32))
 
 
@@ -41,8 +41,6 @@ def lamp(kind="area"):
 
 
 def scene_of(**entries):
-    import mitsuba as mi
-
     floor = rectangle((0, 0, -1), (0, 0, 1), 1.9, bsdf=diffuse([0.6, 0.5, 0.4]))
     ball = {"type": "sphere", "radius": 0.7, "bsdf": diffuse([0.7, 0.3, 0.2])}
     return mi.load_dict({"type": "scene", "floor": floor, "ball": ball, **entries})
@@ -50,8 +48,6 @@ def scene_of(**entries):
 
 def mitsubas(extinction, albedo, anisotropy):
     """The same fog as a medium of Mitsuba's, in a cube without a surface."""
-    import mitsuba as mi
-
     half, middle = (np.subtract(HIGH, LOW) / 2).tolist(), (np.add(HIGH, LOW) / 2).tolist()
     return {"fog": {"type": "cube", "bsdf": {"type": "null"},
                     "to_world": mi.ScalarTransform4f().translate(middle).scale(half),
@@ -68,8 +64,6 @@ def mitsubas(extinction, albedo, anisotropy):
     ((1.9, 0, 0), (0, 0, 1), np.inf, 0, 2.5), ((0, 0, 8.5), (0, 0.6, -0.8), np.inf, 7.5, 0),
     ((0, -4.5, 0), (0, 0.8, 0.6), np.inf, 2.5, 5 / 3)])
 def test_what_of_a_ray_lies_in_the_box(origin, direction, end, near, length):
-    import mitsuba as mi
-
     way = fog_of().way(mi.Point3f(*origin), mi.Vector3f(*direction), mi.Float(end))
     assert way.length[0] == pytest.approx(length, abs=1e-5)
     assert length == 0 or way.near[0] == pytest.approx(near, abs=1e-5)
@@ -77,8 +71,6 @@ def test_what_of_a_ray_lies_in_the_box(origin, direction, end, near, length):
 
 @pytest.mark.parametrize("extinction", [1e-6, 1e-3, 0.3, 20.0])
 def test_collisions_are_as_far_as_beer_and_lambert_say(extinction):
-    from dataset_builder.rendering.transport.fog import Way
-
     fog, sample = fog_of(extinction), (np.arange(1000) + 0.5) / 1000
     way = Way(near=column(0.25), length=column(2.0))
     distance, collided = (np.array(part) for part in fog.flight(way, column(sample)))
@@ -93,8 +85,6 @@ def test_collisions_are_as_far_as_beer_and_lambert_say(extinction):
 
 @pytest.mark.parametrize("g", [-0.9, -0.3, 0.0, 1e-4, 5e-3, 0.5, 0.95])
 def test_scattering_follows_henyey_and_greenstein(g):
-    import mitsuba as mi
-
     fog, rng = fog_of(anisotropy=g), np.random.default_rng(7)
     nodes, weights = np.polynomial.legendre.leggauss(200)
     share = 2 * np.pi * weights * np.array(fog.phase(column(nodes)))
@@ -143,8 +133,6 @@ def test_agrees_with_mitsubas_volpath(kind, anisotropy, depth):
 @pytest.mark.parametrize("g", [0.0, 0.7])
 def test_white_furnace(g):
     """Under a sky of radiance 1, fog that only scatters about a white ball is as bright as the sky."""
-    import mitsuba as mi
-
     ball = {"type": "sphere", "radius": 0.9, "bsdf": diffuse(1.0)}
     sky = {"type": "constant", "radiance": {"type": "rgb", "value": 1.0}}
     found = traced(mi.load_dict({"type": "scene", "ball": ball, "sky": sky}), sensor(), 64, 3, fog=fog_of(0.5, 1.0, g),
@@ -156,8 +144,6 @@ def test_white_furnace(g):
 @pytest.mark.parametrize("extinction", [0.1, 1.5])
 def test_a_closed_room_takes_what_its_lamp_sends(extinction):
     """However thick the fog, as long as it takes nothing: the walls of a closed room absorb the power of the lamp."""
-    import mitsuba as mi
-
     albedo, radiance, half = 0.6, 5.0, 1.0
     power = np.pi * radiance * 4 * np.pi * 0.2**2
     walls = {f"wall{axis}{side}": rectangle(tuple(np.eye(3)[axis] * side * half), tuple(-np.eye(3)[axis] * side), half,
@@ -173,11 +159,6 @@ def test_a_closed_room_takes_what_its_lamp_sends(extinction):
 
 def _lighting_of_walls(scene, half, points, fog):
     """(BATCHES,) means of S over the walls of a cube about the origin."""
-    import drjit as dr
-    import mitsuba as mi
-
-    from dataset_builder.rendering.transport.integrator import trace
-
     rng, count = np.random.default_rng(3), BATCHES * 6 * points
     axis, side = np.tile(np.arange(3), count // 3), np.repeat([1.0, -1.0], count // 2)
     at = rng.uniform(-half, half, (count, 3))
@@ -220,8 +201,6 @@ def test_fog_about_glass_and_panes_agrees_with_mitsubas_volpath():
 
 def test_another_fog_needs_no_new_kernel():
     import gc
-
-    import drjit as dr
 
     def look(*fog):
         gc.collect()

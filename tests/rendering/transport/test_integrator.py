@@ -4,12 +4,18 @@ import gc
 from contextlib import contextmanager
 from functools import cache
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 import pytest
 from scipy import stats
 
 from dataset_builder.assets.asset import Material, Texture
+from dataset_builder.rendering import passes
+from dataset_builder.rendering.passes import FIRST_HIT_CHANNELS, RADIANCE_CHANNELS, ViewSensor
+from dataset_builder.rendering.scene.open_scene import body_of, open_scene
 from dataset_builder.rendering.scene.triangle_soup import merge
+from dataset_builder.rendering.transport.integrator import PLUGIN
 from tests.small_scenes import ball, box, camera, corner_of_a_room, light, lit_by, matte, render_plan
 
 MATERIALS = {
@@ -33,28 +39,20 @@ FRAME = np.arange(SIZE * SIZE)
 @contextmanager
 def lit_stage(soup, *lights):
     """A traceable scene of a soup under some lights."""
-    from dataset_builder.rendering.scene.open_scene import body_of, open_scene
-
     with open_scene(body_of(soup), lit_by(*lights)) as opened:
         yield opened
 
 
 def view_of(size=SIZE):
-    from dataset_builder.rendering.passes import ViewSensor
-
     return ViewSensor(camera=camera(), render=render_plan(size))
 
 
 def radiance(opened, spp, seed=5, pixels=None):
-    from dataset_builder.rendering import passes
-
     where = FRAME if pixels is None else pixels
     return passes.radiance(view_of(), opened, where, max_depth=MAX_DEPTH, spp=spp, seed=seed)
 
 
 def channels(found, name):
-    from dataset_builder.rendering.passes import RADIANCE_CHANNELS
-
     return found.mean[:, RADIANCE_CHANNELS[name]], found.error[:, RADIANCE_CHANNELS[name]]
 
 
@@ -85,9 +83,6 @@ def test_diffuse_scene_is_d_times_s_to_rounding(name):
 
 @pytest.mark.parametrize("surface", MATERIALS)
 def test_specular_part_is_what_diffuse_leaves(surface):
-    from dataset_builder.rendering import passes
-    from dataset_builder.rendering.passes import FIRST_HIT_CHANNELS
-
     with lit_stage(corner_of_a_room(ball(MATERIALS[surface])), *LIGHTS["sphere"]) as opened:
         found = radiance(opened, 64)
         first = passes.first_hit(view_of(), opened, FRAME, spp=64, seed=9)
@@ -103,8 +98,6 @@ def test_specular_part_is_what_diffuse_leaves(surface):
 @cache
 def _reference(surface, name):
     """Per-seed means over blocks of 8 x 8 pixels: of ours and of `path`, (SEEDS, 16, 3) each."""
-    import mitsuba as mi
-
     view = view_of()
     path = mi.load_dict({"type": "path", "max_depth": MAX_DEPTH, "rr_depth": view.render.rr_depth})
     with lit_stage(corner_of_a_room(ball(MATERIALS[surface])), *LIGHTS[name]) as opened:
@@ -130,10 +123,6 @@ def test_agrees_with_mitsubas_path(surface, name):
 
 
 def test_plugin_renders_the_frame_with_its_aovs():
-    import mitsuba as mi
-
-    from dataset_builder.rendering.transport.integrator import PLUGIN
-
     integrator = mi.load_dict({"type": PLUGIN, "max_depth": 3})
     with lit_stage(ball(matte((0.5, 0.5, 0.5))), light("dome", weight=3)) as opened:
         image = np.array(mi.render(opened.scene, integrator=integrator, sensor=view_of().sensor(), spp=16, seed=1))
@@ -152,8 +141,6 @@ def test_repetition_gives_the_same_bits_and_another_seed_other_ones():
 
 
 def test_another_scene_needs_no_new_kernel():
-    import drjit as dr
-
     rng = np.random.default_rng(4)
 
     def render(count, *lights):

@@ -1,8 +1,12 @@
 """Glass and thin panes: the integrator against Mitsuba's own path tracer, and against transmittances by hand."""
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 import pytest
 
+from dataset_builder.assets.asset import Material
+from dataset_builder.rendering.scene.open_scene import body_of, open_scene
 from tests.reference_scenes import (
     NO_ROULETTE,
     differ,
@@ -23,15 +27,11 @@ def lamp():
 
 
 def sky():
-    import mitsuba as mi
-
     rows = np.linspace(0.05, 1.0, 16)[:, None, None] * np.linspace(0.2, 1.5, 32)[None, :, None] * [1.0, 0.8, 0.6]
     return {"sky": {"type": "envmap", "bitmap": mi.Bitmap(rows.astype(np.float32))}}
 
 
 def scene_of(*bodies, **lights):
-    import mitsuba as mi
-
     named = {f"body{index}": body for index, body in enumerate(bodies)}
     return mi.load_dict({"type": "scene", "floor": rectangle((0, 0, -1), (0, 0, 1), 4, bsdf=diffuse([0.6, 0.5, 0.4])),
                          **named, **lights})
@@ -124,9 +124,6 @@ def test_the_specular_part_is_what_diffuse_leaves(features):
 
 
 def test_another_pane_needs_no_new_kernel():
-    import drjit as dr
-    import mitsuba as mi
-
     def look(index, height):
         import gc
 
@@ -154,8 +151,6 @@ MATERIALS = {
 @pytest.mark.parametrize("name", MATERIALS)
 def test_surfaces_that_transmit_agree_with_mitsubas_path(name):
     """Our own surface under both integrators; Mitsuba counts the panes that light passes as edges."""
-    from dataset_builder.assets.asset import Material
-    from dataset_builder.rendering.scene.open_scene import body_of, open_scene
     from tests import small_scenes
 
     material = Material(**{"name": name, "base_color": (1.0, 1.0, 1.0), **MATERIALS[name]})

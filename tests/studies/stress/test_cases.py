@@ -10,6 +10,11 @@ import pytest
 
 from dataset_builder.cli.main import main
 from dataset_builder.errors import UserError
+from dataset_builder.rendering import passes, plugins
+from dataset_builder.rendering.backend import activate
+from dataset_builder.rendering.sampling import estimate
+from dataset_builder.rendering.sampling.moments import Estimate
+from dataset_builder.rendering.scene.local_frame import LocalFrame
 from dataset_builder.studies.stress import cases, mesh_cases, refused_cases
 from dataset_builder.studies.stress.case import SIZES, CaseMeasured, hard_case, run, run_all, select
 from dataset_builder.studies.stress.cases import CASES
@@ -29,11 +34,7 @@ LIT = [case for case in CASES if not case.name.startswith(UNLIT)]
 @pytest.fixture(scope="module", autouse=True)
 def backend():
     """A renderer that is switched on."""
-    from dataset_builder.rendering.backend import activate
-
     activate("llvm")
-    from dataset_builder.rendering import plugins
-
     plugins.register()
 
 
@@ -57,8 +58,6 @@ def test_the_page_is_in_step():
 
 def tampered(monkeypatch, change, name="radiance"):
     """Let a pass return what `change` makes of its means."""
-    from dataset_builder.rendering import passes
-
     honest = getattr(passes, name)
 
     def dishonest(*given, **options):
@@ -69,9 +68,6 @@ def tampered(monkeypatch, change, name="radiance"):
 
 def faked(monkeypatch, value):
     """A renderer that sends one value for everything, at no cost."""
-    from dataset_builder.rendering import passes
-    from dataset_builder.rendering.sampling.moments import Estimate
-
     channels = max(part.stop for part in passes.RADIANCE_CHANNELS.values())
     monkeypatch.setattr(passes, "radiance", lambda view, stage, pixels, **_: Estimate.exact(
         np.full((len(pixels), channels), value)))
@@ -135,15 +131,11 @@ def test_a_tampered_picture_is_told(name, change, law, monkeypatch):
 
 @pytest.mark.parametrize("name", ["geometry/scaled-1e-3", "geometry/moved-1e4", "geometry/tiny-and-far"])
 def test_a_scene_that_is_not_brought_to_its_frame_is_told(name, monkeypatch):
-    from dataset_builder.rendering.scene.local_frame import LocalFrame
-
     monkeypatch.setattr(LocalFrame, "of", classmethod(lambda cls, corners: cls()))
     assert not run(BY_NAME[name], SMALL).passed
 
 
 def test_a_drifting_sum_is_told(monkeypatch):
-    from dataset_builder.rendering.sampling import estimate
-
     honest = estimate.of_batches
     monkeypatch.setattr(estimate, "of_batches", lambda means, spp: honest(means * (1 - 1e-5), spp))
     assert not run(BY_NAME["number/long-sum"], SMALL).passed
