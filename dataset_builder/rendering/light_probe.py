@@ -16,8 +16,8 @@ from dataset_builder.geometry.harmonics import COUNT, basis
 from dataset_builder.rendering.sampling.estimate import Integrand, Samplers, estimate
 from dataset_builder.rendering.sampling.moments import Estimate
 from dataset_builder.rendering.scene.open_scene import OpenScene
-from dataset_builder.rendering.transport.light_sampling import World, balance, in_air, sample_light
-from dataset_builder.rendering.transport.path_tracer import Start, follow
+from dataset_builder.rendering.transport.light_sampling import World, balance, in_air, sample_emitter
+from dataset_builder.rendering.transport.path_tracer import PathStart, incident_radiance
 
 DIRECTIONS, BATCHES = 1 << 15, 32
 """Uniform directions behind each set of coefficients, each with a light sample beside it, and independent batches of
@@ -46,14 +46,20 @@ def _integrand(world: World, at: mi.Point3f) -> Integrand:
     def integrand(samplers: Samplers, position: mi.Vector2f) -> list[mi.Float]:
         direction = mi.warp.square_to_uniform_sphere(mi.Point2f(position))
         point = in_air(mi.Ray3f(at, direction), mi.Float(0))
-        lit = mi.Bool(world.max_depth > 1)
-        ds, em_weight = sample_light(world, point, samplers.strata.next_2d(lit), lit)
+        active = mi.Bool(world.max_depth > 1)
+
+        # Sample an emitter: L_e w T / p
+        ds, em_weight = sample_emitter(world, point, samplers.strata.next_2d(active), active)
         mis = dr.select(ds.delta, 1, balance(ds.pdf, mi.Float(dr.inv_four_pi)))
-        direct = dr.select(lit & (ds.pdf != 0), em_weight * mis, 0)
-        start = Start(point=point, direction=direction, density=mi.Float(dr.inv_four_pi), delta=mi.Bool(False),
-                      edges=mi.UInt32(1), scale=mi.Float(1), carried=mi.Float(0))
-        later = 4 * dr.pi * follow(world, samplers.rest, start, lit)
+        direct = dr.select(active & (ds.pdf != 0), em_weight * mis, 0)
+
+        # Sample a direction: L_i / p, p = 1 / (4 pi)
+        start = PathStart(point=point, direction=direction, pdf=mi.Float(dr.inv_four_pi), delta=mi.Bool(False),
+                          depth=mi.UInt32(1), prior_throughput=mi.Float(1), lone_channel=mi.Float(0))
+        indirect = 4 * dr.pi * incident_radiance(world, samplers.rest, start, active)
+
+        # Project on the basis (Ramamoorthi and Hanrahan 2001): L_lm = integral of L_i Y_lm
         functions = zip(basis(*ds.d), basis(*direction), strict=True)
-        return [channel for one, other in functions for channel in direct * one + later * other]
+        return [channel for y_em, y in functions for channel in direct * y_em + indirect * y]
 
     return integrand

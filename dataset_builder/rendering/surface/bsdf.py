@@ -70,14 +70,14 @@ class Surface:
         lobes = self._lobes(si, active)
         drawn = scattering.scatter(lobes, si, sample1, sample2)
         wo = dr.select(take_cosine, cosine_direction(lobes.normal, sample2), drawn.wo)
-        em_value, em_density = scattering.evaluate(lobes, si, light)
-        value, density = scattering.evaluate(lobes, si, wo)
+        em_value, em_pdf = scattering.evaluate(lobes, si, light)
+        value, pdf = scattering.evaluate(lobes, si, wo)
         delta, null = drawn.delta & ~take_cosine, drawn.null & ~take_cosine
         valid = drawn.valid | take_cosine
         cosine = white_lambert(lobes.normal, si, wo)
-        return FirstHit(diffuse=lobes.diffuse, em_value=em_value, em_density=em_density,
+        return FirstHit(diffuse=lobes.diffuse, em_value=em_value, em_pdf=em_pdf,
                         em_cosine=white_lambert(lobes.normal, si, light), wo=wo,
-                        value=dr.select(valid & ~delta, value, 0), density=dr.select(valid & ~delta, density, 0),
+                        value=dr.select(valid & ~delta, value, 0), pdf=dr.select(valid & ~delta, pdf, 0),
                         cosine=dr.select(valid, cosine, 0), delta=delta, null=null,
                         delta_weight=dr.select(delta, drawn.delta_weight, 0))
 
@@ -109,8 +109,8 @@ class Surface:
     def eval_pdf(self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f,
                  active: mi.Bool) -> tuple[mi.Color3f, mi.Float]:
         """f cos and the density of `sample`."""
-        value, density = scattering.evaluate(self._lobes(si, active), si, wo)
-        return dr.select(active, value, 0), dr.select(active, density, 0)
+        value, pdf = scattering.evaluate(self._lobes(si, active), si, wo)
+        return dr.select(active, value, 0), dr.select(active, pdf, 0)
 
     def sample(self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample2: mi.Point2f,
                active: mi.Bool) -> tuple[mi.BSDFSample3f, mi.Color3f]:
@@ -122,8 +122,8 @@ class Surface:
                         active: mi.Bool) -> tuple[mi.Color3f, mi.Float, mi.BSDFSample3f, mi.Color3f]:
         """`eval_pdf` and `sample` at once, as path integrators ask."""
         lobes = self._lobes(si, active)
-        value, density = scattering.evaluate(lobes, si, wo)
-        return (dr.select(active, value, 0), dr.select(active, density, 0),
+        value, pdf = scattering.evaluate(lobes, si, wo)
+        return (dr.select(active, value, 0), dr.select(active, pdf, 0),
                 *scattering.sample(lobes, si, sample1, sample2, active))
 
     def _lobes(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> Lobes:

@@ -20,18 +20,18 @@ class FirstHit:
     """At one point: D; for the sampled light direction and for the scattered direction `wo` (both local), f cos, the
     BSDF's sampling density, and cos / pi, which is both a white Lambertian surface and the density of a cosine lobe.
 
-    Values and densities are those of the lobes that have a density. Where `wo` was drawn from a discrete one (a smooth
-    pane or smooth glass), `delta` is set, value and density are 0, and `delta_weight` is f cos / p of that choice,
+    Values and pdfs are those of the lobes that have a density. Where `wo` was drawn from a discrete one (a smooth
+    pane or smooth glass), `delta` is set, value and pdf are 0, and `delta_weight` is f cos / p of that choice,
     given that the BSDF was asked and not the cosine lobe; `null`: the choice is to pass straight on.
     """
 
     diffuse: mi.Color3f
     em_value: mi.Color3f
-    em_density: mi.Float
+    em_pdf: mi.Float
     em_cosine: mi.Float
     wo: mi.Vector3f
     value: mi.Color3f
-    density: mi.Float
+    pdf: mi.Float
     cosine: mi.Float
     delta: mi.Bool
     null: mi.Bool
@@ -49,9 +49,9 @@ def cosine_direction(normal: mi.Normal3f, sample: mi.Point2f) -> mi.Vector3f:
     return mi.Frame3f(normal).to_world(mi.warp.square_to_cosine_hemisphere(sample))
 
 
-def mixture(density: mi.Float, cosine: mi.Float) -> mi.Float:
+def mixture(pdf: mi.Float, cosine: mi.Float) -> mi.Float:
     """Density of the scattered direction: BSDF and cosine lobe, so that it is positive on the whole hemisphere."""
-    return dr.lerp(density, cosine, COSINE_SHARE)
+    return dr.lerp(pdf, cosine, COSINE_SHARE)
 
 
 def first_hit(bsdf: mi.BSDFPtr, si: mi.SurfaceInteraction3f, light: mi.Vector3f, take_cosine: mi.Bool,
@@ -84,11 +84,11 @@ def _first_hit(bsdf: mi.BSDF, si: mi.SurfaceInteraction3f, light: mi.Vector3f, t
         delta = ~take_cosine & mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
         null = ~take_cosine & mi.has_flag(bs.sampled_type, mi.BSDFFlags.Null)
     wo = dr.select(take_cosine, cosine_direction(normal, sample2), bs.wo)
-    em_value, em_density = bsdf.eval_pdf(ctx, si, light, active)
-    value, density = bsdf.eval_pdf(ctx, si, wo, active)
+    em_value, em_pdf = bsdf.eval_pdf(ctx, si, light, active)
+    value, pdf = bsdf.eval_pdf(ctx, si, wo, active)
     return FirstHit(diffuse=mi.Color3f(bsdf.eval_diffuse_reflectance(si, active)), em_value=mi.Color3f(em_value),
-                    em_density=em_density, em_cosine=white_lambert(normal, si, light), wo=wo,
-                    value=dr.select(delta, 0, mi.Color3f(value)), density=dr.select(delta, 0, density),
+                    em_pdf=em_pdf, em_cosine=white_lambert(normal, si, light), wo=wo,
+                    value=dr.select(delta, 0, mi.Color3f(value)), pdf=dr.select(delta, 0, pdf),
                     cosine=white_lambert(normal, si, wo), delta=delta, null=null,
                     delta_weight=dr.select(delta, mi.Color3f(weight), 0))
 

@@ -33,8 +33,8 @@ QUADRATURE = 128
 @dataclass
 class Glass:
     """weight: share of the surface that is glass; tint: what a crossing leaves; indices: relative index of refraction
-    for light that goes on from the viewer's side, one or one per channel; spreads: whether these differ; carried: the
-    colour channel that a path is left with, as `transport.carried` counts, or 0."""
+    for light that goes on from the viewer's side, one or one per channel; spreads: whether these differ; lone_channel:
+    the colour channel that a path is left with, as `light_sampling.lone_channel` counts, or 0."""
 
     weight: mi.Float
     tint: mi.Color3f
@@ -43,7 +43,7 @@ class Glass:
     smooth: mi.Bool
     alpha: mi.Float
     spreads: mi.Bool
-    carried: mi.Float
+    lone_channel: mi.Float
 
 
 @dataclass
@@ -60,7 +60,7 @@ class Crossing:
 
 
 def glass_of(*, weight: mi.Float, base: mi.Color3f, roughness: mi.Float, ior: mi.Float, abbe: mi.Float | None,
-             thin: mi.Bool, outside: mi.Bool, carried: mi.Float) -> Glass:
+             thin: mi.Bool, outside: mi.Bool, lone_channel: mi.Float) -> Glass:
     """Glass of a material. A solid is tinted by the root of `base` at each crossing, a pane by all of it: what lies
     behind either is tinted once. outside: whether the viewer's side is the air."""
     alpha = dr.square(roughness)
@@ -68,37 +68,47 @@ def glass_of(*, weight: mi.Float, base: mi.Color3f, roughness: mi.Float, ior: mi
     indices = tuple(dr.select(thin, ior, dr.select(outside, index, dr.rcp(index))) for index in channels)
     return Glass(weight=weight, tint=dr.select(thin, base, dr.sqrt(base)), indices=indices, thin=thin,
                  smooth=(alpha < MIN_ALPHA) | (~thin & (ior - 1 < MIN_BEND)), alpha=dr.maximum(alpha, MIN_ALPHA),
-                 spreads=mi.Bool(False) if abbe is None else ~thin & (abbe > 0) & (ior > 1), carried=carried)
+                 spreads=mi.Bool(False) if abbe is None else ~thin & (abbe > 0) & (ior > 1), lone_channel=lone_channel)
 
 
 def evaluate(glass: Glass, wi: mi.Vector3f, wo: mi.Vector3f, reflected: mi.Bool) -> tuple[mi.Color3f, mi.Float]:
     """f cos and density of rough glass; zero where it is smooth. reflected: wo is on the viewer's side."""
     parts = [_facets(glass, wi, wo, reflected, index) for index in glass.indices]
     value = _colour([value for value, _ in parts]) * dr.select(reflected, 1, glass.tint) * glass.weight
-    density = sum((density for _, density in parts), mi.Float(0)) / len(parts)
+    pdf = sum((each for _, each in parts), mi.Float(0)) / len(parts)
     valid = ~glass.smooth & (mi.Frame3f.cos_theta(wi) > 0) & ((mi.Frame3f.cos_theta(wo) > 0) == reflected)
-    return dr.select(valid, value, 0), dr.select(valid, density, 0)
+    return dr.select(valid, value, 0), dr.select(valid, pdf, 0)
 
 
 def scatter(glass: Glass, wi: mi.Vector3f, sample1: mi.Float, sample2: mi.Point2f) -> Crossing:
-    """A channel where they differ, a facet, and by Fresnel's term reflection or transmission."""
-    index, colours, rest = _channel(glass, sample1)
-    facet = dr.select(glass.smooth, mi.Normal3f(0, 0, 1), _ggx(glass).sample(wi, sample2)[0])
-    share = _fresnel(glass, dr.dot(wi, facet), index)
-    _, cos_t, eta, inverse = mi.fresnel(dr.dot(wi, facet), index)
-    mirrored, reflected = mi.reflect(wi, facet), rest < share
-    down = dr.select(glass.thin, _flipped(mirrored), mi.refract(wi, facet, cos_t, inverse))
-    shares = [_fresnel(glass, mi.Frame3f.cos_theta(wi), each) for each in glass.indices]
-    mean = sum(shares, mi.Float(0)) / len(shares)
-    turned, chance = _colour(shares) / mean, dr.select(glass.spreads, mi.Float(1 / 3), 1)
-    if len(shares) > 1:
-        alone = glass.carried > 0
-        turned, mean, chance = dr.select(alone, 1, turned), dr.select(alone, share, mean), dr.select(alone, 1, chance)
-    onward = colours * glass.tint * dr.select(glass.thin, 1, dr.square(inverse))
-    return Crossing(wo=dr.select(reflected, mirrored, down), reflected=reflected,
+    """A channel where they differ, a facet, and by Fresnel's term F reflection or transmission.
+
+    Smooth glass reflects with probability F and weight 1, and transmits with probability 1 - F and weight
+    tint / eta^2: radiance scales by the squared ratio of the indices (Veach 1997, section 5.2).
+    """
+    # Channel and facet
+    index, channel_weight, rest = _channel(glass, sample1)
+    normal = dr.select(glass.smooth, mi.Normal3f(0, 0, 1), _ggx(glass).sample(wi, sample2)[0])
+
+    # Reflect or transmit
+    fresnel = _fresnel(glass, dr.dot(wi, normal), index)
+    _, cos_t, eta, inverse_eta = mi.fresnel(dr.dot(wi, normal), index)
+    wo_reflected, reflected = mi.reflect(wi, normal), rest < fresnel
+    wo_transmitted = dr.select(glass.thin, _flipped(wo_reflected), mi.refract(wi, normal, cos_t, inverse_eta))
+
+    # Reflection is for all channels, whichever was picked: its probability is their mean, its weight F over that
+    fresnels = [_fresnel(glass, mi.Frame3f.cos_theta(wi), each) for each in glass.indices]
+    p_reflect = sum(fresnels, mi.Float(0)) / len(fresnels)
+    weight_reflect, p_channel = _colour(fresnels) / p_reflect, dr.select(glass.spreads, mi.Float(1 / 3), 1)
+    if len(fresnels) > 1:
+        alone = glass.lone_channel > 0
+        weight_reflect, p_reflect = dr.select(alone, 1, weight_reflect), dr.select(alone, fresnel, p_reflect)
+        p_channel = dr.select(alone, 1, p_channel)
+    weight_transmit = channel_weight * glass.tint * dr.select(glass.thin, 1, dr.square(inverse_eta))
+    return Crossing(wo=dr.select(reflected, wo_reflected, wo_transmitted), reflected=reflected,
                     null=~reflected & glass.thin & glass.smooth, eta=dr.select(reflected | glass.thin, 1, eta),
-                    weight=dr.select(reflected, turned, onward),
-                    probability=dr.select(reflected, mean, (1 - share) * chance))
+                    weight=dr.select(reflected, weight_reflect, weight_transmit),
+                    probability=dr.select(reflected, p_reflect, (1 - fresnel) * p_channel))
 
 
 def straight(glass: Glass, wi: mi.Vector3f) -> mi.Color3f:
@@ -110,59 +120,71 @@ def straight(glass: Glass, wi: mi.Vector3f) -> mi.Color3f:
 @dr.syntax
 def reflectance(glass: Glass, wi: mi.Vector3f) -> mi.Color3f:
     """Share of the light that glass of weight one sends back, from all directions: Fresnel's term where it is smooth,
-    else the mean of F G1 over visible normals, which Hammersley's points pick."""
+    else the mean of F G1 over visible normals, which Hammersley's points pick: f cos / p = F G1(wo) for separable
+    shadowing (Heitz 2018)."""
     smooth = _colour([_fresnel(glass, mi.Frame3f.cos_theta(wi), index) for index in glass.indices])
     total, i, ggx = mi.Color3f(0), mi.UInt32(0), _ggx(glass)
     while i < QUADRATURE:
         point = mi.Point2f((mi.Float(i) + 0.5) / QUADRATURE, mi.Float(dr.brev(i)) * 2.0**-32 + 0.5 / QUADRATURE)
-        facet, _ = ggx.sample(wi, point)
-        wo = mi.reflect(wi, facet)
-        seen = dr.select(mi.Frame3f.cos_theta(wo) > 0, ggx.smith_g1(wo, facet), 0)
-        total += seen * _colour([_fresnel(glass, dr.dot(wi, facet), index) for index in glass.indices])
+        normal, _ = ggx.sample(wi, point)
+        wo = mi.reflect(wi, normal)
+        g1 = dr.select(mi.Frame3f.cos_theta(wo) > 0, ggx.smith_g1(wo, normal), 0)
+        total += g1 * _colour([_fresnel(glass, dr.dot(wi, normal), index) for index in glass.indices])
         i += 1
     return dr.select(glass.smooth, smooth, total / QUADRATURE)
 
 
 def _facets(glass: Glass, wi: mi.Vector3f, wo: mi.Vector3f, reflected: mi.Bool,
             index: mi.Float) -> tuple[mi.Float, mi.Float]:
-    """f cos and density of one channel without tint and weight (Walter et al., equations 20, 21, 38 and 41)."""
+    """f cos and density of one channel without tint and weight (Walter et al. 2007, equations 20, 21, 38 and 41).
+
+    f cos = F D G cos_ih J / cos_i, p = F p(half) J, J the Jacobian of the half vector; 1 - F in transmission.
+    """
     ggx, mirror = _ggx(glass), reflected | glass.thin
     wo = dr.select(glass.thin & ~reflected, _flipped(wo), wo)
+
+    # Half vector: of reflection or refraction (equations 13 and 16)
     half = dr.normalize(wi + wo * dr.select(mirror, 1, index))
     half = mi.Normal3f(dr.mulsign(half, mi.Frame3f.cos_theta(half)))
-    cos_i, cos_o = dr.dot(wi, half), dr.dot(wo, half)
-    fresnel = _fresnel(glass, cos_i, index)
+    cos_ih, cos_oh = dr.dot(wi, half), dr.dot(wo, half)
+
+    # Fresnel's share, and the Jacobian (equations 14 and 17)
+    fresnel = _fresnel(glass, cos_ih, index)
     share = dr.select(reflected, fresnel, 1 - fresnel)
-    bent = dr.square(index) * dr.abs(cos_o) / dr.square(cos_i + index * cos_o)
-    solid_angle = dr.select(mirror, dr.rcp(4 * cos_o), bent)
+    refraction = dr.square(index) * dr.abs(cos_oh) / dr.square(cos_ih + index * cos_oh)
+    jacobian = dr.select(mirror, dr.rcp(4 * cos_oh), refraction)
+
+    # Radiance scales by 1 / eta^2 in refraction (Veach 1997, section 5.2)
     scale = dr.select(mirror, 1, dr.rcp(dr.square(index)))
-    value = share * ggx.eval(half) * ggx.G(wi, wo, half) * cos_i * solid_angle * scale / mi.Frame3f.cos_theta(wi)
-    met = (cos_i > 0) & ((cos_o > 0) == mirror)
-    return dr.select(met, value, 0), dr.select(met, share * ggx.pdf(wi, half) * solid_angle, 0)
+    value = share * ggx.eval(half) * ggx.G(wi, wo, half) * cos_ih * jacobian * scale / mi.Frame3f.cos_theta(wi)
+    met = (cos_ih > 0) & ((cos_oh > 0) == mirror)
+    return dr.select(met, value, 0), dr.select(met, share * ggx.pdf(wi, half) * jacobian, 0)
 
 
 def _channel(glass: Glass, sample: mi.Float) -> tuple[mi.Float, mi.Color3f, mi.Float]:
-    """The index to follow, the colours that follow it, and what is left of the random number. A path that carries one
+    """The index to follow, the weight of each channel, and what is left of the random number. A path that carries one
     channel already follows that; any other picks one, and makes up for the two that it gives up."""
     if len(glass.indices) == 1:
         return glass.indices[0], mi.Color3f(1), sample
-    picked, alone = dr.minimum(mi.UInt32(3 * sample), 2), glass.carried > 0
-    channel = dr.select(alone, mi.UInt32(dr.maximum(glass.carried - 0.5, 0)), picked)
+    picked, alone = dr.minimum(mi.UInt32(3 * sample), 2), glass.lone_channel > 0
+    channel = dr.select(alone, mi.UInt32(dr.maximum(glass.lone_channel - 0.5, 0)), picked)
     index = dr.select(channel == 0, glass.indices[0], dr.select(channel == 1, glass.indices[1], glass.indices[2]))
-    share = dr.select(alone, mi.Float(1), 3)
-    colours = mi.Color3f(*(dr.select(channel == each, share, 0) for each in range(3)))
-    return index, dr.select(glass.spreads, colours, 1), dr.select(alone, sample, 3 * sample - mi.Float(picked))
+    inverse_probability = dr.select(alone, mi.Float(1), 3)
+    weight = mi.Color3f(*(dr.select(channel == each, inverse_probability, 0) for each in range(3)))
+    return index, dr.select(glass.spreads, weight, 1), dr.select(alone, sample, 3 * sample - mi.Float(picked))
 
 
 def _fresnel(glass: Glass, cosine: mi.Float, index: mi.Float) -> mi.Float:
-    """Reflected share of unpolarised light: of one face, or of a pane's two."""
+    """Reflected share of unpolarised light: F of one face, or 2 F / (1 + F) of a pane's two, the sum of all
+    reflections between them."""
     face = mi.fresnel(cosine, index)[0]
     return dr.select(glass.thin, 2 * face / (1 + face), face)
 
 
 def _cauchy(ior: mi.Float, abbe: mi.Float, step: float) -> mi.Float:
-    spread = dr.select(abbe > 0, (ior - 1) * dr.rcp(dr.maximum(abbe, 1e-6)), 0)
-    return dr.maximum(dr.fma(step, spread, ior), 1)
+    """Index of a channel: n = n_d + step (n_d - 1) / V, see `ABBE_STEPS`."""
+    main_dispersion = dr.select(abbe > 0, (ior - 1) * dr.rcp(dr.maximum(abbe, 1e-6)), 0)
+    return dr.maximum(dr.fma(step, main_dispersion, ior), 1)
 
 
 def _colour(channels: list[mi.Float]) -> mi.Color3f:

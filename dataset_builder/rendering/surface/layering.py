@@ -16,7 +16,7 @@ import mitsuba as mi
 
 from dataset_builder.rendering.surface import sheen as sheen_lobe
 from dataset_builder.rendering.surface.glass import glass_of
-from dataset_builder.rendering.surface.lobes import Lobes, Mirror
+from dataset_builder.rendering.surface.lobes import GgxLobe, Lobes
 from dataset_builder.rendering.surface.material_table import SurfacePoint
 from dataset_builder.rendering.surface.reflectance import MIN_ALPHA
 
@@ -44,7 +44,7 @@ def lobes_of(point: SurfacePoint, features: frozenset[str], si: mi.SurfaceIntera
     below: Any = 1
     if point.coat is not None:
         upright = dr.abs(mi.Frame3f.cos_theta(si.wi))
-        lobes.coat = _mirror(mi.Color3f(COAT_F0), point.coat_roughness, upright, point.coat, tables)
+        lobes.coat = _ggx_lobe(mi.Color3f(COAT_F0), point.coat_roughness, upright, point.coat, tables)
         below = 1 - dr.max(lobes.coat.reflectance)
     if point.sheen is not None:
         lobes.sheen, left = _sheen(point, cosine, below, tables)
@@ -55,7 +55,7 @@ def lobes_of(point: SurfacePoint, features: frozenset[str], si: mi.SurfaceIntera
         opaque = 1 - share
         lobes.glass = glass_of(weight=share * below, base=point.base, roughness=point.roughness, ior=point.ior,
                                abbe=point.abbe if "dispersion" in features else None, thin=_thin(point.thin, features),
-                               outside=dr.dot(si.to_world(si.wi), si.n) > 0, carried=si.time)
+                               outside=dr.dot(si.to_world(si.wi), si.n) > 0, lone_channel=si.time)
     _opaque(lobes, point, features, cosine, below, opaque, tables)
     return lobes
 
@@ -73,22 +73,22 @@ def _opaque(lobes: Lobes, point: SurfacePoint, features: frozenset[str], cosine:
         if point.transmission is not None:
             metal = dr.select(opaque > 0, metal / opaque, 0)
         f0 = dr.lerp(mi.Color3f(point.specular), point.base, metal)
-        lobes.mirror = _mirror(f0, point.roughness, cosine, 1, tables)
-        lobes.diffuse = matte * (1 - lobes.mirror.reflectance) * below
-        _scale(lobes.mirror, opaque * below)
+        lobes.glossy = _ggx_lobe(f0, point.roughness, cosine, 1, tables)
+        lobes.diffuse = matte * (1 - lobes.glossy.reflectance) * below
+        _scale(lobes.glossy, opaque * below)
 
 
-def _mirror(f0: mi.Color3f, roughness: mi.Float, cosine: mi.Float, weight: Any, tables: Reflectances) -> Mirror:
+def _ggx_lobe(f0: mi.Color3f, roughness: mi.Float, cosine: mi.Float, weight: Any, tables: Reflectances) -> GgxLobe:
     f90 = dr.minimum(dr.max(f0) * GRAZING, 1)
     split = tables.split_sum(cosine, roughness)
-    found = Mirror(reflectance=f0 * split.x + f90 * split.y, f0=f0, f90=f90,
+    lobe = GgxLobe(reflectance=f0 * split.x + f90 * split.y, f0=f0, f90=f90,
                    alpha=dr.maximum(roughness * roughness, MIN_ALPHA))
-    _scale(found, weight)
-    return found
+    _scale(lobe, weight)
+    return lobe
 
 
-def _scale(mirror: Mirror, weight: Any) -> None:
-    mirror.reflectance, mirror.f0, mirror.f90 = mirror.reflectance * weight, mirror.f0 * weight, mirror.f90 * weight
+def _scale(lobe: GgxLobe, weight: Any) -> None:
+    lobe.reflectance, lobe.f0, lobe.f90 = lobe.reflectance * weight, lobe.f0 * weight, lobe.f90 * weight
 
 
 def _sheen(point: SurfacePoint, cosine: mi.Float, below: Any,

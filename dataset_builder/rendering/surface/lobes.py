@@ -1,7 +1,7 @@
 """All lobes of a surface at one point: evaluated together, and sampled in proportion to what they reflect or pass.
 
 The base reflects f cos = D cos / pi + F D_ggx G / (4 cos_i) + sheen, with visible normals sampled as Heitz (JCGT 2018)
-does; a coat is one more such mirror above it, and glass takes the place of a share of it. A lobe that is None is not
+does; a coat is one more GGX lobe above it, and glass takes the place of a share of it. A lobe that is None is not
 compiled. `layering` finds D, R and what each lobe weighs.
 """
 
@@ -22,7 +22,7 @@ DIFFUSE, GLOSSY, GLOSSY_TRANSMISSION, DELTA_REFLECTION, DELTA_TRANSMISSION, NULL
 
 
 @dataclass
-class Mirror:
+class GgxLobe:
     """A GGX lobe: its directional reflectance, Schlick's F0 and F90, alpha."""
 
     reflectance: mi.Color3f
@@ -38,8 +38,8 @@ class Lobes:
 
     diffuse: mi.Color3f
     normal: mi.Normal3f
-    mirror: Mirror | None = None
-    coat: Mirror | None = None
+    glossy: GgxLobe | None = None
+    coat: GgxLobe | None = None
     sheen: Sheen | None = None
     glass: Glass | None = None
 
@@ -52,7 +52,7 @@ class Lobes:
 @dataclass
 class Scattered:
     """A direction that was drawn. valid: on the side that its lobe sends light to, since on the other it would be taken
-    for one of another lobe. delta_weight, delta_density: f cos / p and probability of a discrete choice."""
+    for one of another lobe. delta_weight, delta_probability: f cos / p and probability of a discrete choice."""
 
     wo: mi.Vector3f
     valid: mi.Bool
@@ -62,12 +62,12 @@ class Scattered:
     delta: mi.Bool
     null: mi.Bool
     delta_weight: mi.Color3f
-    delta_density: mi.Float
+    delta_probability: mi.Float
 
 
 def reflectance(lobes: Lobes, si: mi.SurfaceInteraction3f) -> mi.Color3f:
     """R: directional reflectance of everything but the diffuse lobe."""
-    parts = [part.reflectance for part in (lobes.mirror, lobes.coat, lobes.sheen) if part is not None]
+    parts = [part.reflectance for part in (lobes.glossy, lobes.coat, lobes.sheen) if part is not None]
     if lobes.glass is not None:
         wi = mi.Frame3f(lobes.normal).to_local(si.wi)
         parts.append(lobes.glass.weight * glass_lobes.reflectance(lobes.glass, wi))
@@ -89,14 +89,14 @@ def evaluate(lobes: Lobes, si: mi.SurfaceInteraction3f, wo: mi.Vector3f) -> tupl
     above = _above(si, wo)
     valid = (cos_i > 0) & (cos_o > 0) & above
     half = dr.normalize(wi + wo_facing)
-    value, density = lobes.diffuse * (cos_o * dr.inv_pi), cos_o * dr.inv_pi
-    if lobes.mirror is not None:
-        mirror, glossy = _mirror(lobes.mirror, wi, wo_facing, half)
-        value, density = value + mirror, dr.lerp(density, glossy, _glossy_share(lobes, lobes.mirror))
+    value, pdf = lobes.diffuse * (cos_o * dr.inv_pi), cos_o * dr.inv_pi
+    if lobes.glossy is not None:
+        glossy, glossy_pdf = _ggx_lobe(lobes.glossy, wi, wo_facing, half)
+        value, pdf = value + glossy, dr.lerp(pdf, glossy_pdf, _glossy_share(lobes, lobes.glossy))
     if lobes.sheen is not None:
         value += sheen_lobe.evaluate(lobes.sheen, wi, wo_facing, half)
-    value, density = dr.select(valid, value, 0), dr.select(valid, density, 0)
-    return _add_top(lobes, si, wo, above, value, density) if lobes.top else (value, density)
+    value, pdf = dr.select(valid, value, 0), dr.select(valid, pdf, 0)
+    return _add_top(lobes, si, wo, above, value, pdf) if lobes.top else (value, pdf)
 
 
 def scatter(lobes: Lobes, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample2: mi.Point2f) -> Scattered:
@@ -108,16 +108,16 @@ def scatter(lobes: Lobes, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample
     base_sample = (sample1 - top) / (1 - top) if lobes.top else sample1
     wo = mi.warp.square_to_cosine_hemisphere(sample2)
     take_glossy = mi.Bool(False)
-    if lobes.mirror is not None:
-        take_glossy = base_sample < _glossy_share(lobes, lobes.mirror)
-        facet, _ = _ggx(lobes.mirror.alpha).sample(wi, sample2)
-        wo = dr.select(take_glossy, mi.reflect(wi, facet), wo)
+    if lobes.glossy is not None:
+        take_glossy = base_sample < _glossy_share(lobes, lobes.glossy)
+        normal, _ = _ggx(lobes.glossy.alpha).sample(wi, sample2)
+        wo = dr.select(take_glossy, mi.reflect(wi, normal), wo)
     found = Scattered(wo=frame.to_world(wo), valid=mi.Bool(True),
                       component=dr.select(take_glossy, mi.UInt32(GLOSSY), mi.UInt32(DIFFUSE)),
                       kind=dr.select(take_glossy, mi.UInt32(+mi.BSDFFlags.GlossyReflection),
                                      mi.UInt32(+mi.BSDFFlags.DiffuseReflection)),
                       eta=mi.Float(1), delta=mi.Bool(False), null=mi.Bool(False), delta_weight=mi.Color3f(0),
-                      delta_density=mi.Float(0))
+                      delta_probability=mi.Float(0))
     if lobes.top:
         found.valid = _above(si, found.wo) & (mi.Frame3f.cos_theta(wo) > 0)
     if lobes.coat is not None:
@@ -134,38 +134,38 @@ def sample(lobes: Lobes, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample2
     found = scatter(lobes, si, sample1, sample2)
     bs = dr.zeros(mi.BSDFSample3f)
     bs.wo, bs.eta, bs.sampled_component, bs.sampled_type = found.wo, found.eta, found.component, found.kind
-    value, density = evaluate(lobes, si, bs.wo)
-    active = active & found.valid & (density > 0)
-    weight = dr.select(active, value / density, 0)
-    bs.pdf = dr.select(active, density, 0)
+    value, pdf = evaluate(lobes, si, bs.wo)
+    active = active & found.valid & (pdf > 0)
+    weight = dr.select(active, value / pdf, 0)
+    bs.pdf = dr.select(active, pdf, 0)
     if lobes.glass is not None:
-        bs.pdf = dr.select(found.delta, found.delta_density, bs.pdf)
+        bs.pdf = dr.select(found.delta, found.delta_probability, bs.pdf)
         weight = dr.select(found.delta, found.delta_weight, weight)
     return bs, weight
 
 
 def _add_top(lobes: Lobes, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, above: mi.Bool, value: mi.Color3f,
-             density: mi.Float) -> tuple[mi.Color3f, mi.Float]:
+             pdf: mi.Float) -> tuple[mi.Color3f, mi.Float]:
     """The base's value and density with those of coat and glass."""
     coat_share, glass_share = _top_shares(lobes)
-    density = density * (1 - coat_share - glass_share)
+    pdf = pdf * (1 - coat_share - glass_share)
     if lobes.coat is not None:
         wi_up, wo_up = _upright(si, si.wi), _upright(si, wo)
-        coat, coat_density = _mirror(lobes.coat, wi_up, wo_up, dr.normalize(wi_up + wo_up))
+        coat, coat_pdf = _ggx_lobe(lobes.coat, wi_up, wo_up, dr.normalize(wi_up + wo_up))
         value += dr.select(above, coat, 0)
-        density += dr.select(above, coat_share * coat_density, 0)
+        pdf += dr.select(above, coat_share * coat_pdf, 0)
     if lobes.glass is not None:
         frame = mi.Frame3f(lobes.normal)
-        through, glass_density = glass_lobes.evaluate(lobes.glass, frame.to_local(si.wi), frame.to_local(wo), above)
-        value, density = value + through, density + glass_share * glass_density
-    return value, density
+        through, glass_pdf = glass_lobes.evaluate(lobes.glass, frame.to_local(si.wi), frame.to_local(wo), above)
+        value, pdf = value + through, pdf + glass_share * glass_pdf
+    return value, pdf
 
 
-def _scatter_coat(found: Scattered, coat: Mirror, si: mi.SurfaceInteraction3f, sample2: mi.Point2f,
+def _scatter_coat(found: Scattered, coat: GgxLobe, si: mi.SurfaceInteraction3f, sample2: mi.Point2f,
                   taken: mi.Bool) -> None:
     wi = _upright(si, si.wi)
-    facet, _ = _ggx(coat.alpha).sample(wi, sample2)
-    mirrored = mi.reflect(wi, facet)
+    normal, _ = _ggx(coat.alpha).sample(wi, sample2)
+    mirrored = mi.reflect(wi, normal)
     found.wo = dr.select(taken, _upright(si, mirrored), found.wo)
     found.valid = dr.select(taken, mi.Frame3f.cos_theta(mirrored) > 0, found.valid)
     found.component = dr.select(taken, mi.UInt32(GLOSSY), found.component)
@@ -181,7 +181,7 @@ def _scatter_glass(found: Scattered, glass: Glass, crossing: glass_lobes.Crossin
     found.wo, found.eta = dr.select(taken, wo, found.wo), dr.select(taken, crossing.eta, found.eta)
     found.delta, found.null = taken & glass.smooth, taken & null
     found.delta_weight = dr.select(found.delta & kept, crossing.weight * glass.weight / share, 0)
-    found.delta_density = dr.select(found.delta & kept, crossing.probability * share, 0)
+    found.delta_probability = dr.select(found.delta & kept, crossing.probability * share, 0)
     choices = ((glass.smooth & crossing.reflected, DELTA_REFLECTION, flags.DeltaReflection),
                (null, NULL, flags.Null), (glass.smooth & ~null & ~crossing.reflected, DELTA_TRANSMISSION,
                                           flags.DeltaTransmission),
@@ -192,17 +192,22 @@ def _scatter_glass(found: Scattered, glass: Glass, crossing: glass_lobes.Crossin
         found.kind = dr.select(taken & chosen, mi.UInt32(+flag), found.kind)
 
 
-def _mirror(mirror: Mirror, wi: mi.Vector3f, wo: mi.Vector3f, half: mi.Normal3f) -> tuple[mi.Color3f, mi.Float]:
-    """f cos and density of a GGX lobe, directions in its frame."""
-    ggx = _ggx(mirror.alpha)
-    schlick = mirror.f0 + (mirror.f90 - mirror.f0) * (dr.maximum(1 - dr.dot(wi, half), 0) ** 5)
-    value = schlick * ggx.eval(half) * ggx.G(wi, wo, half) / (4 * mi.Frame3f.cos_theta(wi))
+def _ggx_lobe(lobe: GgxLobe, wi: mi.Vector3f, wo: mi.Vector3f, half: mi.Normal3f) -> tuple[mi.Color3f, mi.Float]:
+    """f cos and density of a GGX lobe, directions in its frame.
+
+    f = F G D / (4 cos_i cos_o) and p = p(half) / (4 cos_half) (Walter et al., "Microfacet models for refraction through
+    rough surfaces", EGSR 2007, equations 20 and 14), F = F0 + (F90 - F0) (1 - cos_half)^5 (Schlick, "An inexpensive
+    BRDF model for physically-based rendering", Computer Graphics Forum 13(3), 1994).
+    """
+    ggx = _ggx(lobe.alpha)
+    fresnel = lobe.f0 + (lobe.f90 - lobe.f0) * (dr.maximum(1 - dr.dot(wi, half), 0) ** 5)
+    value = fresnel * ggx.eval(half) * ggx.G(wi, wo, half) / (4 * mi.Frame3f.cos_theta(wi))
     return value, ggx.pdf(wi, half) / (4 * dr.dot(wo, half))
 
 
-def _glossy_share(lobes: Lobes, mirror: Mirror) -> mi.Float:
+def _glossy_share(lobes: Lobes, lobe: GgxLobe) -> mi.Float:
     """Probability of the GGX lobe within the base; both lobes keep a share wherever they send light."""
-    diffuse, specular = _matte(lobes), dr.mean(mirror.reflectance)
+    diffuse, specular = _diffuse_albedo(lobes), dr.mean(lobe.reflectance)
     return dr.select(diffuse + specular > 0, specular / (diffuse + specular), 0)
 
 
@@ -210,12 +215,12 @@ def _top_shares(lobes: Lobes) -> tuple[mi.Float, mi.Float]:
     """Probabilities of the coat and of glass; the base has the rest."""
     coat = mi.Float(0) if lobes.coat is None else dr.mean(lobes.coat.reflectance)
     glass = mi.Float(0) if lobes.glass is None else lobes.glass.weight
-    base = _matte(lobes) + (mi.Float(0) if lobes.mirror is None else dr.mean(lobes.mirror.reflectance))
+    base = _diffuse_albedo(lobes) + (mi.Float(0) if lobes.glossy is None else dr.mean(lobes.glossy.reflectance))
     total = base + coat + glass
     return dr.select(total > 0, coat / total, 0), dr.select(total > 0, glass / total, 0)
 
 
-def _matte(lobes: Lobes) -> mi.Float:
+def _diffuse_albedo(lobes: Lobes) -> mi.Float:
     """What the cosine lobe samples."""
     diffuse = dr.mean(lobes.diffuse)
     return diffuse if lobes.sheen is None else diffuse + dr.mean(lobes.sheen.reflectance)

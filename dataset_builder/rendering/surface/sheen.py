@@ -39,11 +39,13 @@ def exponent_of(roughness: mi.Float) -> mi.Float:
 
 
 def evaluate(sheen: Sheen, wi: mi.Vector3f, wo: mi.Vector3f, half: mi.Vector3f) -> mi.Color3f:
-    """f cos_o for directions above the surface, in the frame of the shading normal."""
+    """f cos_o for directions above the surface, in the frame of the shading normal: colour D V cos_o."""
     cos_i, cos_o = mi.Frame3f.cos_theta(wi), mi.Frame3f.cos_theta(wo)
     sine2 = dr.maximum(1 - dr.square(mi.Frame3f.cos_theta(half)), 0)
-    charlie = (2 + sheen.exponent) * (0.5 * dr.inv_pi) * dr.power(sine2, 0.5 * sheen.exponent)
-    return sheen.colour * (charlie * cos_o / (4 * (cos_i + cos_o - cos_i * cos_o)))
+    # D (Estevez and Kulla 2017, equation 2), with sin^(1 / alpha) as (sin^2)^(1 / (2 alpha))
+    d = (2 + sheen.exponent) * (0.5 * dr.inv_pi) * dr.power(sine2, 0.5 * sheen.exponent)
+    # V (Neubelt and Pettineo 2013)
+    return sheen.colour * (d * cos_o / (4 * (cos_i + cos_o - cos_i * cos_o)))
 
 
 @cache
@@ -55,8 +57,9 @@ def sheen_table() -> np.ndarray:
     t, turn = (np.arange(HEIGHTS) + 0.5) / HEIGHTS, np.pi * (np.arange(TURNS) + 0.5) / TURNS
     cos_o, phi = np.repeat(t**2, TURNS), np.tile(turn, HEIGHTS)
     area = np.repeat(2 * t / HEIGHTS, TURNS) * 2 * np.pi / TURNS
-    between = np.sqrt((1 - mu**2) * (1 - cos_o**2)) * np.cos(phi) + mu * cos_o
-    cos2_h = (mu + cos_o) ** 2 / np.maximum(2 + 2 * between, 1e-12)
+    # cos_h = (cos_i + cos_o) / |wi + wo|, |wi + wo|^2 = 2 + 2 wi . wo
+    dot = np.sqrt((1 - mu**2) * (1 - cos_o**2)) * np.cos(phi) + mu * cos_o
+    cos2_h = (mu + cos_o) ** 2 / np.maximum(2 + 2 * dot, 1e-12)
     log_sine = 0.5 * np.log(np.maximum(1 - cos2_h, 1e-30))
     weight = area * cos_o / (4 * (mu + cos_o - mu * cos_o)) / (2 * np.pi)
     table = np.stack([np.sum((2 + e) * np.exp(e * log_sine) * weight, axis=1) for e in exponents]).astype(np.float32)

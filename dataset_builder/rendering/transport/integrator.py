@@ -1,13 +1,16 @@
 """All radiometric layers of one geometry under one light, along the same paths: the custom Mitsuba integrator.
 
-At the first surface point x the BSDF f is split into what it is (for I) and what a white Lambertian surface would be
-(for S); every other surface keeps its material. Light samples and scattered directions serve both, weighted by
-f cos / p for I and by cos / (pi p) for S, with p a mixture of the BSDF's density and a cosine lobe, so that S is well
-sampled on mirrors too. Directions of delta lobes, which clear glass has, serve I alone. What follows the first hit is
-an ordinary path tracer with multiple importance sampling; see `follow`.
+At the first surface point x the rendering equation (Kajiya, "The rendering equation", SIGGRAPH 1986) is solved twice,
+
+    I = L_e + integral of f L_i cos,        S = integral of L_i cos / pi,
+
+for the BSDF f and for a white Lambertian surface; every other surface keeps its material. Emitter samples and scattered
+directions serve both, weighted by f cos / p for I and by cos / (pi p) for S, with p a mixture of the BSDF's density and
+a cosine lobe, so that S is well sampled on mirrors too. Directions of delta lobes, which clear glass has, serve I
+alone. L_i is found by an ordinary path tracer with multiple importance sampling; see `path_tracer.incident_radiance`.
 
 `trace` is the estimator; `LightingIntegrator` wraps it as the plugin `threedf_lighting`, so that `mi.render` gives the
-frame; `rendering.estimate` calls it on lists of pixels.
+image; `sampling.estimate` calls it on lists of pixels.
 """
 
 from __future__ import annotations
@@ -21,8 +24,8 @@ import mitsuba as mi
 from dataset_builder.rendering.plugin_class import plugin_class
 from dataset_builder.rendering.surface.first_hit import COSINE_SHARE, FirstHit, first_hit, mixture
 from dataset_builder.rendering.transport.fog import Fog
-from dataset_builder.rendering.transport.light_sampling import World, balance, carried, in_air, sample_light
-from dataset_builder.rendering.transport.path_tracer import Start, follow
+from dataset_builder.rendering.transport.light_sampling import World, balance, in_air, lone_channel, sample_emitter
+from dataset_builder.rendering.transport.path_tracer import PathStart, incident_radiance
 
 PLUGIN = "threedf_lighting"
 
@@ -53,74 +56,86 @@ def trace(scene: mi.Scene, sampler: mi.Sampler, rest: mi.Sampler, ray: mi.Ray3f,
     world = World(scene, max_depth, rr_depth, features, fog)
     active = mi.Bool(active)
     si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=True, active=active)
-    emitted = si.emitter(scene).eval(si, active)
-    image, shading, specular = mi.Color3f(emitted), mi.Color3f(0), mi.Color3f(emitted)
-    lit = active & si.is_valid() & (max_depth > 1)
 
-    # Light sampled from the first hit, and a direction scattered from it, for both
-    ds, em_weight = sample_light(world, si, sampler.next_2d(lit), lit)
-    take_cosine = sampler.next_1d(lit) < COSINE_SHARE
-    hit = first_hit(si.bsdf(ray), si, si.to_local(ds.d), take_cosine, sampler.next_1d(lit), sampler.next_2d(lit), lit)
-    mis = dr.select(ds.delta, 1, balance(ds.pdf, mixture(hit.em_density, hit.em_cosine)))
-    direct = dr.select(lit & (ds.pdf != 0), em_weight * mis, 0)
+    # Emission of the first surface
+    L_e = si.emitter(scene).eval(si, active)
+    image, shading, specular = mi.Color3f(L_e), mi.Color3f(0), mi.Color3f(L_e)
+    active_next = active & si.is_valid() & (max_depth > 1)
+
+    # Sample an emitter, for both: I += f cos w L_e T / p, S += cos / pi w L_e T / p
+    ds, em_weight = sample_emitter(world, si, sampler.next_2d(active_next), active_next)
+    take_cosine = sampler.next_1d(active_next) < COSINE_SHARE
+    hit = first_hit(si.bsdf(ray), si, si.to_local(ds.d), take_cosine, sampler.next_1d(active_next),
+                    sampler.next_2d(active_next), active_next)
+    mis = dr.select(ds.delta, 1, balance(ds.pdf, mixture(hit.em_pdf, hit.em_cosine)))
+    direct = dr.select(active_next & (ds.pdf != 0), em_weight * mis, 0)
     image += hit.em_value * direct
     shading += hit.em_cosine * direct
     specular += (hit.em_value - hit.diffuse * hit.em_cosine) * direct
 
-    # What arrives from the scattered direction
-    w_image, w_shading, start = _scattered(world, si, hit, lit & ~take_cosine)
-    going = lit & ((start.density > 0) | start.delta)
-    later = follow(world, rest, start, going)
-    image += w_image * later
-    shading += w_shading * later
-    specular += (w_image - hit.diffuse * w_shading) * later
+    # Sample a direction, for both: I += f cos / p L_i, S += cos / (pi p) L_i
+    weight_image, weight_shading, start = _scattered(world, si, hit, active_next & ~take_cosine)
+    active_bsdf = active_next & ((start.pdf > 0) | start.delta)
+    L_i = incident_radiance(world, rest, start, active_bsdf)
+    image += weight_image * L_i
+    shading += weight_shading * L_i
+    specular += (weight_image - hit.diffuse * weight_shading) * L_i
+
+    # Fog before the first surface
     air = mi.Color3f(0) if fog is None else _air(world, fog, sampler, rest, ray, si.t, image, active)
     return Radiometry(image=image + air, shading=shading, specular=specular, air=air, valid=active & si.is_valid())
 
 
 def _scattered(world: World, si: mi.SurfaceInteraction3f, hit: FirstHit,
-               by_bsdf: mi.Bool) -> tuple[mi.Color3f, mi.Color3f, Start]:
-    """Weights for I and S of what arrives from the scattered direction, and the ray that looks there."""
-    density = mixture(hit.density, hit.cosine)
-    inverse = dr.select(density > 0, dr.rcp(density), 0)
-    w_image, w_shading = hit.value * inverse, mi.Color3f(hit.cosine * inverse)
-    delta, edges = mi.Bool(False), mi.UInt32(1)
-    scale = dr.maximum(dr.max(w_image), dr.max(w_shading))
+               by_bsdf: mi.Bool) -> tuple[mi.Color3f, mi.Color3f, PathStart]:
+    """Weights for I and S of what arrives from the scattered direction, and the ray that looks there: f cos / p and
+    cos / (pi p), p the mixture, or f cos / p of the delta lobe alone for I, and 0 for S."""
+    pdf = mixture(hit.pdf, hit.cosine)
+    inverse_pdf = dr.select(pdf > 0, dr.rcp(pdf), 0)
+    weight_image, weight_shading = hit.value * inverse_pdf, mi.Color3f(hit.cosine * inverse_pdf)
+    delta, depth = mi.Bool(False), mi.UInt32(1)
+    prior_throughput = dr.maximum(dr.max(weight_image), dr.max(weight_shading))
     if world.glass or world.thin:
         delta = by_bsdf & hit.delta
-        w_image = dr.select(delta, hit.delta_weight / (1 - COSINE_SHARE), w_image)
-        w_shading = dr.select(delta, 0, w_shading)
+        weight_image = dr.select(delta, hit.delta_weight / (1 - COSINE_SHARE), weight_image)
+        weight_shading = dr.select(delta, 0, weight_shading)
         # Radiance is thinner in glass, and thickens again where it leaves: no reason to end the path
-        through = mi.Frame3f.cos_theta(si.wi) * mi.Frame3f.cos_theta(hit.wo) < 0
-        scale = dr.select(delta | through, 1, scale)
+        transmitted = mi.Frame3f.cos_theta(si.wi) * mi.Frame3f.cos_theta(hit.wo) < 0
+        prior_throughput = dr.select(delta | transmitted, 1, prior_throughput)
     if world.thin:
-        edges = dr.select(delta & hit.null, mi.UInt32(0), edges)
+        depth = dr.select(delta & hit.null, mi.UInt32(0), depth)
     # Where the same path serves S, all of its colours count
-    colour = dr.select(delta, carried(w_image), 0) if world.dispersion else mi.Float(0)
-    return w_image, w_shading, Start(point=si, direction=si.to_world(hit.wo), density=density, delta=delta, edges=edges,
-                                     scale=scale, carried=colour)
+    channel = dr.select(delta, lone_channel(weight_image), 0) if world.dispersion else mi.Float(0)
+    return weight_image, weight_shading, PathStart(
+        point=si, direction=si.to_world(hit.wo), pdf=pdf, delta=delta, depth=depth, prior_throughput=prior_throughput,
+        lone_channel=channel)
 
 
 def _air(world: World, fog: Fog, sampler: mi.Sampler, rest: mi.Sampler, ray: mi.Ray3f, end: mi.Float,
          surface: mi.Color3f, active: mi.Bool) -> mi.Color3f:
     """What fog adds to `surface`, the radiance that sets out at the ray's end, less what it takes.
 
-    What it takes is known; what it adds is estimated from one point, drawn where the fog would scatter the ray if it
-    did.
+    The equation of transfer of a homogeneous medium (Pharr et al. 2023, section 14.1): with T the transmittance to the
+    ray's end, (1 - T) (albedo L_scattered - surface). What the fog takes is known; L_scattered is estimated from one
+    point, drawn where the fog would scatter the ray if it did.
     """
-    way = fog.way(ray.o, ray.d, end)
-    lost = fog.scattered(way)
-    lit = active & (way.length > 0) & (world.max_depth > 1)
-    point = in_air(ray, fog.flight_within(way, sampler.next_1d(lit)))
-    ds, em_weight = sample_light(world, point, sampler.next_2d(lit), lit)
+    segment = fog.segment(ray.o, ray.d, end)
+    opacity = fog.opacity(segment)
+    active_next = active & (segment.length > 0) & (world.max_depth > 1)
+    point = in_air(ray, fog.sample_distance_within(segment, sampler.next_1d(active_next)))
+
+    # Sample an emitter
+    ds, em_weight = sample_emitter(world, point, sampler.next_2d(active_next), active_next)
     phase = fog.phase(dr.dot(ray.d, ds.d))
     mis = dr.select(ds.delta, 1, balance(ds.pdf, phase))
-    direct = dr.select(lit & (ds.pdf != 0), phase * em_weight * mis, 0)
-    direction, density = fog.scatter(ray.d, sampler.next_2d(lit))
-    start = Start(point=point, direction=direction, density=density, delta=mi.Bool(False), edges=mi.UInt32(1),
-                  scale=fog.albedo * lost, carried=mi.Float(0))
-    later = follow(world, rest, start, lit)
-    return lost * (fog.albedo * (direct + later) - surface)
+    direct = dr.select(active_next & (ds.pdf != 0), phase * em_weight * mis, 0)
+
+    # Sample a direction
+    direction, pdf = fog.sample_phase(ray.d, sampler.next_2d(active_next))
+    start = PathStart(point=point, direction=direction, pdf=pdf, delta=mi.Bool(False), depth=mi.UInt32(1),
+                      prior_throughput=fog.albedo * opacity, lone_channel=mi.Float(0))
+    L_i = incident_radiance(world, rest, start, active_next)
+    return opacity * (fog.albedo * (direct + L_i) - surface)
 
 
 class LightingIntegrator:

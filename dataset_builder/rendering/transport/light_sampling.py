@@ -1,4 +1,4 @@
-"""What all legs of a light path share: the scene, its limits, and light samples that see through panes and fog."""
+"""What all legs of a light path share: the scene, its limits, and emitter samples that see through panes and fog."""
 
 from __future__ import annotations
 
@@ -26,23 +26,26 @@ class World:
 
 
 @dataclass
-class Air:
-    """What happens to a ray on its way to the next surface. transmittance: to that surface; collided: whether the fog
-    scatters it before; point: where that is, or the surface."""
+class FreeFlight:
+    """How far a ray gets on its way to the next surface."""
 
     transmittance: mi.Float
+    """Share of light that gets to that surface."""
     collided: mi.Bool
+    """Whether the fog scatters the ray before."""
     point: mi.Interaction3f
+    """Where it does, or the surface."""
 
 
-def cross_air(world: World, ray: mi.Ray3f, si: mi.SurfaceInteraction3f, sampler: mi.Sampler, active: mi.Bool) -> Air:
+def sample_free_flight(world: World, ray: mi.Ray3f, si: mi.SurfaceInteraction3f, sampler: mi.Sampler,
+                       active: mi.Bool) -> FreeFlight:
     """A random flight along a ray that meets `si`; nothing happens in clear air."""
     if world.fog is None:
-        return Air(transmittance=mi.Float(1), collided=mi.Bool(False), point=si)
-    way = world.fog.way(ray.o, ray.d, si.t)
-    distance, collided = world.fog.flight(way, sampler.next_1d(active))
+        return FreeFlight(transmittance=mi.Float(1), collided=mi.Bool(False), point=si)
+    segment = world.fog.segment(ray.o, ray.d, si.t)
+    distance, collided = world.fog.sample_distance(segment, sampler.next_1d(active))
     point = dr.select(collided, in_air(ray, distance), mi.Interaction3f(si))
-    return Air(transmittance=world.fog.transmittance(way), collided=collided, point=point)
+    return FreeFlight(transmittance=world.fog.transmittance(segment), collided=collided, point=point)
 
 
 def in_air(ray: mi.Ray3f, distance: mi.Float) -> mi.Interaction3f:
@@ -52,15 +55,15 @@ def in_air(ray: mi.Ray3f, distance: mi.Float) -> mi.Interaction3f:
     return point
 
 
-def sample_light(world: World, point: mi.Interaction3f, sample: mi.Point2f,
-                 active: mi.Bool) -> tuple[mi.DirectionSample3f, mi.Color3f]:
-    """A direction to a light, and the radiance that arrives from it over its density: Mitsuba's next event estimation,
-    with what panes and fog let through."""
+def sample_emitter(world: World, point: mi.Interaction3f, sample: mi.Point2f,
+                   active: mi.Bool) -> tuple[mi.DirectionSample3f, mi.Color3f]:
+    """A direction to an emitter, and L_e T / p: the radiance that arrives from it through panes and fog, over its
+    density. Next event estimation (Pharr et al. 2023, section 13.4)."""
     ds, weight = world.scene.sample_emitter_direction(point, sample, not world.thin, active)
     if world.thin:
         weight = weight * _through_panes(world.scene, point, ds, active & (ds.pdf != 0))
     if world.fog is not None:
-        weight = weight * world.fog.transmittance(world.fog.way(point.p, ds.d, ds.dist))
+        weight = weight * world.fog.transmittance(world.fog.segment(point.p, ds.d, ds.dist))
     return ds, weight
 
 
@@ -68,26 +71,30 @@ def sample_light(world: World, point: mi.Interaction3f, sample: mi.Point2f,
 def _through_panes(scene: mi.Scene, point: mi.Interaction3f, ds: mi.DirectionSample3f, active: mi.Bool) -> mi.Color3f:
     """Share of light that comes straight from `ds` to `point` through whatever stands between; 0 behind what is
     opaque."""
-    passed, active = mi.Color3f(1), mi.Bool(active)
-    ray = point.spawn_ray_to(ds.p)
+    # Loop state
+    ray = point.spawn_ray_to(ds.p)   # What is left of the shadow ray
+    transmittance = mi.Color3f(1)    # Share that passes all surfaces so far
+    active = mi.Bool(active)         # Active lanes
+
     while active:
         si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=active)
         met = active & si.is_valid()
-        passed = dr.select(met, passed * transparency(si.bsdf(ray), si, met), passed)
+        transmittance = dr.select(met, transmittance * transparency(si.bsdf(ray), si, met), transmittance)
         ray = si.spawn_ray_to(ds.p)
-        active = met & (dr.max(passed) != 0)
-    return passed
+        active = met & (dr.max(transmittance) != 0)
+    return transmittance
 
 
-def carried(weight: mi.Color3f) -> mi.Float:
-    """1 + the only colour channel that a path's weight has left, or 0 where there are more; dispersive glass follows
-    that channel on from there. Rays hold it as their time, which scenes that do not move have no use for."""
-    one, two, three = (weight[channel] != 0 for channel in range(3))
-    found = dr.select(one & ~two & ~three, mi.Float(1), 0)
-    found = dr.select(two & ~one & ~three, 2, found)
-    return dr.select(three & ~one & ~two, 3, found)
+def lone_channel(throughput: mi.Color3f) -> mi.Float:
+    """1 + the only colour channel that a path's throughput has left, or 0 where there are more; dispersive glass
+    follows that channel on from there. Rays hold it as their time, which scenes that do not move have no use for."""
+    red, green, blue = (throughput[channel] != 0 for channel in range(3))
+    found = dr.select(red & ~green & ~blue, mi.Float(1), 0)
+    found = dr.select(green & ~red & ~blue, 2, found)
+    return dr.select(blue & ~red & ~green, 3, found)
 
 
 def balance(pdf: mi.Float, other: mi.Float) -> mi.Float:
-    """Balance heuristic, and 1 where the other technique cannot make the sample (Veach 1997, equation 9.8)."""
+    """Balance heuristic p / (p + q), and 1 where the other technique cannot make the sample (Veach 1997, equation
+    9.8)."""
     return dr.select(other > 0, pdf / (pdf + other), 1)

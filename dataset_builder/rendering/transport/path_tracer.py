@@ -1,8 +1,10 @@
 """The path tracer that follows light from where the first hit, or the air before it, sends a ray.
 
-Lights are sampled at every vertex and met by chance, combined by multiple importance sampling (Veach, "Robust Monte
-Carlo methods for light transport simulation", 1997, sections 9.2 and 10.4). Vertices are surfaces or, in fog, points of
-the air; panes that a ray passes straight are no vertices, so that both ways to the light behind them stay comparable.
+It solves the equation of transfer (Pharr, Jakob and Humphreys, "Physically based rendering", 4th edition, 2023, section
+14.1) by paths from the camera. Emitters are sampled at every vertex and met by chance, combined by multiple importance
+sampling (Veach, "Robust Monte Carlo methods for light transport simulation", 1997, sections 9.2 and 10.4). Vertices are
+surfaces or, in fog, points of the air; panes that a ray passes straight are no vertices, so that both ways to the light
+behind them stay comparable. Variables and steps are named as in Mitsuba's `prb` integrator.
 """
 
 from __future__ import annotations
@@ -12,107 +14,137 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from dataset_builder.rendering.transport.light_sampling import Air, World, balance, carried, cross_air, sample_light
+from dataset_builder.rendering.transport.light_sampling import (
+    FreeFlight,
+    World,
+    balance,
+    lone_channel,
+    sample_emitter,
+    sample_free_flight,
+)
 
 MAX_SURVIVAL = 0.95
 
 
 @dataclass
-class Start:
-    """A ray that leaves `point` along `direction`, drawn with `density`; delta: there was no other choice.
-
-    edges: of the path so far, this one included if it ends somewhere. scale: weight that the result gets, which Russian
-    roulette goes by. carried: see `transport.carried`.
-    """
+class PathStart:
+    """A ray to follow, and what its path was before."""
 
     point: mi.Interaction3f
     direction: mi.Vector3f
-    density: mi.Float
+    pdf: mi.Float
+    """Solid-angle density that the direction was drawn with, per steradian."""
     delta: mi.Bool
-    edges: mi.UInt32
-    scale: mi.Float
-    carried: mi.Float
+    """Whether a delta lobe left no other choice."""
+    depth: mi.UInt32
+    """Edges of the path so far, this ray included if it ends somewhere."""
+    prior_throughput: mi.Float
+    """Weight that the result gets; Russian roulette goes by it."""
+    lone_channel: mi.Float
+    """See `light_sampling.lone_channel`."""
 
 
 @dataclass
-class Bounce:
-    """A vertex: f cos and its density for the sampled light; the direction after it with weight and density, its change
-    of the index of refraction; delta: no light sample could have made it; passed: it goes on straight through a pane.
-    """
+class PathVertex:
+    """What happens at a vertex, to the sampled emitter's light and to the path."""
 
     em_value: mi.Color3f
-    em_density: mi.Float
+    """f cos, or albedo times phase function, towards the sampled emitter."""
+    em_pdf: mi.Float
+    """Solid-angle density with which the path would go there itself."""
     direction: mi.Vector3f
     weight: mi.Color3f
-    density: mi.Float
+    """f cos / p of the sampled direction."""
+    pdf: mi.Float
     eta: mi.Float
+    """Relative index of refraction along the sampled direction."""
     delta: mi.Bool
+    """Whether no emitter sample could have made the direction."""
     passed: mi.Bool
+    """Whether the path goes on straight through a pane."""
 
 
 @dr.syntax
-def follow(world: World, sampler: mi.Sampler, start: Start, active: mi.Bool) -> mi.Color3f:
-    """Radiance that arrives at the start's point from its direction; throughput starts at one."""
-    scene, max_depth, rr_depth, scale = world.scene, world.max_depth, world.rr_depth, start.scale
-    ray = start.point.spawn_ray(start.direction)
+def incident_radiance(world: World, sampler: mi.Sampler, start: PathStart, active: mi.Bool) -> mi.Color3f:
+    """L_i: radiance that arrives at the start's point from its direction."""
+    scene, max_depth, rr_depth, prior_throughput = world.scene, world.max_depth, world.rr_depth, start.prior_throughput
+
+    # Loop state
+    ray = start.point.spawn_ray(start.direction)   # Current ray, in units of the local frame
     if world.dispersion:
-        ray.time = start.carried
-    result, throughput, eta = mi.Color3f(0), mi.Color3f(1), mi.Float(1)
-    depth, active = mi.UInt32(start.edges), mi.Bool(active)
-    prev_si, prev_pdf, prev_delta = mi.Interaction3f(start.point), mi.Float(start.density), mi.Bool(start.delta)
+        ray.time = start.lone_channel
+    L = mi.Color3f(0)                              # Radiance found so far, in units of the lights
+    throughput = mi.Color3f(1)                     # Path throughput: product of f cos / p since the start
+    eta = mi.Float(1)                              # Product of relative indices of refraction since the start
+    depth = mi.UInt32(start.depth)                 # Edges of the path, the current ray included
+    active = mi.Bool(active)                       # Active lanes
+    prev_point = mi.Interaction3f(start.point)     # Previous vertex
+    prev_pdf = mi.Float(start.pdf)                 # Density that drew the ray's direction there, per steradian
+    prev_delta = mi.Bool(start.delta)              # Whether a delta lobe drew it
+
     while active:
         si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=active)
-        air = cross_air(world, ray, si, sampler, active)
+        flight = sample_free_flight(world, ray, si, sampler, active)
 
-        # Emitter met by the ray
-        ds = mi.DirectionSample3f(scene, si, prev_si)
-        em_pdf = scene.pdf_emitter_direction(prev_si, ds, ~prev_delta)
+        # Emission of what the ray meets: L += throughput L_e w T
+        ds = mi.DirectionSample3f(scene, si, prev_point)
+        em_pdf = scene.pdf_emitter_direction(prev_point, ds, ~prev_delta)
         mis = dr.select(prev_delta, 1, balance(prev_pdf, em_pdf))
-        result += throughput * si.emitter(scene).eval(si, active) * mis * air.transmittance
+        L += throughput * si.emitter(scene).eval(si, active) * mis * flight.transmittance
 
-        # Light sampled from here; a pane is passed even where the path may have no further vertex
-        here, more = active & (si.is_valid() | air.collided), depth + 1 < max_depth
-        active_next = here if world.thin else here & more
+        # Does the path go on? A pane is passed even where it may have no further vertex
+        at_vertex, may_extend = active & (si.is_valid() | flight.collided), depth + 1 < max_depth
+        active_next = at_vertex if world.thin else at_vertex & may_extend
         bsdf = si.bsdf(ray)
-        active_em = active_next & more & (air.collided | mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth))
-        ds, em_weight = sample_light(world, air.point, sampler.next_2d(active_em), active_em)
+
+        # Sample an emitter: L += throughput f cos w L_e T / p
+        active_em = active_next & may_extend & (flight.collided | mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth))
+        ds, em_weight = sample_emitter(world, flight.point, sampler.next_2d(active_em), active_em)
         active_em &= ds.pdf != 0
-        bounce = _bounce(world, sampler, ray, si, bsdf, air, ds, active_next)
-        mis = dr.select(ds.delta, 1, balance(ds.pdf, bounce.em_density))
-        result += dr.select(active_em, throughput * bounce.em_value * em_weight * mis, 0)
+        vertex = _vertex(world, sampler, ray, si, bsdf, flight, ds, active_next)
+        mis = dr.select(ds.delta, 1, balance(ds.pdf, vertex.em_pdf))
+        L += dr.select(active_em, throughput * vertex.em_value * em_weight * mis, 0)
 
-        # Scattered direction and Russian roulette
-        active_next &= more | bounce.passed
-        throughput *= dr.select(active_next, bounce.weight, 0)
-        eta = eta * bounce.eta if world.glass else eta
-        ray = air.point.spawn_ray(bounce.direction)
+        # Sample a direction: throughput *= f cos / p
+        active_next &= may_extend | vertex.passed
+        throughput *= dr.select(active_next, vertex.weight, 0)
+        eta = eta * vertex.eta if world.glass else eta
+        ray = flight.point.spawn_ray(vertex.direction)
         if world.dispersion:
-            ray.time = carried(throughput)
-        prev_si = dr.select(bounce.passed, prev_si, mi.Interaction3f(air.point))
-        prev_pdf = dr.select(bounce.passed, prev_pdf, bounce.density)
-        prev_delta = dr.select(bounce.passed, prev_delta, bounce.delta)
-        depth += dr.select(bounce.passed, mi.UInt32(0), mi.UInt32(1))
-        survive = dr.minimum(scale * dr.max(throughput) * (eta * eta), MAX_SURVIVAL)
+            ray.time = lone_channel(throughput)
+
+        # What the next vertex needs to know of this one, which a passed pane is not
+        prev_point = dr.select(vertex.passed, prev_point, mi.Interaction3f(flight.point))
+        prev_pdf = dr.select(vertex.passed, prev_pdf, vertex.pdf)
+        prev_delta = dr.select(vertex.passed, prev_delta, vertex.delta)
+        depth += dr.select(vertex.passed, mi.UInt32(0), mi.UInt32(1))
+
+        # Russian roulette, without the scaling by 1 / eta^2 that leaving glass undoes (Veach 1997, sections 5.2, 10.4)
+        survival = dr.minimum(prior_throughput * dr.max(throughput) * (eta * eta), MAX_SURVIVAL)
         roulette = depth >= rr_depth
-        active = active_next & (dr.max(throughput) != 0) & (~roulette | (sampler.next_1d(active_next) < survive))
-        throughput = dr.select(roulette, throughput * dr.rcp(survive), throughput)
-    return result
+        active = active_next & (dr.max(throughput) != 0) & (~roulette | (sampler.next_1d(active_next) < survival))
+        throughput = dr.select(roulette, throughput * dr.rcp(survival), throughput)
+    return L
 
 
-def _bounce(world: World, sampler: mi.Sampler, ray: mi.Ray3f, si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr, air: Air,
-            light: mi.DirectionSample3f, active: mi.Bool) -> Bounce:
+def _vertex(world: World, sampler: mi.Sampler, ray: mi.Ray3f, si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr,
+            flight: FreeFlight, emitter: mi.DirectionSample3f, active: mi.Bool) -> PathVertex:
     """The vertex at the end of a ray: the surface that it meets, or the fog before it."""
     sample1, sample2 = sampler.next_1d(active), sampler.next_2d(active)
-    value, pdf, bs, weight = bsdf.eval_pdf_sample(mi.BSDFContext(), si, si.to_local(light.d), sample1, sample2,
-                                                  active & ~air.collided)
+
+    # Surface
+    value, pdf, bs, weight = bsdf.eval_pdf_sample(mi.BSDFContext(), si, si.to_local(emitter.d), sample1, sample2,
+                                                  active & ~flight.collided)
     passed = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Null) if world.thin else mi.Bool(False)
-    bounce = Bounce(em_value=value, em_density=pdf, direction=si.to_world(bs.wo), weight=weight, density=bs.pdf,
-                    eta=bs.eta, delta=mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta), passed=passed)
+    surface = PathVertex(em_value=value, em_pdf=pdf, direction=si.to_world(bs.wo), weight=weight, pdf=bs.pdf,
+                         eta=bs.eta, delta=mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta), passed=passed)
     if world.fog is None:
-        return bounce
-    phase = world.fog.phase(dr.dot(ray.d, light.d))
-    direction, density = world.fog.scatter(ray.d, sample2)
+        return surface
+
+    # Fog, whose phase function is its own density
+    phase = world.fog.phase(dr.dot(ray.d, emitter.d))
+    direction, pdf = world.fog.sample_phase(ray.d, sample2)
     albedo = mi.Color3f(world.fog.albedo)
-    floating = Bounce(em_value=albedo * phase, em_density=phase, direction=direction, density=density, weight=albedo,
-                      eta=mi.Float(1), delta=mi.Bool(False), passed=mi.Bool(False))
-    return dr.select(air.collided, floating, bounce)
+    air = PathVertex(em_value=albedo * phase, em_pdf=phase, direction=direction, weight=albedo, pdf=pdf,
+                     eta=mi.Float(1), delta=mi.Bool(False), passed=mi.Bool(False))
+    return dr.select(flight.collided, air, surface)

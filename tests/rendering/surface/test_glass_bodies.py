@@ -36,11 +36,11 @@ def test_extremes_stay_finite(roughness, thin):
     si.prim_index = mi.UInt32(np.arange(width) % len(materials))
     surface = surface_of(*materials)
     bs, weight = sampled(surface, si, width=width)
-    value, density = surface.eval_pdf(mi.BSDFContext(), si, bs.wo, mi.Bool(True))
+    value, pdf = surface.eval_pdf(mi.BSDFContext(), si, bs.wo, mi.Bool(True))
     d, r, _ = surface.reflectance(si, mi.Bool(True))
-    for found in (bs.wo, bs.pdf, weight, value, density, d, r):
+    for found in (bs.wo, bs.pdf, weight, value, pdf, d, r):
         assert np.all(np.isfinite(np.array(found)))
-    assert np.all(weight >= 0) and np.all(np.array(density) >= 0)
+    assert np.all(weight >= 0) and np.all(np.array(pdf) >= 0)
     assert np.all(np.array(d + r) <= 1 + 1e-5) and np.all(np.array(d + r) >= 0)
 
 
@@ -54,7 +54,7 @@ def test_the_first_hit_tells_discrete_choices_from_the_others():
     hit = surface.first_hit(si, mi.Vector3f(0, 0, 1), take_cosine, sampler.next_1d(), sampler.next_2d(), mi.Bool(True))
     delta, asked = np.array(hit.delta), ~np.array(take_cosine)
     assert not np.any(delta & ~asked) and np.any(delta & ~np.array(hit.null)) and np.any(np.array(hit.null))
-    assert np.all(np.array(hit.density)[delta] == 0) and np.all(np.array(hit.value)[:, delta] == 0)
-    weight = np.array(dr.select(hit.density > 0, hit.value / hit.density, 0) + hit.delta_weight)[:, asked]
+    assert np.all(np.array(hit.pdf)[delta] == 0) and np.all(np.array(hit.value)[:, delta] == 0)
+    weight = np.array(dr.select(hit.pdf > 0, hit.value / hit.pdf, 0) + hit.delta_weight)[:, asked]
     again, noise = mean_and_error(weight)
     assert np.all(np.abs(again - mean) < 5 * (error + noise))

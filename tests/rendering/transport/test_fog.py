@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from dataset_builder.rendering.transport.fog import Fog, Way
+from dataset_builder.rendering.transport.fog import Fog, RaySegment
 from dataset_builder.rendering.transport.integrator import trace
 from tests.reference_scenes import (
     BATCHES,
@@ -64,22 +64,22 @@ def mitsubas(extinction, albedo, anisotropy):
     ((1.9, 0, 0), (0, 0, 1), np.inf, 0, 2.5), ((0, 0, 8.5), (0, 0.6, -0.8), np.inf, 7.5, 0),
     ((0, -4.5, 0), (0, 0.8, 0.6), np.inf, 2.5, 5 / 3)])
 def test_what_of_a_ray_lies_in_the_box(origin, direction, end, near, length):
-    way = fog_of().way(mi.Point3f(*origin), mi.Vector3f(*direction), mi.Float(end))
-    assert way.length[0] == pytest.approx(length, abs=1e-5)
-    assert length == 0 or way.near[0] == pytest.approx(near, abs=1e-5)
+    segment = fog_of().segment(mi.Point3f(*origin), mi.Vector3f(*direction), mi.Float(end))
+    assert segment.length[0] == pytest.approx(length, abs=1e-5)
+    assert length == 0 or segment.near[0] == pytest.approx(near, abs=1e-5)
 
 
 @pytest.mark.parametrize("extinction", [1e-6, 1e-3, 0.3, 20.0])
 def test_collisions_are_as_far_as_beer_and_lambert_say(extinction):
     fog, sample = fog_of(extinction), (np.arange(1000) + 0.5) / 1000
-    way = Way(near=column(0.25), length=column(2.0))
-    distance, collided = (np.array(part) for part in fog.flight(way, column(sample)))
+    segment = RaySegment(near=column(0.25), length=column(2.0))
+    distance, collided = (np.array(part) for part in fog.sample_distance(segment, column(sample)))
     assert distance == pytest.approx(0.25 - np.log1p(-sample) / extinction, rel=1e-4)
     assert np.array_equal(collided, distance < 2.25)
     lost = -np.expm1(-2 * extinction)
-    assert fog.scattered(way)[0] == pytest.approx(lost, rel=1e-5)
-    assert fog.transmittance(way)[0] == pytest.approx(1 - lost)
-    within = np.array(fog.flight_within(way, column(sample)))
+    assert fog.opacity(segment)[0] == pytest.approx(lost, rel=1e-5)
+    assert fog.transmittance(segment)[0] == pytest.approx(1 - lost)
+    within = np.array(fog.sample_distance_within(segment, column(sample)))
     assert within == pytest.approx(0.25 - np.log1p(-sample * lost) / extinction, rel=1e-4)
 
 
@@ -91,7 +91,7 @@ def test_scattering_follows_henyey_and_greenstein(g):
     assert share.sum() == pytest.approx(1, abs=1e-3) and share @ nodes == pytest.approx(g, abs=1e-3)
     forward = np.array([0.36, -0.48, 0.8])
     samples = mi.Point2f(rng.random((2, 20000)).astype(np.float32))
-    direction, density = fog.scatter(mi.Vector3f(*forward.tolist()), samples)
+    direction, density = fog.sample_phase(mi.Vector3f(*forward.tolist()), samples)
     cosine = forward @ np.array(direction)
     assert np.allclose(np.linalg.norm(np.array(direction), axis=0), 1, atol=1e-5)
     assert np.allclose(density, fog.phase(column(cosine)), rtol=2e-2)
