@@ -78,7 +78,7 @@ def layer_image(shared: ViewPasses, plan: ExamplePlan, name: str, extent: str) -
     if name == "instance":
         return _image(plan, shared.instances().pixels, shared.instances().found.mean)
     result = shared.result(LAYERS[name].render_pass, plan)
-    values, inside = _values(result, name, shared.scenes.frame.unit), _inside(shared, plan, name, extent)
+    values, inside = _values(result, name, shared.scenes.local_frame.unit), _inside(shared, plan, name, extent)
     return _image(plan, result.pixels[inside], values[inside])
 
 

@@ -136,7 +136,7 @@ class ViewPasses:
 
     def _lit(self, key: tuple[str, ...], plan: ExamplePlan, opened: Callable[[], OpenScene],
              covered: Callable[[], np.ndarray], first: int, seed: int) -> PassResult:
-        """A pass with light, in as many rounds as its layers' goals ask for."""
+        """A pass with light, in as many iterations as its layers' goals ask for."""
         name = key[0]
 
         def make(pixels: np.ndarray) -> Refined:
@@ -188,7 +188,7 @@ class ViewPasses:
             pixels = where()
             start = perf_counter()
             made = make(pixels) if len(pixels) else Estimate.empty()
-            refined = made if isinstance(made, Refined) else Refined(found=made, stopped={}, rounds=1)
+            refined = made if isinstance(made, Refined) else Refined(found=made, stopped={}, iterations=1)
             self._results[key] = PassResult(pixels=pixels, found=refined.found, seconds=perf_counter() - start,
                                             stopped=refined.stopped)
             self.spent[key[0]] = self.spent.get(key[0], 0.0) + self._results[key].seconds

@@ -42,23 +42,23 @@ class ViewScenes:
         self._scene.close()
 
     @cached_property
-    def frame(self) -> LocalFrame:
+    def local_frame(self) -> LocalFrame:
         """Where the renderer's origin is, and how long its unit."""
         return LocalFrame.of(clean(self.plan.target, self.mesh_root).corners)
 
     @cached_property
     def view(self) -> ViewSensor:
         """Camera and resolution, in the frame."""
-        return ViewSensor(camera=self.frame.camera(self.plan.camera), render=self.plan.render)
+        return ViewSensor(camera=self.local_frame.camera(self.plan.camera), render=self.plan.render)
 
     @cached_property
     def clean_object(self) -> Soup:
         """The 3DM of the target object."""
-        return self.frame.soup(clean(self.plan.target, self.mesh_root))
+        return self.local_frame.soup(clean(self.plan.target, self.mesh_root))
 
     @cached_property
     def _room(self) -> Soup:
-        return self.frame.soup(surroundings(self.plan, self.mesh_root))
+        return self.local_frame.soup(surroundings(self.plan, self.mesh_root))
 
     @cached_property
     def _materials(self) -> Textures:
@@ -92,7 +92,7 @@ class ViewScenes:
 
     def rough_object(self, rough: RoughPlan) -> Soup:
         """The R3DM of one noise level."""
-        return self.frame.soup(self.twin(rough).soup)
+        return self.local_frame.soup(self.twin(rough).soup)
 
     def twin(self, rough: RoughPlan) -> RoughTwin:
         """The R3DM of one noise level in the world, and how rough it is."""
@@ -125,16 +125,16 @@ class ViewScenes:
         """The lights that a pass simulates, in the frame."""
         light = plan.source_light if render_pass == "source" else plan.target_light
         kept = tuple(light.lights[index] for index in plan.effects.of(render_pass).lights)
-        return self.frame.illumination(light.model_copy(update={"lights": kept}))
+        return self.local_frame.illumination(light.model_copy(update={"lights": kept}))
 
     @cached_property
     def _fog(self) -> Fog | None:
         """The medium that fills the box of the room."""
         if "fog" not in self.plan.effects.features:
             return None
-        room, fog = self.plan.room, self.frame.fog(self.plan.fog)
+        room, fog = self.plan.room, self.local_frame.fog(self.plan.fog)
         x, y = room.width / 2, room.depth / 2
-        low, high = (self.frame.points(np.array(corner)) for corner in ((-x, -y, 0), (x, y, room.height)))
+        low, high = (self.local_frame.points(np.array(corner)) for corner in ((-x, -y, 0), (x, y, room.height)))
         return Fog(fog.extinction, fog.albedo, fog.anisotropy, low.tolist(), high.tolist())
 
     def _opened(self, key: object, body: Callable[[], Body], light: IlluminationPlan | None) -> OpenScene:

@@ -1,4 +1,4 @@
-"""Sampling in rounds: every pixel a little, then more where the noise is, until each layer is as good as was asked.
+"""Sampling in iterations: every pixel a little, then more where the noise is, until each layer is as good as was asked.
 
 Samples that decide how many follow must not be averaged with those: a pixel that looks dark by chance would be left
 dark, and a picture whose rare bright paths have not come yet would be taken for finished. So there are two halves with
@@ -23,13 +23,13 @@ Stop = Literal["spp", "error", "cap", "time"]
 """Why sampling of a layer ended: it had a fixed spp, or one of the three ends of a goal."""
 
 BATCH_SIZES = (4, 16, 64, 256, 1024)
-"""Samples per batch in later rounds: each size is a kernel of its own."""
+"""Samples per batch in later iterations: each size is a kernel of its own."""
 
 GROWTH = 8.0
-"""After a round, a pixel has at most this many times the samples it had: errors are noisy themselves."""
+"""After an iteration, a pixel has at most this many times the samples it had: errors are noisy themselves."""
 
 AIM = 0.97
-"""Share of the error asked for that rounds aim at, to arrive rather than come close again and again."""
+"""Share of the error asked for that iterations aim at, to arrive rather than come close again and again."""
 
 SLACK = 0.02
 """A pixel that lacks this share of its samples at most is there."""
@@ -59,21 +59,21 @@ class Goal:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Refined:
-    """What sampling in rounds found, why it ended for each layer that had a goal, and how many rounds it took."""
+    """What sampling found, why it ended for each layer that had a goal, and how many iterations it took."""
 
     found: Estimate
     stopped: Mapping[str, Stop]
-    rounds: int
+    iterations: int
 
 
 def refine(sample: Sample, pixels: np.ndarray, width: int, *, first: int, batches: int, goals: Sequence[Goal],
            seed: int, clock: Callable[[], float] = perf_counter) -> Refined:
     """Sample pixels until every goal is reached, capped or out of time; without goals, `first` samples each.
 
-    pixels: (P,) indices row * width + column, rising. batches: independent ones in every round. seed: 64 bits.
+    pixels: (P,) indices row * width + column, rising. batches: independent ones in every iteration. seed: 64 bits.
     """
     if not goals:
-        return Refined(found=moderated(sample(pixels, first, batches, seed), pixels, width), stopped={}, rounds=1)
+        return Refined(found=moderated(sample(pixels, first, batches, seed), pixels, width), stopped={}, iterations=1)
     start, each = clock(), max(MIN_BATCHES, batches // 2)
     halves = [[sample(pixels, max(each, first // 2), each, derive_seed(seed, "half", k))] for k in (0, 1)]
     while True:
@@ -92,7 +92,7 @@ def refine(sample: Sample, pixels: np.ndarray, width: int, *, first: int, batche
             if extra.any():
                 half.append(_more(sample, pixels, extra, each, derive_seed(seed, "round", k, len(half))))
     ended = {layer: stop for layer, stop in stopped.items() if stop}
-    return Refined(found=moderated(averaged(found), pixels, width), stopped=ended, rounds=max(map(len, halves)))
+    return Refined(found=moderated(averaged(found), pixels, width), stopped=ended, iterations=max(map(len, halves)))
 
 
 def _error_of_a_half(goal: Goal) -> float:
@@ -101,7 +101,7 @@ def _error_of_a_half(goal: Goal) -> float:
 
 
 def _extra(goal: Goal, own: Estimate, other: Estimate, smallest: int) -> np.ndarray:
-    """(P,) samples that a half lacks for one goal, by what the other half knows; a round can take no fewer than
+    """(P,) samples that a half lacks for one goal, by what the other half knows; an iteration can take no fewer than
     `smallest` of a pixel. 0 for pixels that are there, or at the cap."""
     wish = np.where(goal.inside, GROWTH * own.spp, 0)
     if goal.error:

@@ -1,7 +1,7 @@
-"""Means of pixels with honest errors: from batches, from several rounds together, and over a whole layer.
+"""Means of pixels with honest errors: from batches, from several iterations together, and over a whole layer.
 
 Nothing here traces a ray. Estimates are independent of each other; how many samples each took of a pixel must not
-depend on what it found there, so that pooling by number of samples is unbiased (see `rounds`).
+depend on what it found there, so that pooling by number of samples is unbiased (see `adaptive`).
 """
 
 from collections.abc import Sequence
@@ -62,20 +62,20 @@ def of_batches(means: np.ndarray, spp: int) -> Estimate:
                     freedom=np.full_like(mean, batches - 1))
 
 
-def pooled(rounds: Sequence[Estimate]) -> Estimate:
+def pooled(estimates: Sequence[Estimate]) -> Estimate:
     """Independent estimates of the same pixels as one, each weighted by its samples.
 
     Degrees of freedom by Welch and Satterthwaite (Satterthwaite, Biometrics Bulletin 2, 1946, equation 17).
     """
-    spp = np.sum([found.spp for found in rounds], axis=0)
-    shares = [(found.spp / np.maximum(spp, 1))[:, None] for found in rounds]
-    mean = sum(share * found.mean for share, found in zip(shares, rounds, strict=True))
-    # A round that took no sample of a pixel says nothing of it: its share is 0, and so is what it adds
+    spp = np.sum([found.spp for found in estimates], axis=0)
+    shares = [(found.spp / np.maximum(spp, 1))[:, None] for found in estimates]
+    mean = sum(share * found.mean for share, found in zip(shares, estimates, strict=True))
+    # One that took no sample of a pixel says nothing of it: its share is 0, and so is what it adds
     parts = [np.where(share > 0, share * np.where(share > 0, found.error, 0), 0) ** 2
-             for share, found in zip(shares, rounds, strict=True)]
+             for share, found in zip(shares, estimates, strict=True)]
     variance = np.sum(parts, axis=0)
-    doubt = sum(part**2 / np.maximum(found.freedom, 1) for part, found in zip(parts, rounds, strict=True))
-    most = sum(np.where(share > 0, found.freedom, 0) for share, found in zip(shares, rounds, strict=True))
+    doubt = sum(part**2 / np.maximum(found.freedom, 1) for part, found in zip(parts, estimates, strict=True))
+    most = sum(np.where(share > 0, found.freedom, 0) for share, found in zip(shares, estimates, strict=True))
     with np.errstate(divide="ignore", invalid="ignore"):
         freedom = np.where(doubt > 0, variance**2 / doubt, most)
     return Estimate(mean=mean, error=np.sqrt(variance), spp=spp, freedom=freedom)

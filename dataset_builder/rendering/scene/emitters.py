@@ -24,7 +24,7 @@ from dataset_builder.label.light_plan import IlluminationPlan, LightPlan
 from dataset_builder.light_kinds import LIGHT_KINDS, Image, LightName
 from dataset_builder.planning.view.irradiance import BEAM_SHARE
 from dataset_builder.rendering.scene.images import LAMP_SIDE, environment, lamp_texture, read_image
-from dataset_builder.rendering.scene.small_spheres import bead, is_bead
+from dataset_builder.rendering.scene.small_spheres import is_small_sphere, small_sphere
 from dataset_builder.spec.image_source import ENVIRONMENT_SUFFIXES, TEXTURE_SUFFIXES
 
 SPARE_DEPTH = -240.0
@@ -62,14 +62,14 @@ def emitters(illumination: IlluminationPlan, image_root: Path | None = None) -> 
     images = _Images(root=image_root, on_lamps=any(light.image for light in lamps))
     for kind, row in LIGHT_KINDS.items():
         make, slots = _MAKERS[kind], row.slots
-        lights = [light for light in illumination.lights if light.kind == kind and not is_bead(light)]
+        lights = [light for light in illumination.lights if light.kind == kind and not is_small_sphere(light)]
         if slots and len(lights) > slots:
             raise PlanError(f"lights: expected at most {slots} of kind {kind}, got {len(lights)}")
         spares = [_spare(kind)] * ((slots or _power_of_two(len(lights))) - len(lights))
         for index, light in enumerate([*lights, *spares]):
             entries[f"{kind}_{index}"] = make(light, images)
-    for index, light in enumerate(filter(is_bead, illumination.lights)):
-        entries[f"bead_{index}"] = bead(light, _black(), _surface_emitter(light))
+    for index, light in enumerate(filter(is_small_sphere, illumination.lights)):
+        entries[f"bead_{index}"] = small_sphere(light, _black(), _surface_emitter(light))
     if not any(light.weight > 0 and any(light.radiance) for light in illumination.lights):
         raise PlanError("lights: expected at least one with a radiance above 0, got none")
     return entries

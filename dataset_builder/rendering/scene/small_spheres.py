@@ -17,21 +17,21 @@ from dataset_builder.label.light_plan import LightPlan
 from dataset_builder.rendering.buffers import owned
 
 MAX_RADIUS = 0.05
-"""Radius below which a ball is a bead, in units of the frame, where the target object is about one large: a sphere of
+"""Radius below which a ball is a mesh, in units of the frame, where the target object is about one large: a sphere of
 this radius is 0.1% off at a distance of five objects."""
 
 SUBDIVISIONS = 4
 """Of an octahedron: 2048 faces, round to a thousandth."""
 
 
-def is_bead(light: LightPlan) -> bool:
+def is_small_sphere(light: LightPlan) -> bool:
     """Whether a light is a ball too small to be a sphere."""
     return light.kind == "sphere" and light.size < MAX_RADIUS
 
 
-def bead(light: LightPlan, bsdf: dict[str, Any], emitter: dict[str, Any]) -> mi.Mesh:
+def small_sphere(light: LightPlan, bsdf: dict[str, Any], emitter: dict[str, Any]) -> mi.Mesh:
     """A ball light as triangles whose surface has the ball's area, so that it sends the ball's power."""
-    corners = unit_ball() * light.size + np.array(light.position)
+    corners = unit_sphere() * light.size + np.array(light.position)
     props = mi.Properties()
     props["surface"], props["light"] = mi.load_dict(bsdf), mi.load_dict(emitter)
     mesh = mi.Mesh("bead", vertex_count=3 * len(corners), face_count=len(corners), props=props)
@@ -43,7 +43,7 @@ def bead(light: LightPlan, bsdf: dict[str, Any], emitter: dict[str, Any]) -> mi.
 
 
 @cache
-def unit_ball() -> np.ndarray:
+def unit_sphere() -> np.ndarray:
     """(F, 3, 3) outward triangles about the origin, of area 4 pi together."""
     ends = np.eye(3)
     faces = np.array([(x * ends[0], y * ends[1], z * ends[2]) if x * y * z > 0 else (y * ends[1], x * ends[0],

@@ -49,7 +49,7 @@ def cosine_direction(normal: mi.Normal3f, sample: mi.Point2f) -> mi.Vector3f:
     return mi.Frame3f(normal).to_world(mi.warp.square_to_cosine_hemisphere(sample))
 
 
-def mixture(pdf: mi.Float, cosine: mi.Float) -> mi.Float:
+def mixture_pdf(pdf: mi.Float, cosine: mi.Float) -> mi.Float:
     """Density of the scattered direction: BSDF and cosine lobe, so that it is positive on the whole hemisphere."""
     return dr.lerp(pdf, cosine, COSINE_SHARE)
 

@@ -83,8 +83,8 @@ def transparency(lobes: Lobes, si: mi.SurfaceInteraction3f) -> mi.Color3f:
 
 def evaluate(lobes: Lobes, si: mi.SurfaceInteraction3f, wo: mi.Vector3f) -> tuple[mi.Color3f, mi.Float]:
     """f cos and its sampling density, of all lobes but the discrete ones."""
-    frame = mi.Frame3f(lobes.normal)
-    wi, wo_facing = frame.to_local(si.wi), frame.to_local(wo)
+    sh_frame = mi.Frame3f(lobes.normal)
+    wi, wo_facing = sh_frame.to_local(si.wi), sh_frame.to_local(wo)
     cos_i, cos_o = mi.Frame3f.cos_theta(wi), mi.Frame3f.cos_theta(wo_facing)
     above = _above(si, wo)
     valid = (cos_i > 0) & (cos_o > 0) & above
@@ -101,8 +101,8 @@ def evaluate(lobes: Lobes, si: mi.SurfaceInteraction3f, wo: mi.Vector3f) -> tupl
 
 def scatter(lobes: Lobes, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample2: mi.Point2f) -> Scattered:
     """A local direction of one of the lobes, picked in proportion to their reflectance."""
-    frame = mi.Frame3f(lobes.normal)
-    wi = frame.to_local(si.wi)
+    sh_frame = mi.Frame3f(lobes.normal)
+    wi = sh_frame.to_local(si.wi)
     coat_share, glass_share = _top_shares(lobes)
     top = coat_share + glass_share
     base_sample = (sample1 - top) / (1 - top) if lobes.top else sample1
@@ -112,7 +112,7 @@ def scatter(lobes: Lobes, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample
         take_glossy = base_sample < _glossy_share(lobes, lobes.glossy)
         normal, _ = _ggx(lobes.glossy.alpha).sample(wi, sample2)
         wo = dr.select(take_glossy, mi.reflect(wi, normal), wo)
-    found = Scattered(wo=frame.to_world(wo), valid=mi.Bool(True),
+    found = Scattered(wo=sh_frame.to_world(wo), valid=mi.Bool(True),
                       component=dr.select(take_glossy, mi.UInt32(GLOSSY), mi.UInt32(DIFFUSE)),
                       kind=dr.select(take_glossy, mi.UInt32(+mi.BSDFFlags.GlossyReflection),
                                      mi.UInt32(+mi.BSDFFlags.DiffuseReflection)),
@@ -124,7 +124,8 @@ def scatter(lobes: Lobes, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample
         _scatter_coat(found, lobes.coat, si, sample2, sample1 < coat_share)
     if lobes.glass is not None:
         crossing = glass_lobes.scatter(lobes.glass, wi, (sample1 - coat_share) / glass_share, sample2)
-        _scatter_glass(found, lobes.glass, crossing, frame, si, glass_share, (sample1 >= coat_share) & (sample1 < top))
+        taken = (sample1 >= coat_share) & (sample1 < top)
+        _scatter_glass(found, lobes.glass, crossing, sh_frame, si, glass_share, taken)
     return found
 
 
@@ -155,8 +156,8 @@ def _add_top(lobes: Lobes, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, above: 
         value += dr.select(above, coat, 0)
         pdf += dr.select(above, coat_share * coat_pdf, 0)
     if lobes.glass is not None:
-        frame = mi.Frame3f(lobes.normal)
-        through, glass_pdf = glass_lobes.evaluate(lobes.glass, frame.to_local(si.wi), frame.to_local(wo), above)
+        sh_frame = mi.Frame3f(lobes.normal)
+        through, glass_pdf = glass_lobes.evaluate(lobes.glass, sh_frame.to_local(si.wi), sh_frame.to_local(wo), above)
         value, pdf = value + through, pdf + glass_share * glass_pdf
     return value, pdf
 
@@ -172,10 +173,10 @@ def _scatter_coat(found: Scattered, coat: GgxLobe, si: mi.SurfaceInteraction3f, 
     found.kind = dr.select(taken, mi.UInt32(+mi.BSDFFlags.GlossyReflection), found.kind)
 
 
-def _scatter_glass(found: Scattered, glass: Glass, crossing: glass_lobes.Crossing, frame: mi.Frame3f,
+def _scatter_glass(found: Scattered, glass: Glass, crossing: glass_lobes.Crossing, sh_frame: mi.Frame3f,
                    si: mi.SurfaceInteraction3f, share: mi.Float, taken: mi.Bool) -> None:
     flags, null = mi.BSDFFlags, crossing.null
-    wo = dr.select(null, -si.wi, frame.to_world(crossing.wo))
+    wo = dr.select(null, -si.wi, sh_frame.to_world(crossing.wo))
     kept = (_above(si, wo) == crossing.reflected) & ((mi.Frame3f.cos_theta(crossing.wo) > 0) == crossing.reflected)
     found.valid = dr.select(taken, kept, found.valid)
     found.wo, found.eta = dr.select(taken, wo, found.wo), dr.select(taken, crossing.eta, found.eta)

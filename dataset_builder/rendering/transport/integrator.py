@@ -22,7 +22,7 @@ import drjit as dr
 import mitsuba as mi
 
 from dataset_builder.rendering.plugin_class import plugin_class
-from dataset_builder.rendering.surface.first_hit import COSINE_SHARE, FirstHit, first_hit, mixture
+from dataset_builder.rendering.surface.first_hit import COSINE_SHARE, FirstHit, first_hit, mixture_pdf
 from dataset_builder.rendering.transport.fog import Fog
 from dataset_builder.rendering.transport.light_sampling import World, balance, in_air, lone_channel, sample_emitter
 from dataset_builder.rendering.transport.path_tracer import PathStart, incident_radiance
@@ -67,7 +67,7 @@ def trace(scene: mi.Scene, sampler: mi.Sampler, rest: mi.Sampler, ray: mi.Ray3f,
     take_cosine = sampler.next_1d(active_next) < COSINE_SHARE
     hit = first_hit(si.bsdf(ray), si, si.to_local(ds.d), take_cosine, sampler.next_1d(active_next),
                     sampler.next_2d(active_next), active_next)
-    mis = dr.select(ds.delta, 1, balance(ds.pdf, mixture(hit.em_pdf, hit.em_cosine)))
+    mis = dr.select(ds.delta, 1, balance(ds.pdf, mixture_pdf(hit.em_pdf, hit.em_cosine)))
     direct = dr.select(active_next & (ds.pdf != 0), em_weight * mis, 0)
     image += hit.em_value * direct
     shading += hit.em_cosine * direct
@@ -90,7 +90,7 @@ def _scattered(world: World, si: mi.SurfaceInteraction3f, hit: FirstHit,
                by_bsdf: mi.Bool) -> tuple[mi.Color3f, mi.Color3f, PathStart]:
     """Weights for I and S of what arrives from the scattered direction, and the ray that looks there: f cos / p and
     cos / (pi p), p the mixture, or f cos / p of the delta lobe alone for I, and 0 for S."""
-    pdf = mixture(hit.pdf, hit.cosine)
+    pdf = mixture_pdf(hit.pdf, hit.cosine)
     inverse_pdf = dr.select(pdf > 0, dr.rcp(pdf), 0)
     weight_image, weight_shading = hit.value * inverse_pdf, mi.Color3f(hit.cosine * inverse_pdf)
     delta, depth = mi.Bool(False), mi.UInt32(1)

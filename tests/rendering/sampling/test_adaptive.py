@@ -35,7 +35,7 @@ def run(*goals: Goal, seed: int = 1, **options) -> Refined:
 
 def test_without_goals_spp_is_fixed():
     done = run()
-    assert (done.found.spp == FIRST).all() and done.rounds == 1 and not done.stopped
+    assert (done.found.spp == FIRST).all() and done.iterations == 1 and not done.stopped
 
 
 def test_adaptive_means_are_unbiased():
@@ -102,7 +102,7 @@ def test_the_cap_holds_and_is_said():
 def test_time_ends_it_and_is_said():
     ticks = iter(range(1000))
     done = run(goal(1e-6, seconds=3.0), clock=lambda: float(next(ticks)))
-    assert done.stopped == {"i_t": "time"} and done.rounds <= 4
+    assert done.stopped == {"i_t": "time"} and done.iterations <= 4
 
 
 def test_time_that_runs_out_within_a_round_ends_it():
@@ -143,7 +143,7 @@ def test_a_layer_that_is_black_needs_no_more():
         return of_batches(np.zeros((len(pixels), batches, 1)), spp)
 
     done = refine(black, PIXELS, WIDTH, first=FIRST, batches=BATCHES, goals=[goal(0.01)], seed=1)
-    assert done.stopped == {"i_t": "error"} and done.rounds == 1
+    assert done.stopped == {"i_t": "error"} and done.iterations == 1
 
 
 def test_repetitions_give_the_same_bits_and_seeds_do_not():
