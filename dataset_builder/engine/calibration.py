@@ -22,7 +22,6 @@ from dataset_builder.planning.effects.denoise_guides import FACTOR, REPEATS
 from dataset_builder.planning.plan import Planner
 from dataset_builder.planning.units import units
 from dataset_builder.rendering.backend import activate
-from dataset_builder.rendering.examples import render_view
 from dataset_builder.seeding import derive_seed
 from dataset_builder.spec.loaded import LoadedSpec
 from dataset_builder.spread import spread_indices
@@ -130,6 +129,9 @@ def _changed(plan: ExamplePlan, name: str, **changed: object) -> ExamplePlan:
 
 
 def _layers(plan: ExamplePlan, mesh_root: Path) -> Images:
+    # Verbs that render nothing import this module, too; they need not wait for Mitsuba
+    from dataset_builder.rendering.examples import render_view
+
     example, = render_view([plan], mesh_root)
     return example.layers
 

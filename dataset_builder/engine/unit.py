@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from dataset_builder.planning.plan import Planner
 from dataset_builder.planning.units import ViewUnit
 from dataset_builder.rendering import oidn
 from dataset_builder.rendering.backend import activate, renderer_versions
-from dataset_builder.rendering.examples import Rendered, render_view
 from dataset_builder.shards.example import Example, encode_members, preview
 from dataset_builder.shards.gates import check_gates
 from dataset_builder.shards.identities import Violation, check_layers, identity_table, storable
@@ -31,6 +30,9 @@ from dataset_builder.shards.writer import entry, writer_versions
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.load import load_dataset
 from dataset_builder.spec.loaded import LoadedSpec
+
+if TYPE_CHECKING:
+    from dataset_builder.rendering.examples import Rendered
 
 PLANNING = "planning"
 """Gate that an example fails which cannot be planned."""
@@ -117,6 +119,9 @@ def remembered(ref: ExampleRef, rejected: Rejected) -> Outcome:
 
 
 def _make(planned: Sequence[tuple[ExampleRef, ExamplePlan]], loaded: LoadedSpec, job: BuildJob) -> Iterator[Outcome]:
+    # Verbs that render nothing import this module, too; they need not wait for Mitsuba
+    from dataset_builder.rendering.examples import render_view
+
     made_by = versions(job.backend, bool(loaded.dataset.render.denoise.layers))
     staging = Staging(job.folder)
     digests = {ref.key: plan_digest(plan, loaded.dataset, made_by, job.denoised) for ref, plan in planned}
@@ -129,7 +134,7 @@ def _make(planned: Sequence[tuple[ExampleRef, ExamplePlan]], loaded: LoadedSpec,
         yield from _finished(missing, rendered, digests, loaded.dataset, staging)
 
 
-def _finished(missing: Sequence[tuple[ExampleRef, ExamplePlan]], rendered: Iterator[Rendered],
+def _finished(missing: Sequence[tuple[ExampleRef, ExamplePlan]], rendered: Iterator["Rendered"],
               digests: Mapping[str, str], spec: DatasetSpec, staging: Staging) -> Iterator[Outcome]:
     """Outcomes of the examples of one view as they are rendered; where a plan cannot be made, of all that are left."""
     for position, (ref, _) in enumerate(missing):
@@ -144,7 +149,7 @@ def _finished(missing: Sequence[tuple[ExampleRef, ExamplePlan]], rendered: Itera
         yield _finish(ref, example, digests[ref.key], spec, staging)
 
 
-def _with_figures(rendered: Rendered, denoised: Sequence[Denoised]) -> Rendered:
+def _with_figures(rendered: "Rendered", denoised: Sequence[Denoised]) -> "Rendered":
     return replace(rendered, record={**rendered.record, "denoised": _plain(denoised)})
 
 
@@ -152,7 +157,7 @@ def _plain(denoised: Sequence[Denoised]) -> list[dict[str, Any]]:
     return [figures.model_dump(mode="json") for figures in denoised]
 
 
-def _finish(ref: ExampleRef, rendered: Rendered, key_digest: str, spec: DatasetSpec, staging: Staging) -> Outcome:
+def _finish(ref: ExampleRef, rendered: "Rendered", key_digest: str, spec: DatasetSpec, staging: Staging) -> Outcome:
     """Gate, encode and stage one rendered example."""
     start, plan = perf_counter(), rendered.plan
     paths = sum(entry["paths"] for entry in rendered.record["passes"] if entry["name"] in rendered.seconds)
@@ -166,7 +171,7 @@ def _finish(ref: ExampleRef, rendered: Rendered, key_digest: str, spec: DatasetS
     return _outcome(ref, digest=key_digest, paths=paths, seconds=rendered.seconds | {"encode": perf_counter() - start})
 
 
-def _violations(rendered: Rendered, spec: DatasetSpec) -> list[Violation]:
+def _violations(rendered: "Rendered", spec: DatasetSpec) -> list[Violation]:
     """What is wrong with the example as it would be stored, and with the evidence."""
     tolerances = {name: tolerance for name, _, tolerance in identity_table(spec.storage.dtype)}
     masks = {name: image for name, image in rendered.evidence.items() if name.startswith("mask")}

@@ -31,6 +31,12 @@ def test_every_module_is_imported_without_a_variant() -> None:
     assert len(MODULES) > 30 and done.returncode == 0, done.stderr
 
 
+def test_verbs_that_render_nothing_do_not_wait_for_mitsuba() -> None:
+    done = python("import sys, dataset_builder.build, dataset_builder.report.console, dataset_builder.report.doctor\n"
+                  "assert not {'mitsuba', 'drjit'} & set(sys.modules)")
+    assert done.returncode == 0, done.stderr
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="libraries are named and searched for otherwise")
 @pytest.mark.parametrize(("first", "works"), [
     ("import drjit", False), ("import dataset_builder.rendering.passes", True)])
