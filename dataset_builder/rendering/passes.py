@@ -41,7 +41,7 @@ class ViewSensor:
         return sensor_of(self.camera, self.render.width, self.render.height)
 
     def estimate(self, integrand: Integrand, pixels: np.ndarray, spp: int, batches: int, seed: int) -> Estimate:
-        """`rendering.estimate.estimate` with this view's size."""
+        """`sampling.estimate.estimate` with this view's size."""
         return estimate(integrand, pixels, width=self.render.width, height=self.render.height, spp=spp, batches=batches,
                         seed=seed)
 

@@ -124,7 +124,7 @@ class ViewPasses:
 
     def lighting(self, plan: ExamplePlan) -> PassResult:
         """Spherical harmonics of what arrives at the middle of the 3DM's box under one target illumination, with the
-        3DM hidden: one pixel, channels as `rendering.lighting` has them. The frame's origin is that middle, and its
+        3DM hidden: one pixel, channels as `light_probe.lighting` has them. The frame's origin is that middle, and its
         axes are the world's."""
         def make(_: np.ndarray) -> Estimate:
             return lighting(self.scenes.surroundings(plan), max_depth=plan.effects.of("target").max_depth,

@@ -101,7 +101,7 @@ def check(materials: Sequence[Material]) -> None:
 
 
 def needs(materials: Sequence[Material]) -> frozenset[str]:
-    """Features without which a surface of these materials would not be what they say; see `surface.FEATURES`."""
+    """Features without which a surface of these materials would not be what they say; see `bsdf.FEATURES`."""
     return frozenset(feature for material in materials for feature in _needs(material))
 
 
