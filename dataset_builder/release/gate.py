@@ -33,7 +33,7 @@ READS = Rule(name="reads", high=0, why="what cannot be read cannot be trained on
 @dataclass(frozen=True, kw_only=True)
 class Gate:
     """What to ask of which dataset. parts: some of `PARTS`; spec: of the training; margin, copy_margin: see
-    `gate_training`; examples: most that consistency looks at; stop: whether parts after one that failed are left out;
+    `training_checks`; examples: most that consistency looks at; stop: whether parts after one that failed are left out;
     out: folder that the training may use."""
 
     dataset: Path

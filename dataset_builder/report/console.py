@@ -39,7 +39,7 @@ def rejected_lines(rejected: Iterable[Rejected]) -> list[str]:
 
 def finding_table(findings: Sequence[Finding]) -> Table:
     """The doctor's report."""
-    table = Table("what", "found", "to mend")
+    table = Table("what", "found", "what to do")
     for finding in findings:
         table.add_row(finding.what, finding.value, finding.mend, style="red" if finding.mend else None)
     return table

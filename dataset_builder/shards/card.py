@@ -49,7 +49,7 @@ def _composition(manifest: Manifest) -> str:
 |---|---|---|
 {_rows((split.name, split.examples, len(split.shards)) for split in manifest.splits)}
 Each example is a set of files with one key of eight digits: an EXR per layer, `.json` (its whole plan, what happened
-while it was rendered, least, largest and mean value of every layer) and `.preview.png` (tone-mapped, for people only).
+while it was rendered, minimum, maximum and mean of every layer) and `.preview.png` (tone-mapped, for viewing only).
 
 | member | symbol | pixels | channels | type | range | unit | meaning |
 |---|---|---|---|---|---|---|---|
@@ -98,7 +98,7 @@ cannot be told from 0. Pixel bias is the root mean square of the error that stay
 def _use(manifest: Manifest) -> str:
     return f"""{_denoised(manifest)}## Known artefacts
 
-Layers that need light carry Monte Carlo noise; their standard errors are in the label, or are layers of their own.
+Layers that need light carry Monte Carlo noise; their standard errors are in the label, or are separate layers.
 Values above 1 are normal in radiance layers.
 
 ## Reading

@@ -46,7 +46,8 @@ class ExampleChecks:
                 yield Problem(where="dataset.json", path=key, rule=f"expected each key once, got {count} examples")
         for item in self._manifest.rejected:
             if item.key in self._keys:
-                yield Problem(where="dataset.json", path=item.key, rule=f"expected it left out, it failed {item.gate}")
+                yield Problem(where="dataset.json", path=item.key, rule="expected it to be left out, since it failed "
+                                                                        f"{item.gate}")
 
     def _names(self, tar: Path, example: ExampleRecord) -> Iterator[Problem]:
         suffixes = sorted([*(f"{name}.exr" for name in self._layers), LABEL, PREVIEW])

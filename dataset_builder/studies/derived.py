@@ -34,7 +34,7 @@ def changed(spec: TrainingSpec, **values: Any) -> TrainingSpec:
 
 
 def settings_of(spec: TrainingSpec, device: str, seeds: int = 1) -> str:
-    """One sentence on how LighTNet is trained. device: as `lightnet.device.choose` takes it."""
+    """One sentence on how LighTNet is trained. device: as `lightnet.methods.device.choose` takes it."""
     found = choose(device)
     where = f"{cores()} cores" if found.type == "cpu" else str(found)
     which = f"{seeds} seeds" if seeds > 1 else f"seed {spec.seed}"

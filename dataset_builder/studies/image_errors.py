@@ -47,7 +47,7 @@ def _relative(squares: np.ndarray, reference: np.ndarray) -> float:
 def psnr(image: np.ndarray, reference: np.ndarray, keep: np.ndarray) -> float:
     """Peak signal-to-noise ratio in dB of both under the reference's exposure and the sRGB curve; inf where equal.
 
-    The exposure is `shards.tonemap`'s over the kept pixels; the peak is 1, where that clips.
+    The exposure is `tonemap`'s over the kept pixels; the peak is 1, where that clips.
     """
     if not keep.any():
         return math.inf

@@ -1,7 +1,7 @@
 """What flows through the trainer: inputs, truth and predictions, as tensors in exposed linear light.
 
 Exposed means: `i_s` is multiplied by the dataset-wide source exposure, `s_prime` and `i_t` by the example's own target
-exposure (`lightnet.ranges`), so that I_t = D S + spec still holds. Nothing is tone-mapped; whoever needs display
+exposure (`lightnet.data.ranges`), so that I_t = D S + spec still holds. Nothing is tone-mapped; whoever needs display
 values maps them. Everything is 0 where the object is not (`inside` is 0). H and W are whatever the crop is.
 """
 

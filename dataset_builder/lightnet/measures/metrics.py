@@ -49,7 +49,7 @@ METRICS: tuple[Metric, ...] = (
            definition="mean over the pixels inside of the angle between the CIELAB vectors (D65, L 0 to 100); pi / 2 "
                       "where one of the two is black (norm at most 1), 0 where both are"),
 )
-"""In the order of the paper's tables. All on tone-mapped values (`lightnet.ranges`) clipped to [0, 1]."""
+"""In the order of the paper's tables. All on tone-mapped values (`lightnet.data.ranges`) clipped to [0, 1]."""
 
 
 def measure(predicted_i_t: torch.Tensor, truth_i_t: torch.Tensor, inside: torch.Tensor) -> list[Metrics]:

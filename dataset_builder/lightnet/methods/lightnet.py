@@ -63,7 +63,7 @@ class LighTNet(Method):
         return Prediction(i_t=i_t, d=d, r=r, shading=shading, alpha=alpha)
 
     def loss(self, phase: str, batch: Batch, prediction: Prediction) -> Loss:
-        """The paper's objective, see `lightnet.losses`."""
+        """The paper's objective, see `lightnet.methods.losses`."""
         return self.objective(batch, prediction)
 
     def _materials(self, inputs: Inputs, insides: list[torch.Tensor]) -> tuple[torch.Tensor, torch.Tensor | None]:

@@ -1,7 +1,7 @@
 """LighTNet's objective: a weighted sum of terms, each finite with finite gradients whatever the images.
 
-All terms but `dr` look at tone-mapped values (`lightnet.ranges`); all are float32, under autocast too, and none sees
-a pixel outside the object.
+All terms but `dr` look at tone-mapped values (`lightnet.data.ranges`); all are float32, under autocast too, none sees a
+pixel outside the object.
 """
 
 from collections.abc import Callable

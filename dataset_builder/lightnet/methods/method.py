@@ -27,7 +27,7 @@ class Method(nn.Module, ABC):
 
     phases: tuple[str, ...] = ("main",)
     multiple: int = 1
-    """Height and width of inputs must be multiples of this; `lightnet.predict` pads."""
+    """Height and width of inputs must be multiples of this; `lightnet.methods.predict` pads."""
     off: tuple[str, ...] = ()
     """Losses that were asked for and are off, each with the reason."""
 

@@ -6,7 +6,7 @@ a network says light below 0, it is 0.
 
 A prediction covers M but for its rim: pixels of which the object has too small a share to count as inside, and pixels
 where the rough mesh is not, so that S' has no light of it. Those are filled from the predicted pixels beside them, in
-display values (`lightnet.inpaint`). The paper fills them by a network, EdgeConnect.
+display values (`lightnet.results.inpaint`). The paper fills them by a network, EdgeConnect.
 """
 
 from dataclasses import dataclass

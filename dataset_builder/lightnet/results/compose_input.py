@@ -24,7 +24,7 @@ class ComposeInput:
 
     i_s: the object under plain light; s_prime: raw lighting of its rough mesh in the scene; mask: share of the pixel
     that the object covers; background: the whole scene, I_PBR; mask_rough: the mask of the rough mesh, if it is known.
-    lighting: (3, 9) as `lightnet.lighting` has it, or None. files: what parts are from, by name, for messages.
+    lighting: (3, 9), see `data.light_coefficients`, or None. files: sources of the parts by name, for messages.
     """
 
     name: str

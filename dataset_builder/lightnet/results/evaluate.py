@@ -1,7 +1,7 @@
 """How good methods are, example by example: trained ones beside three untrained baselines.
 
 All see the same whole frames and are measured on the same pixels, so that their figures may be subtracted. Examples of
-one object resemble each other; a row therefore says what it shows, and `lightnet.summary` counts objects.
+one object resemble each other; a row therefore says what it shows, and `results.clustered_means` counts objects.
 """
 
 from collections import Counter

@@ -69,8 +69,8 @@ def _textures(found: Sequence[MaterialUse], texture_size: int) -> Decision:
         return Decision(effect="textures", choice="off", reason="no material in the scene has one")
     sizes = [texture.base_color.shape[:2] for texture in textures if texture is not None]
     texels, largest = sum(height * width for height, width in sizes), max(max(size) for size in sizes)
-    limit = (f"averaged down to {texture_size} texels a side" if largest > texture_size
-             else f"all within {texture_size} texels a side")
+    limit = (f"downsampled to {texture_size} texels per side" if largest > texture_size
+             else f"all within {texture_size} texels per side")
     return Decision(effect="textures", choice=f"{len(sizes)}",
                     reason=f"{texels:,} texels, {limit}: {names([each.name for each in found])}")
 

@@ -1,9 +1,9 @@
 """Whether the published order is reproduced: pair by pair, with the error of each difference, and Kendall's tau.
 
 Of every two rows that the paper compares, the one that it prints as better should be the better one here. A pair is
-*told apart* where the interval of its difference, example by example and clustered by object (`lightnet.summary`), does
-not contain 0; only such pairs can agree with the paper's order or contradict it. With one seed the interval does not
-include the spread between trainings.
+*told apart* where the interval of its difference, example by example and clustered by object
+(`lightnet.results.clustered_means`), does not contain 0; only such pairs can agree with the paper's order or contradict
+it. With one seed the interval does not include the spread between trainings.
 """
 
 from collections.abc import Mapping, Sequence

@@ -10,7 +10,7 @@ from dataset_builder.studies.tables.paper import Printed
 @dataclass(frozen=True, kw_only=True)
 class TableRow:
     """name: of its folder and in files; title: for people. spec: None for what learns nothing, `name` is then its name
-    in `lightnet.baselines.trivial`. printed: None where the paper has no such row. note: what is to be known of it."""
+    in `lightnet.methods.baselines.trivial`. printed: None where the paper has no such row. note: a remark on it."""
 
     name: str
     title: str

@@ -24,7 +24,7 @@ from dataset_builder.studies.trainings import SCORES, about, claim, read_facts, 
 @dataclass(frozen=True, kw_only=True)
 class TableStudy:
     """What to measure. base: what the rows were derived from; seeds: trainings of every row, from `base.seed` on; out:
-    the study's folder, with one for each row; device: as `lightnet.device.choose` takes it."""
+    the study's folder, with one for each row; device: as `lightnet.methods.device.choose` takes it."""
 
     table: Table
     base: TrainingSpec
@@ -67,7 +67,7 @@ class RowMeasured:
 def run(study: TableStudy) -> Iterator[RowNews | RowMeasured]:
     """Train and measure what is missing, row by row and seed by seed; an interrupted study goes on where it ended.
 
-    Raises UserError as `lightnet.fit.fit` does, and where the dataset lacks what is needed.
+    Raises UserError as `lightnet.training.fit.fit` does, and where the dataset lacks what is needed.
     """
     if study.vgg_weights:
         check_file(study.vgg_weights)

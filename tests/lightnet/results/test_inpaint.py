@@ -101,7 +101,7 @@ def test_no_more_is_solved_than_the_bound(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr(inpaint, "inpaint_biharmonic", counted)
     known, asked = disc(6), disc(16) & ~disc(6)
     whole = fill(picture(), known, asked)
-    monkeypatch.setattr(inpaint, "MOST", 100)
+    monkeypatch.setattr(inpaint, "MAX_PIXELS", 100)
     part = fill(picture(), known, asked)
     assert solved[0] == asked.sum() > 100 >= solved[1] > 0
     assert np.isfinite(part).all() and not np.array_equal(part, whole)

@@ -8,7 +8,7 @@ width 16 and 4 downs.
 
 Losses: L1 of the picture and of its gradients, and the squared error of the source light, which is the same even light
 in every example here, so that its head has little to learn. Left out: the loss of bottleneck features, which needs two
-pictures of an object in one batch, and the adversary. Pictures are tone-mapped (`lightnet.ranges`). Nine numbers a
+pictures of an object in one batch, and the adversary. Pictures are tone-mapped (`lightnet.data.ranges`). Nine numbers a
 channel for the whole object know of no cast shadow.
 """
 

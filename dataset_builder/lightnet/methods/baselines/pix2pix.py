@@ -5,8 +5,8 @@ I_s and S' too. At width 64 and 8 downs the generator is its `unet_256`. Also ke
 noise, normal weights of deviation 0.02, and the loss, vanilla GAN + 100 L1 with the discriminator's halved. Its
 training is Adam with a rate of 2e-4 and betas of 0.5 and 0.999, to be written in the spec.
 
-Different here: pictures are tone-mapped (`lightnet.ranges`), L1 is the mean over the object, the frame around which is
-black on both sides, and pictures are predicted in evaluation mode, without dropout and with moments of the training.
+Different here: pictures are tone-mapped (`lightnet.data.ranges`), L1 is the mean over the object, the frame around it
+is black on both sides, and pictures are predicted in evaluation mode, without dropout and with moments of the training.
 """
 
 from collections.abc import Iterable
