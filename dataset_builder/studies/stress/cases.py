@@ -14,8 +14,6 @@ from dataset_builder.studies.stress import (
 )
 from dataset_builder.studies.stress.case import Case
 
-CASES: tuple[Case, ...] = (
-    *light_cases.CASES, *energy_cases.CASES, *scale_cases.CASES, *geometry_cases.CASES, *mesh_cases.CASES,
-    *material_cases.CASES, *glass_cases.CASES, *number_cases.CASES, *sum_cases.CASES,
-    *refused_cases.CASES,
-)
+MODULES = (light_cases, energy_cases, scale_cases, geometry_cases, mesh_cases, material_cases, glass_cases,
+           number_cases, sum_cases, refused_cases)
+CASES = tuple(found for module in MODULES for found in vars(module).values() if isinstance(found, Case))

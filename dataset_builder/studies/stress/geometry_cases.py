@@ -196,7 +196,3 @@ def closed_room_is_dark(size: Size) -> CaseMeasured:
     full = all(picture.mask.min() > 1 - 1e-6 for picture in (inside, outside))
     also = () if full and outside.s.min() > 0 else ("expected the object in every pixel, and lit outside",)
     return judged(inside, inside.shading.max(), also=also)
-
-
-CASES = (duplicate_faces, coplanar_faces, zero_area_faces, needle_faces, inverted_faces, folded_rough_mesh,
-         object_inside_another, one_triangle, many_triangles, endless_floor, closed_room_is_dark)

@@ -83,6 +83,3 @@ def ior_one(size: Size) -> CaseMeasured:
     inside = picture.mask > 1 - 1e-6
     off = abs(float(picture.i[inside].mean() / bare.i[inside].mean()) - 1)
     return judged(picture, off, diffuse=False, also=undiffuse(picture, inside))
-
-
-CASES = (clear_glass, rough_glass, dispersive_glass, thin_pane, ior_one)

@@ -11,7 +11,7 @@ from dataset_builder.shards.gates import s_prime_energy
 from dataset_builder.shards.identities import MASK, check_layers, identity_table
 from dataset_builder.spec.dataset import GatesSpec
 from dataset_builder.studies.stress.bench import Picture, Shot, judged, off_by, render
-from dataset_builder.studies.stress.case import CaseMeasured, Size, hard_case
+from dataset_builder.studies.stress.case import Case, CaseMeasured, Size, hard_case
 from dataset_builder.studies.stress.scenes import ball, bare, camera, floor, light, lit_by, matte, standing
 
 KEY = "00000000"
@@ -120,37 +120,22 @@ def frame_of(size: Size, width: int, height: int) -> CaseMeasured:
 FRAME = "largest deviation of S and mask, relative"
 
 
-@hard_case(name="number/image-1x1", bound=1e-5, figure=FRAME,
-           expectation="a picture of one pixel shows what it should",
-           failure="a crash, or pixels of another size")
-def one_pixel(size: Size) -> CaseMeasured:
-    """The least picture."""
-    return frame_of(size, 1, 1)
+one_pixel = Case(
+    name="number/image-1x1", bound=1e-5, figure=FRAME, measure=lambda size: frame_of(size, 1, 1),
+    expectation="a picture of one pixel shows what it should",
+    failure="a crash, or pixels of another size")
 
+one_column = Case(
+    name="number/image-1x4096", bound=1e-5, figure=FRAME, measure=lambda size: frame_of(size, 1, 4096),
+    expectation="a picture one pixel wide and 4096 high shows what it should",
+    failure="rows and columns mixed up, or a field of view that is measured along the wrong side")
 
-@hard_case(name="number/image-1x4096", bound=1e-5, figure=FRAME,
-           expectation="a picture one pixel wide and 4096 high shows what it should",
-           failure="rows and columns mixed up, or a field of view that is measured along the wrong side")
-def one_column(size: Size) -> CaseMeasured:
-    """The field of view is horizontal."""
-    return frame_of(size, 1, 4096)
+one_row = Case(
+    name="number/image-4096x1", bound=1e-5, figure=FRAME, measure=lambda size: frame_of(size, 4096, 1),
+    expectation="a picture 4096 pixels wide and one high shows what it should",
+    failure="rows and columns mixed up")
 
-
-@hard_case(name="number/image-4096x1", bound=1e-5, figure=FRAME,
-           expectation="a picture 4096 pixels wide and one high shows what it should",
-           failure="rows and columns mixed up")
-def one_row(size: Size) -> CaseMeasured:
-    """The other way round."""
-    return frame_of(size, 4096, 1)
-
-
-@hard_case(name="number/image-37x23", bound=1e-5, figure=FRAME,
-           expectation="a picture whose sides are multiples of nothing shows what it should",
-           failure="missing pixels at the end of a block")
-def odd_size(size: Size) -> CaseMeasured:
-    """Two primes."""
-    return frame_of(size, 37, 23)
-
-
-CASES = (denormals, half_range, all_black_layer, mask_of_one_pixel, empty_mask, one_pixel, one_column, one_row,
-         odd_size)
+odd_size = Case(
+    name="number/image-37x23", bound=1e-5, figure=FRAME, measure=lambda size: frame_of(size, 37, 23),
+    expectation="a picture whose sides are multiples of nothing shows what it should",
+    failure="missing pixels at the end of a block")

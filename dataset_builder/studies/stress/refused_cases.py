@@ -20,7 +20,7 @@ from dataset_builder.seeding import derive_seed, rng
 from dataset_builder.shards.exr import encode
 from dataset_builder.shards.identities import check_layers, identity_table, storable
 from dataset_builder.spec.light import SourceSpec
-from dataset_builder.studies.stress.case import CaseMeasured, Size, hard_case
+from dataset_builder.studies.stress.case import Case, CaseMeasured, Size, hard_case
 from dataset_builder.studies.stress.scenes import bare, box_mesh, light, lit_by
 
 TAKEN = "inputs that are taken, or refused without a reason"
@@ -68,37 +68,25 @@ def textured(value: float) -> CaseMeasured:
         for name in ("base_color", "roughness", "metallic", "normal")}
     return taken(attempts, says="painted")
 
+texture_nan = Case(
+    name="refused/texture-nan", bound=0.0, figure=TAKEN, measure=lambda size: textured(np.nan),
+    expectation="a NaN in any map of a texture is refused, with the material's name",
+    failure="one black or white pixel, from where NaN spreads over the picture")
 
-@hard_case(name="refused/texture-nan", bound=0.0, figure=TAKEN,
-           expectation="a NaN in any map of a texture is refused, with the material's name",
-           failure="one black or white pixel, from where NaN spreads over the picture")
-def texture_nan(size: Size) -> CaseMeasured:
-    """One texel."""
-    return textured(np.nan)
+texture_inf = Case(
+    name="refused/texture-inf", bound=0.0, figure=TAKEN, measure=lambda size: textured(np.inf),
+    expectation="an infinite texel in any map is refused, with the material's name",
+    failure="an object that shines without bound")
 
+texture_negative = Case(
+    name="refused/texture-negative", bound=0.0, figure=TAKEN, measure=lambda size: textured(-8.0),
+    expectation="a texel of -8 in any map is refused, with the material's name",
+    failure="negative light")
 
-@hard_case(name="refused/texture-inf", bound=0.0, figure=TAKEN,
-           expectation="an infinite texel in any map is refused, with the material's name",
-           failure="an object that shines without bound")
-def texture_inf(size: Size) -> CaseMeasured:
-    """One texel."""
-    return textured(np.inf)
-
-
-@hard_case(name="refused/texture-negative", bound=0.0, figure=TAKEN,
-           expectation="a texel of -8 in any map is refused, with the material's name",
-           failure="negative light")
-def texture_negative(size: Size) -> CaseMeasured:
-    """Below the range of normals, too."""
-    return textured(-8.0)
-
-
-@hard_case(name="refused/texture-1e8", bound=0.0, figure=TAKEN,
-           expectation="a texel of 1e8 in any map is refused, with the material's name",
-           failure="a texel that half makes infinite, or a surface that reflects more than it receives")
-def texture_huge(size: Size) -> CaseMeasured:
-    """Beyond half's range."""
-    return textured(1e8)
+texture_huge = Case(
+    name="refused/texture-1e8", bound=0.0, figure=TAKEN, measure=lambda size: textured(1e8),
+    expectation="a texel of 1e8 in any map is refused, with the material's name",
+    failure="a texel that half makes infinite, or a surface that reflects more than it receives")
 
 
 @hard_case(name="refused/material", bound=0.0, figure=TAKEN,
@@ -163,14 +151,8 @@ def mesh(size: Size) -> CaseMeasured:
         "noise of NaN": lambda: displace(cube, sigma=np.nan, radius=1.0, direction="isotropic", rng=rng(0)),
     }, says="")
 
-
-@hard_case(name="refused/seed", bound=0.0, figure=TAKEN,
-           expectation="seeds of more than 64 bits, and negative ones, are refused",
-           failure="two seeds that give the same dataset")
-def seed(size: Size) -> CaseMeasured:
-    """2^64 and -1."""
-    return taken({"2^64": lambda: derive_seed(2**64), "-1": lambda: derive_seed(-1)}, error=ValueError)
-
-
-CASES = (no_light, texture_nan, texture_inf, texture_negative, texture_huge, material, beyond_half, layer_nan, mesh,
-         seed)
+seed = Case(
+    name="refused/seed", bound=0.0, figure=TAKEN,
+    measure=lambda size: taken({"2^64": lambda: derive_seed(2**64), "-1": lambda: derive_seed(-1)}, error=ValueError),
+    expectation="seeds of more than 64 bits, and negative ones, are refused",
+    failure="two seeds that give the same dataset")

@@ -8,7 +8,7 @@ from dataset_builder.label.light_plan import IlluminationPlan, LightPlan
 from dataset_builder.label.scene_plan import CameraPlan
 from dataset_builder.light_kinds import LENGTHS, LIGHT_KINDS
 from dataset_builder.studies.stress.bench import Picture, Shot, judged, moved, render
-from dataset_builder.studies.stress.case import CaseMeasured, Size, hard_case
+from dataset_builder.studies.stress.case import Case, CaseMeasured, Size
 from dataset_builder.studies.stress.scenes import ball, camera, light, lit_by, matte, still_life
 
 SPECKLED = "share of pixels more than 1% off"
@@ -51,36 +51,23 @@ def _place(point: tuple[float, float, float], scale: float, shift: np.ndarray) -
     return tuple((np.array(point) * scale + shift).tolist())
 
 
-@hard_case(name="geometry/scaled-1e-3", bound=0.01, figure=SPECKLED,
-           expectation="a scene a thousand times smaller gives the same picture",
-           failure="self-shadow speckle and lost contact shadows: rays start further off than the scene is large")
-def scaled_down(size: Size) -> CaseMeasured:
-    """Millimetres."""
-    return elsewhere(size, 1e-3, (0, 0, 0))
+scaled_down = Case(
+    name="geometry/scaled-1e-3", bound=0.01, figure=SPECKLED, measure=lambda size: elsewhere(size, 1e-3, (0, 0, 0)),
+    expectation="a scene a thousand times smaller gives the same picture",
+    failure="self-shadow speckle and lost contact shadows: rays start further off than the scene is large")
 
+scaled_up = Case(
+    name="geometry/scaled-1e3", bound=0.01, figure=SPECKLED, measure=lambda size: elsewhere(size, 1e3, (0, 0, 0)),
+    expectation="a scene a thousand times larger gives the same picture",
+    failure="pixels that see nothing or shade themselves: clipped rays, lost precision of coordinates")
 
-@hard_case(name="geometry/scaled-1e3", bound=0.01, figure=SPECKLED,
-           expectation="a scene a thousand times larger gives the same picture",
-           failure="pixels that see nothing or shade themselves: clipped rays, lost precision of coordinates")
-def scaled_up(size: Size) -> CaseMeasured:
-    """Kilometres."""
-    return elsewhere(size, 1e3, (0, 0, 0))
+moved_far = Case(
+    name="geometry/moved-1e4", bound=0.01, figure=SPECKLED, measure=lambda size: elsewhere(size, 1.0, (1e4, -1e4, 1e4)),
+    expectation="a scene 10 km from the origin gives the same picture",
+    failure="steps, cracks and speckle: float32 resolves a millimetre there")
 
-
-@hard_case(name="geometry/moved-1e4", bound=0.01, figure=SPECKLED,
-           expectation="a scene 10 km from the origin gives the same picture",
-           failure="steps, cracks and speckle: float32 resolves a millimetre there")
-def moved_far(size: Size) -> CaseMeasured:
-    """All three axes."""
-    return elsewhere(size, 1.0, (1e4, -1e4, 1e4))
-
-
-@hard_case(name="geometry/tiny-and-far", bound=0.01, figure=SPECKLED,
-           expectation="a scene of a tenth, a kilometre from the origin, gives the same picture",
-           failure="as for a small scene and for a distant one, but ten thousand times worse")
-def tiny_and_far(size: Size) -> CaseMeasured:
-    """Both at once."""
-    return elsewhere(size, 0.1, (1e3, 1e3, -1e3))
-
-
-CASES = (scaled_down, scaled_up, moved_far, tiny_and_far)
+tiny_and_far = Case(
+    name="geometry/tiny-and-far", bound=0.01, figure=SPECKLED,
+    measure=lambda size: elsewhere(size, 0.1, (1e3, 1e3, -1e3)),
+    expectation="a scene of a tenth, a kilometre from the origin, gives the same picture",
+    failure="as for a small scene and for a distant one, but ten thousand times worse")

@@ -8,7 +8,7 @@ import numpy as np
 
 from dataset_builder.rendering.sampling.estimate import estimate
 from dataset_builder.studies.stress.bench import Shot, at, judged, off_by, on_floor, render, sigmas
-from dataset_builder.studies.stress.case import SIGMAS, CaseMeasured, Size, hard_case
+from dataset_builder.studies.stress.case import SIGMAS, Case, CaseMeasured, Size, hard_case
 from dataset_builder.studies.stress.number_cases import DOWN, S_OF_FLOOR, SUN
 from dataset_builder.studies.stress.scenes import floor, light, lit_by
 
@@ -26,20 +26,16 @@ def seeded(size: Size, seed: int) -> CaseMeasured:
     return judged(first, sigmas(first.shading, truth), also=tuple(also))
 
 
-@hard_case(name="number/seed-0", bound=SIGMAS, figure="worst |z| of pixels and picture",
-           expectation="seed 0 is a valid seed: right on average, repeatable, unlike its neighbour",
-           failure="a generator that is stuck, so that all pixels have the same error")
-def seed_zero(size: Size) -> CaseMeasured:
-    """Generators that multiply dislike it."""
-    return seeded(size, 0)
+seed_zero = Case(
+    name="number/seed-0", bound=SIGMAS, figure="worst |z| of pixels and picture", measure=lambda size: seeded(size, 0),
+    expectation="seed 0 is a valid seed: right on average, repeatable, unlike its neighbour",
+    failure="a generator that is stuck, so that all pixels have the same error")
 
-
-@hard_case(name="number/seed-2^64-1", bound=SIGMAS, figure="worst |z| of pixels and picture",
-           expectation="the largest seed is a valid seed",
-           failure="an overflow, or the same picture as for another seed: only half of the bits are used")
-def seed_largest(size: Size) -> CaseMeasured:
-    """All bits set; its neighbour is 0."""
-    return seeded(size, 2**64 - 1)
+seed_largest = Case(
+    name="number/seed-2^64-1", bound=SIGMAS, figure="worst |z| of pixels and picture",
+    measure=lambda size: seeded(size, 2**64 - 1),
+    expectation="the largest seed is a valid seed",
+    failure="an overflow, or the same picture as for another seed: only half of the bits are used")
 
 
 DRIFT = 5e-6
@@ -64,20 +60,17 @@ def long_mean(function: Callable[[Any], Any], size: Size) -> float:
     return abs(float(found.mean[0, 0]) / float(values.mean()) - 1)
 
 
-@hard_case(name="number/long-sum", bound=DRIFT, figure=AGAINST_DOUBLE,
-           expectation="the mean of a million equal samples (65 thousand in a small run) is that of a sum in double",
-           failure="drift: a float32 sum grows by rounded steps, all in the same direction")
-def long_sum(size: Size) -> CaseMeasured:
-    """A tenth, which float32 cannot hold."""
-    return CaseMeasured(figure=long_mean(lambda x: 0.1 + (x - x), size))
+long_sum = Case(
+    name="number/long-sum", bound=DRIFT, figure=AGAINST_DOUBLE,
+    measure=lambda size: CaseMeasured(figure=long_mean(lambda x: 0.1 + (x - x), size)),
+    expectation="the mean of a million equal samples (65 thousand in a small run) is that of a sum in double",
+    failure="drift: a float32 sum grows by rounded steps, all in the same direction")
 
-
-@hard_case(name="number/long-sum-of-unlike", bound=DRIFT, figure=AGAINST_DOUBLE,
-           expectation="the same holds for samples between 0 and 2000, most of them small",
-           failure="small samples that are lost beside a large sum")
-def long_sum_of_unlike(size: Size) -> CaseMeasured:
-    """2000 x^9 over the pixel."""
-    return CaseMeasured(figure=long_mean(lambda x: 2000 * x**9, size))
+long_sum_of_unlike = Case(
+    name="number/long-sum-of-unlike", bound=DRIFT, figure=AGAINST_DOUBLE,
+    measure=lambda size: CaseMeasured(figure=long_mean(lambda x: 2000 * x**9, size)),
+    expectation="the same holds for samples between 0 and 2000, most of them small",
+    failure="small samples that are lost beside a large sum")
 
 
 @hard_case(name="number/long-render", bound=DRIFT, figure="deviation of S from E cos / pi, relative",
@@ -88,6 +81,3 @@ def long_render(size: Size) -> CaseMeasured:
     shot = Shot(camera=DOWN, size=(2, 1), max_depth=2, replicas=1, spp=size.long, batches=64)
     picture = render(floor(), SUN, shot, size)
     return judged(picture, off_by(picture.shading, S_OF_FLOOR))
-
-
-CASES = (seed_zero, seed_largest, long_sum, long_sum_of_unlike, long_render)
