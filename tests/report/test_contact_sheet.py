@@ -7,26 +7,18 @@ import pytest
 from PIL import Image
 
 from dataset_builder.errors import OutputError
-from dataset_builder.report.contact_sheet import (
-    GAP,
-    HEADER,
-    LABEL_WIDTH,
-    MARGIN,
-    PALETTE,
-    cell_pixels,
-    contact_sheet,
-    spread,
-    write_contact_sheet,
-)
+from dataset_builder.report import example_sheet
+from dataset_builder.report.contact_sheet import PALETTE, cell_pixels, contact_rows, spread, write_contact_sheet
+from dataset_builder.report.example_sheet import GAP, HEADER, LABEL_WIDTH, MARGIN
 from dataset_builder.shards.reader import open_dataset
 
-CELL, CELL_HEIGHT = 48, 40
+CELL, CELL_HEIGHT = 128, 107
 
 
 @pytest.fixture(scope="module")
 def sheet(small_dataset: Path) -> np.ndarray:
     """(H, W, 3) uint8 sheet of six rows."""
-    return np.asarray(contact_sheet(small_dataset, rows=6, cell=CELL))
+    return np.asarray(example_sheet.sheet(contact_rows(small_dataset, 6), CELL))
 
 
 def cells(sheet: np.ndarray, row: int) -> list[np.ndarray]:
