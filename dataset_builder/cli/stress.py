@@ -27,7 +27,7 @@ def _stress(options: argparse.Namespace) -> int:
     from dataset_builder.report.stress_lines import header, show
     from dataset_builder.studies.stress.case import SIZES, CaseResult, run_all, select
     from dataset_builder.studies.stress.cases import CASES
-    from dataset_builder.studies.stress.stress_table import comma_separated, markdown, summary
+    from dataset_builder.studies.stress.stress_table import markdown, results_table, summary
 
     cases = select(CASES, options.only)
     if options.list:
@@ -43,6 +43,6 @@ def _stress(options: argparse.Namespace) -> int:
         results.append(result)
         show(result, console)
     if options.csv:
-        write_atomic(options.csv, comma_separated(results, size=options.size, backend=backend.variant))
+        write_atomic(options.csv, results_table(results, size=options.size, backend=backend.variant))
     console.print(summary(results, perf_counter() - start), highlight=False)
     return 0 if all(result.passed for result in results) else 1

@@ -22,13 +22,13 @@ def _train(options: argparse.Namespace) -> int:
 
     from dataset_builder.lightnet.settings import load_training
     from dataset_builder.lightnet.training.fit import TrainingJob, fit
-    from dataset_builder.report.training import follow
+    from dataset_builder.report.training import follow, lines_of
     from dataset_builder.shards.reader import load_manifest
 
     spec = load_training(options.config, options.overrides)
     out = options.out or TRAININGS / f"{load_manifest(options.folder).name}-{spec.method}"
     job = TrainingJob(dataset=options.folder, out=out, spec=spec, vgg_weights=options.vgg_weights,
                       device=options.device)
-    for _ in follow(fit(job), Console()):
+    for _ in follow(fit(job), Console(), lines_of):
         pass
     return 0

@@ -40,13 +40,14 @@ def add(verbs: Verbs) -> None:
 def _validate(options: argparse.Namespace) -> int:
     from dataset_builder.files import require_writable
     from dataset_builder.release.gate import Done, LeftOut, run
-    from dataset_builder.report.gate_lines import follow
+    from dataset_builder.report.gate_lines import lines
     from dataset_builder.report.gate_page import Report, refusals, write_report
+    from dataset_builder.report.training import follow
 
     console, gate = wide_console(), _gate(options)
     require_writable(gate.out)
     done, left_out = list[Done](), tuple[str, ...]()
-    for news in follow(run(gate), console):
+    for news in follow(run(gate), console, lines):
         if isinstance(news, Done):
             done.append(news)
         elif isinstance(news, LeftOut):

@@ -1,32 +1,12 @@
-"""Terminal output of a release gate: parts as they begin and end, a line per check, a bar while training."""
+"""Terminal output of a release gate: parts as they begin and end, and a line per check."""
 
-from collections.abc import Iterable, Iterator
-
-from rich.console import Console
-
-from dataset_builder.lightnet.training.events import Started, Stepped
 from dataset_builder.release.dataset_check import Check
 from dataset_builder.release.gate import Begun, Done, LeftOut, News
-from dataset_builder.report.training import bar_of_steps, lines_of, step_text
+from dataset_builder.report.training import lines_of
 
 MARKS = {"yes": "yes", "no": "NO ", "not judged": " - "}
 NAME = 20
 """Columns of a check's name."""
-
-
-def follow(news: Iterable[News], console: Console) -> Iterator[News]:
-    """Pass news on while the terminal shows them."""
-    with bar_of_steps(console) as progress:
-        bar = progress.add_task("", total=None, text="", visible=False)
-        for one in news:
-            if isinstance(one, Started):
-                progress.update(bar, total=one.steps, completed=one.first, visible=True)
-                progress.reset(bar, total=one.steps, completed=one.first)
-            if isinstance(one, Stepped):
-                progress.update(bar, completed=one.step, text=step_text(one))
-            for line in lines(one):
-                progress.console.print(line, highlight=False, markup=False, soft_wrap=True)
-            yield one
 
 
 def lines(news: News) -> list[str]:

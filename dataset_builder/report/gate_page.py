@@ -9,6 +9,7 @@ from typing import Any
 from dataset_builder.files import write_atomic
 from dataset_builder.release.dataset_check import Check
 from dataset_builder.release.gate import Done, Gate
+from dataset_builder.report.estimates import markdown_table
 from dataset_builder.report.gate_figures import figures
 from dataset_builder.report.gate_lines import figure
 
@@ -98,8 +99,7 @@ def _table(done: Done) -> str:
     rows = [(check.name, check.rule.statement, _value(check), check.rule.bounds, check.verdict, check.rule.why,
              check.detail) for check in done.found.checks]
     head = ("check", "what", "value", "bounds", "holds", "why these bounds", "more")
-    return "\n".join(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in row)} |"
-                     for row in (head, ("---",) * len(head), *rows))
+    return markdown_table(head, rows)
 
 
 def _value(check: Check) -> str:

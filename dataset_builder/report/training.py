@@ -1,7 +1,8 @@
 """Terminal output of a training: its size, a bar with losses and rate, a line for each check."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from itertools import chain, islice
+from typing import TypeVar
 
 from rich.console import Console, RenderableType
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -9,24 +10,9 @@ from rich.text import Text
 
 from dataset_builder.lightnet.training.events import Checked, Event, Finished, Started, Stepped
 
+News = TypeVar("News")
 REASONS = {"steps": "all steps done", "patience": "no better check within the patience",
            "already": "already finished"}
-
-
-def follow(events: Iterable[Event], console: Console) -> Iterator[Event]:
-    """Pass events on while a progress bar shows them; there is none before the first event."""
-    coming = iter(events)
-    begun = list(islice(coming, 1))
-    with bar_of_steps(console) as progress:
-        bar = progress.add_task("", total=None, text="")
-        for event in chain(begun, coming):
-            if isinstance(event, Started):
-                progress.update(bar, total=event.steps, completed=event.first)
-            if isinstance(event, Stepped):
-                progress.update(bar, completed=event.step, text=step_text(event))
-            for line in lines_of(event):
-                progress.console.print(line, highlight=False, markup=False, soft_wrap=True)
-            yield event
 
 
 class _Steps(Progress):
@@ -44,6 +30,23 @@ def bar_of_steps(console: Console) -> Progress:
     """A bar of steps, the time that has gone and is left, and a text of its own, the field `text`."""
     return _Steps(TextColumn("steps"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left"),
                   TimeRemainingColumn(), console=console)
+
+
+def follow(news: Iterable[News], console: Console, lines: Callable[[News], list[str]]) -> Iterator[News]:
+    """Pass news on while the terminal shows the `lines` of each, and a progress bar from a training's start on."""
+    coming = iter(news)
+    begun = list(islice(coming, 1))
+    with bar_of_steps(console) as progress:
+        bar = progress.add_task("", total=None, text="", visible=False)
+        for one in chain(begun, coming):
+            if isinstance(one, Started):
+                progress.update(bar, total=one.steps, completed=one.first, visible=True)
+                progress.reset(bar, total=one.steps, completed=one.first)
+            if isinstance(one, Stepped):
+                progress.update(bar, completed=one.step, text=step_text(one))
+            for line in lines(one):
+                progress.console.print(line, highlight=False, markup=False, soft_wrap=True)
+            yield one
 
 
 def lines_of(event: Event) -> list[str]:

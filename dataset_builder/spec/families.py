@@ -1,6 +1,7 @@
 """The families of embedded furniture: what each is and which parameters a spec may set. One table, read by all."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 from dataset_builder.spec.numbers import AnyNumber, Choice, Uniform
 
@@ -35,21 +36,12 @@ class Family:
         raise KeyError(name)
 
 
-def _length(name: str, low: float, high: float, usual: tuple[float, float], meaning: str) -> FamilyParam:
-    return FamilyParam(name=name, unit="m", low=low, high=high, default=Uniform(uniform=usual), integer=False,
+def _drawn(unit: str, name: str, low: float, high: float, usual: tuple[float, float], meaning: str) -> FamilyParam:
+    return FamilyParam(name=name, unit=unit, low=low, high=high, default=Uniform(uniform=usual), integer=False,
                        meaning=meaning)
 
 
-def _angle(name: str, low: float, high: float, usual: tuple[float, float], meaning: str) -> FamilyParam:
-    return FamilyParam(name=name, unit="degree", low=low, high=high, default=Uniform(uniform=usual), integer=False,
-                       meaning=meaning)
-
-
-def _style(name: str, *meanings: str) -> FamilyParam:
-    numbered = ", ".join(f"{index} {meaning}" for index, meaning in enumerate(meanings))
-    values = tuple(float(index) for index in range(len(meanings)))
-    return FamilyParam(name=name, unit="", low=0, high=len(meanings) - 1, default=Choice(choice=values), integer=True,
-                       meaning=numbered)
+_length, _angle, _share = partial(_drawn, "m"), partial(_drawn, "degree"), partial(_drawn, "1")
 
 
 def _count(name: str, low: int, high: int, meaning: str) -> FamilyParam:
@@ -58,11 +50,13 @@ def _count(name: str, low: int, high: int, meaning: str) -> FamilyParam:
                        meaning=meaning)
 
 
+def _style(name: str, *meanings: str) -> FamilyParam:
+    return _count(name, 0, len(meanings) - 1, ", ".join(f"{index} {meaning}" for index, meaning in enumerate(meanings)))
+
+
 def _finish(*meanings: str) -> FamilyParam:
     """A choice of what the thing is made of, the first unless a spec says otherwise."""
-    numbered = ", ".join(f"{index} {meaning}" for index, meaning in enumerate(meanings))
-    return FamilyParam(name="finish", unit="", low=0, high=len(meanings) - 1, default=0.0, integer=True,
-                       meaning=numbered)
+    return replace(_style("finish", *meanings), default=0.0)
 
 
 BEVEL = _length("bevel", 0.001, 0.008, (0.002, 0.005), "width of the chamfer on every hard edge")
@@ -159,8 +153,7 @@ _STORAGE = (
         _length("height", 0.75, 2.30, (1.20, 2.00), "floor to top"),
         _length("board", 0.015, 0.035, (0.018, 0.028), "thickness of boards"),
         _count("shelves", 2, 6, "compartments above each other"),
-        FamilyParam(name="fill", unit="1", low=0, high=1, default=Uniform(uniform=(0.3, 0.8)), integer=False,
-                    meaning="share of the shelves' length that books take"), BEVEL)),
+        _share("fill", 0, 1, (0.3, 0.8), "share of the shelves' length that books take"), BEVEL)),
     Family(name="wardrobe", category="wardrobe", summary="tall cupboard with doors", params=(
         _length("width", 0.70, 2.20, (0.90, 1.70), "side to side"),
         _length("depth", 0.45, 0.70, (0.52, 0.62), "front to back"),
@@ -186,22 +179,19 @@ _OTHERS = (
         _length("height", 0.36, 0.65, (0.44, 0.56), "top of the mattress"),
         _length("head_height", 0.75, 1.40, (0.85, 1.15), "top of the headboard"),
         _style("head", "solid board", "slats", "padded panel"),
-        FamilyParam(name="cover", unit="1", low=0.35, high=0.7, default=Uniform(uniform=(0.5, 0.7)), integer=False,
-                    meaning="share of the length under the blanket"), BEVEL)),
+        _share("cover", 0.35, 0.7, (0.5, 0.7), "share of the length under the blanket"), BEVEL)),
     Family(name="floor_lamp", category="lamp", summary="standing lamp with a shade (it gives no light)", params=(
         _length("height", 1.20, 2.00, (1.45, 1.75), "floor to the top of the shade"),
         _length("shade_width", 0.25, 0.60, (0.34, 0.50), "diameter of the shade below"),
         _length("shade_height", 0.16, 0.40, (0.22, 0.32), "of the shade"),
-        FamilyParam(name="taper", unit="1", low=0.4, high=1.0, default=Uniform(uniform=(0.6, 1.0)), integer=False,
-                    meaning="diameter of the shade above over that below"),
+        _share("taper", 0.4, 1.0, (0.6, 1.0), "diameter of the shade above over that below"),
         _length("pole", 0.010, 0.03, (0.014, 0.022), "diameter of the pole"),
         _style("base", "disc", "tripod"), BEVEL)),
     Family(name="vase", category="vase", summary="turned floor vase", params=(
         _length("height", 0.25, 0.90, (0.35, 0.65), "floor to rim"),
         _length("belly", 0.14, 0.45, (0.20, 0.32), "largest diameter"),
         _length("neck", 0.05, 0.13, (0.07, 0.11), "smallest diameter of the neck"),
-        FamilyParam(name="belly_at", unit="1", low=0.25, high=0.65, default=Uniform(uniform=(0.32, 0.58)),
-                    integer=False, meaning="height of the belly over the height"),
+        _share("belly_at", 0.25, 0.65, (0.32, 0.58), "height of the belly over the height"),
         _finish("ceramic or stone", "glass"))),
     Family(name="plant", category="plant", summary="pot with sword-shaped leaves", params=(
         _length("pot_width", 0.18, 0.50, (0.24, 0.38), "diameter of the pot's rim"),

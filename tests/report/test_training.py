@@ -42,7 +42,7 @@ def test_eighty_columns_hold_steps_time_and_losses() -> None:
     """Of a text beside the bar, or of a bar that gives way, something was cut."""
     out = StringIO()
     many = replace(STEPPED, step=1200, terms={"dr": 0.25, "fr": 0.5, "dssim": 0.125, "lab": 0.5, "l1": 0.0625})
-    list(follow([replace(STARTED, steps=100_000), many], Console(file=out, width=80)))
+    list(follow([replace(STARTED, steps=100_000), many], Console(file=out, width=80), lines_of))
     text = out.getvalue()
     assert " 1200/100000 " in text and " left " in text
     assert "dr 0.2500 fr 0.5000 dssim 0.1250 lab 0.5000 l1 0.0625  4.0 images/s  25% waiting" in text.splitlines()
@@ -56,7 +56,7 @@ def test_what_is_wrong_before_the_first_event_is_told_without_a_bar() -> None:
 
     out = StringIO()
     with pytest.raises(UserError):
-        list(follow(refused(), Console(file=out, width=80)))
+        list(follow(refused(), Console(file=out, width=80), lines_of))
     assert out.getvalue() == ""
 
 
@@ -67,7 +67,7 @@ def test_a_training_that_was_finished_does_not_go_on() -> None:
 def test_events_pass_in_order_and_their_lines_are_printed() -> None:
     out = StringIO()
     events = [STARTED, STEPPED, BAD, CHECKED, FINISHED]
-    assert list(follow(events, Console(file=out, width=200))) == events
+    assert list(follow(events, Console(file=out, width=200), lines_of)) == events
     text = out.getvalue()
     for event in events:
         for line in lines_of(event):

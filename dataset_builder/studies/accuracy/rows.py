@@ -4,11 +4,11 @@ import csv
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import astuple, dataclass, fields
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
 from dataset_builder.files import write_atomic
+from dataset_builder.studies.comma_separated import comma_separated
 
 NONE = math.nan
 WHOLE = "all"
@@ -67,19 +67,9 @@ TEXTS = ("question", "setting", "example", "layer")
 COLUMNS = (*(field.name for field in fields(AccuracyRow)), "at_floor")
 
 
-def table(rows: Iterable[AccuracyRow]) -> str:
-    """The rows as CSV with a head, figures to six digits."""
-    stream = StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    for row in rows:
-        writer.writerow([*map(_text, astuple(row)), int(row.at_floor)])
-    return stream.getvalue()
-
-
 def write_table(rows: Iterable[AccuracyRow], path: Path) -> None:
-    """Write the table, whole or not at all. Raises OutputError."""
-    write_atomic(path, table(rows).encode())
+    """Write the rows as CSV, whole or not at all, figures to six digits. Raises OutputError."""
+    write_atomic(path, comma_separated(COLUMNS, ([*map(_text, astuple(row)), int(row.at_floor)] for row in rows)))
 
 
 def read_table(path: Path) -> list[AccuracyRow]:

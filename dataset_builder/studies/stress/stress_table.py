@@ -1,9 +1,8 @@
 """The catalogue and its results as text: a table for the pages, and one row per result for files."""
 
-import csv
 from collections.abc import Iterable
-from io import StringIO
 
+from dataset_builder.studies.comma_separated import comma_separated
 from dataset_builder.studies.stress.case import Case, CaseResult
 
 COLUMNS = ("case", "expectation", "figure", "measured", "bound", "passed", "wrong", "seconds", "size", "backend")
@@ -17,16 +16,11 @@ def markdown(cases: Iterable[Case]) -> str:
                       "| --- | --- | --- | --- | --- |", *rows, ""])
 
 
-def comma_separated(results: Iterable[CaseResult], *, size: str, backend: str) -> bytes:
+def results_table(results: Iterable[CaseResult], *, size: str, backend: str) -> bytes:
     """One row per result, columns as `COLUMNS`; passed is 1 or 0, broken laws are joined by semicolons."""
-    stream = StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    for result in results:
-        case = result.case
-        writer.writerow((case.name, case.expectation, case.figure, f"{result.figure:.6g}", f"{case.bound:g}",
-                         int(result.passed), "; ".join(result.wrong), f"{result.seconds:.2f}", size, backend))
-    return stream.getvalue().encode()
+    return comma_separated(COLUMNS, (
+        (one.case.name, one.case.expectation, one.case.figure, f"{one.figure:.6g}", f"{one.case.bound:g}",
+         int(one.passed), "; ".join(one.wrong), f"{one.seconds:.2f}", size, backend) for one in results))
 
 
 def summary(results: Iterable[CaseResult], seconds: float) -> str:
