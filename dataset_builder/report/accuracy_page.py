@@ -3,9 +3,8 @@
 import math
 from collections.abc import Sequence
 
-from dataset_builder.files import write_atomic
 from dataset_builder.report.study_figures import accuracy_figures
-from dataset_builder.report.study_page import Section, page
+from dataset_builder.report.study_page import Section, write_study
 from dataset_builder.studies.accuracy.accumulation import ACCUMULATION
 from dataset_builder.studies.accuracy.accuracy_study import AccuracyStudy
 from dataset_builder.studies.accuracy.advice import Advice
@@ -35,13 +34,10 @@ SHOWN = ("setting", "layer", "seconds", "spp", "error", "PSNR, dB", "FLIP")
 def write_page(study: AccuracyStudy, rows: Sequence[AccuracyRow], advice: Advice, backend: str) -> None:
     """Write `figures/*.png` and `report.html` in the study's folder. Raises OutputError."""
     figures = accuracy_figures(rows, advice, study.spec.dataset.render.bias)
-    for name, figure in figures.items():
-        write_atomic(study.out / "figures" / f"{name}.png", figure)
     sections = [_section(question, text, rows, advice, figures.get(question, b""))
                 for question, text in QUESTIONS.items() if question in figures]
-    text = page(f"What accuracy costs: {study.spec.dataset.name}", _lead(study, rows, backend), sections,
-                advice.lines())
-    write_atomic(study.out / "report.html", text.encode())
+    write_study(study.out, f"What accuracy costs: {study.spec.dataset.name}", _lead(study, rows, backend), sections,
+                figures=figures, settings=advice.lines())
 
 
 def _lead(study: AccuracyStudy, rows: Sequence[AccuracyRow], backend: str) -> list[str]:

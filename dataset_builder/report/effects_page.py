@@ -5,9 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from dataset_builder.files import write_atomic
 from dataset_builder.report.study_figures import COLOURS, PALE, panels, png
-from dataset_builder.report.study_page import Section, page
+from dataset_builder.report.study_page import Section, write_study
 from dataset_builder.studies.effects.effects_study import Compared, EffectsStudy, decisions, saving, seconds_by_pass
 from dataset_builder.studies.effects.picture_differences import FACTOR, SIGMAS, Difference
 
@@ -48,7 +47,6 @@ def _widest(found: Sequence[Compared]) -> float:
 def write_page(study: EffectsStudy, found: Sequence[Compared], backend: str) -> None:
     """Write `figures/effects.png` and `report.html` in the study's folder. Raises OutputError."""
     figure = png(effects_figure(found))
-    write_atomic(study.out / "figures" / "effects.png", figure)
     allowed = study.spec.dataset.render.bias
     lead = [
         f"{len(found)} examples, {backend}. Both sides have the same spp and independent samples.",
@@ -57,9 +55,8 @@ def write_page(study: EffectsStudy, found: Sequence[Compared], backend: str) -> 
         f"own standard errors is at most {FACTOR:g} times what noise gives (Student's t). Layers without light are "
         "judged by their mean alone.",
     ]
-    write_atomic(study.out / "report.html", page(
-        f"Only what the scene needs: {study.spec.dataset.name}", lead,
-        [_differences(found, figure), _seconds(found), _decisions(found)]).encode())
+    write_study(study.out, f"Only what the scene needs: {study.spec.dataset.name}", lead,
+                [_differences(found, figure), _seconds(found), _decisions(found)], figures={"effects": figure})
 
 
 def verdict(found: Sequence[Compared]) -> str:

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from math import isfinite
 
+from dataset_builder.lightnet.measures.metrics import Metric
 from dataset_builder.lightnet.results.clustered_means import ClusteredMean
 
 DIGITS = {"psnr": 2}
@@ -19,6 +20,11 @@ def plus_minus(found: ClusteredMean, metric: str, sign: str = "") -> str:
     """A mean and its standard error, which one object does not have."""
     error = f" ± {rounded(found.error, metric)}" if isfinite(found.error) else ""
     return rounded(found.mean, metric, sign) + error
+
+
+def heading(metric: Metric) -> str:
+    """Symbol and unit of a metric, and which way is better."""
+    return f"{metric.symbol}{f', {metric.unit}' if metric.unit else ''} ({metric.better} is better)"
 
 
 def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -14,7 +14,7 @@ from dataset_builder.files import write_atomic
 from dataset_builder.lightnet.measures.metrics import METRICS, Metric
 from dataset_builder.lightnet.results.clustered_means import LEVEL, Paired, Summary, compare, summarise
 from dataset_builder.lightnet.results.evaluate import ScoreRow
-from dataset_builder.report.estimates import markdown_table, plus_minus, rounded
+from dataset_builder.report.estimates import heading, markdown_table, plus_minus, rounded
 from dataset_builder.report.study_figures import COLOURS, PALE, panels, png
 from dataset_builder.studies.comma_separated import comma_separated
 
@@ -23,7 +23,6 @@ DESCRIBED = ("method", "key", "view", "object", "room", "level", "sigma")
 COLUMNS = (*DESCRIBED, *(metric.name for metric in METRICS), "seconds")
 PAIR_COLUMNS = ("methods", "metric", "difference", "if independent", f"{LEVEL:.0%} interval", "better in", "verdict")
 SEEN = "**A method was trained on this split.** Its figures do not measure generalisation."
-ARROWS = {"low": "low is better", "high": "high is better"}
 VERDICTS = {"better": "better", "worse": "worse", "open": "not told apart"}
 
 
@@ -88,7 +87,7 @@ def markdown(evaluation: Evaluation) -> str:
 
 def console_table(evaluation: Evaluation) -> Table:
     """What the terminal shows: methods as rows."""
-    table = Table("method", *(f"{metric.symbol} ({ARROWS[metric.better]})" for metric in METRICS), "seconds",
+    table = Table("method", *(f"{metric.symbol} ({metric.better} is better)" for metric in METRICS), "seconds",
                   title=f"{evaluation.dataset}, split {evaluation.split}: {evaluation.extent}", title_justify="left")
     for one in summarise(evaluation.rows):
         figures = [plus_minus(one.metrics[metric.name], metric.name) for metric in METRICS]
@@ -114,7 +113,7 @@ def summary_figure(evaluation: Evaluation) -> Figure:
             _dots(one, evaluation.rows, summary, metric, place, COLOURS[0] if summary.method in evaluation.trained
                   else COLOURS[1])
         unit = f"{metric.symbol}, {metric.unit}" if metric.unit else metric.symbol
-        one.set(title=f"{metric.symbol}: {ARROWS[metric.better]}", xlabel=unit, yticks=range(len(summaries)))
+        one.set(title=f"{metric.symbol}: {metric.better} is better", xlabel=unit, yticks=range(len(summaries)))
         one.set_yticklabels([summary.method for summary in summaries] if one is axes[0] else [])
         one.set_ylim(len(summaries) - 0.4, -0.6)
         one.margins(x=0.12)
@@ -135,8 +134,8 @@ def _dots(axes: Axes, rows: Sequence[ScoreRow], summary: Summary, metric: Metric
 
 
 def _mean_rows(summaries: Sequence[Summary]) -> list[list[str]]:
-    rows = [[f"{metric.symbol}{f', {metric.unit}' if metric.unit else ''} ({ARROWS[metric.better]})",
-             *(plus_minus(one.metrics[metric.name], metric.name) for one in summaries)] for metric in METRICS]
+    rows = [[heading(metric), *(plus_minus(one.metrics[metric.name], metric.name) for one in summaries)]
+            for metric in METRICS]
     return [*rows, ["seconds per image, median", *(f"{one.seconds:.3g}" for one in summaries)]]
 
 

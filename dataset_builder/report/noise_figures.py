@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from dataset_builder.lightnet.measures.metrics import METRICS
 from dataset_builder.lightnet.results.clustered_means import ClusteredMean
+from dataset_builder.report.estimates import heading
 from dataset_builder.report.example_sheet import SheetRow, sheet
 from dataset_builder.report.study_figures import COLOURS, PALE, panels
 from dataset_builder.studies.noise.crops import TRIVIAL, Crop
@@ -31,8 +32,7 @@ def quality_figure(levels: Sequence[Level], settings: str) -> Figure:
     for metric, one in zip(METRICS, axes, strict=True):
         for method in LINES:
             _line(one, levels, method, [level.mean(method, metric.name) for level in levels])
-        unit = f", {metric.unit}" if metric.unit else ""
-        one.set(title=f"{metric.symbol}{unit} ({metric.better} is better)")
+        one.set(title=heading(metric))
         _over_roughness(one, levels)
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=len(LINES), fontsize=8)
     return figure

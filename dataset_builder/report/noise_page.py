@@ -3,18 +3,17 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from dataset_builder.files import write_atomic
 from dataset_builder.lightnet.measures.metrics import METRICS
 from dataset_builder.lightnet.results.clustered_means import ClusteredMean
 from dataset_builder.report.estimates import plus_minus
 from dataset_builder.report.example_sheet import png_of
 from dataset_builder.report.noise_figures import LINES, PSNR, changes_figure, crop_pictures, quality_figure
 from dataset_builder.report.study_figures import png
-from dataset_builder.report.study_page import Section, page
+from dataset_builder.report.study_page import Section, write_study
 from dataset_builder.studies.noise.crops import TRIVIAL, Crop
 from dataset_builder.studies.noise.level_trainings import MIXED
 from dataset_builder.studies.noise.levels import OWN, Level
-from dataset_builder.studies.noise.noise_study import NoiseStudy, level_names
+from dataset_builder.studies.noise.noise_study import NoiseStudy, level_name
 from dataset_builder.studies.noise.pass_counts import PassCount, saving
 
 
@@ -38,12 +37,10 @@ def write_page(found: NoiseResults) -> None:
     figures = {"quality": png(quality_figure(found.levels, sentence)),
                "changes": png(changes_figure(found.levels, sentence)),
                **{f"crops-{what}": png_of(pixels) for what, pixels in pictures.items()}}
-    for name, data in figures.items():
-        write_atomic(found.study.out / "figures" / f"{name}.png", data)
     sections = [_quality(found, figures["quality"]), _mending(found, figures["changes"]),
                 *(_crops(what, figures[f"crops-{what}"]) for what in pictures), _cross(found), _passes(found)]
-    write_atomic(found.study.out / "report.html", page(
-        f"How smooth rough meshes must be: {found.study.loaded.dataset.name}", _lead(found), sections).encode())
+    write_study(found.study.out, f"How smooth rough meshes must be: {found.study.loaded.dataset.name}", _lead(found),
+                sections, figures=figures)
 
 
 def sentences(levels: Sequence[Level]) -> list[str]:
@@ -110,7 +107,7 @@ def _crops(what: str, figure: bytes) -> Section:
 
 
 def _cross(found: NoiseResults) -> Section:
-    names = (*level_names(found.study.levels), MIXED)
+    names = (*map(level_name, range(len(found.study.levels))), MIXED)
     rows = [[f"trained on {name}", *(f"{level.mean(name, PSNR).mean:.2f}" for level in found.levels)] for name in names]
     return Section(question="What does a training on one level do at another?", answer="PSNR in dB.", rows=rows,
                    head=("", *(f"at sigma {level.sigma:g}" for level in found.levels)))

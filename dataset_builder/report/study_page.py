@@ -1,9 +1,12 @@
 """Studies as one page of HTML: question, figure, answer. Nothing is loaded from elsewhere: figures are in the page."""
 
 from base64 import b64encode
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
+from pathlib import Path
+
+from dataset_builder.files import write_atomic
 
 STYLE = """body { font: 16px/1.5 system-ui, sans-serif; max-width: 72rem; margin: 2rem auto; padding: 0 1rem;
   color: #202020 }
@@ -22,6 +25,14 @@ class Section:
     figure: bytes = b""
     head: Sequence[str] = ()
     rows: Sequence[Sequence[str]] = ()
+
+
+def write_study(folder: Path, title: str, lead: Sequence[str], sections: Sequence[Section], *,
+                figures: Mapping[str, bytes], settings: str = "") -> None:
+    """Write `report.html` into a study's folder, and the PNG `figures` by name, also beside it. Raises OutputError."""
+    for name, figure in figures.items():
+        write_atomic(folder / "figures" / f"{name}.png", figure)
+    write_atomic(folder / "report.html", page(title, lead, sections, settings).encode())
 
 
 def page(title: str, lead: Sequence[str], sections: Sequence[Section], settings: str = "") -> str:

@@ -11,7 +11,7 @@ from dataset_builder.files import write_atomic
 from dataset_builder.lightnet.measures.metrics import METRICS, Metric
 from dataset_builder.lightnet.results.clustered_means import ClusteredMean
 from dataset_builder.lightnet.settings_differences import differences
-from dataset_builder.report.estimates import markdown_table, plus_minus, rounded
+from dataset_builder.report.estimates import heading, markdown_table, plus_minus, rounded
 from dataset_builder.report.study_figures import COLOURS, panels, png
 from dataset_builder.studies.tables.paper import SOURCE, Printed
 from dataset_builder.studies.tables.rank_order import Order, Pair, summary, verdict
@@ -36,8 +36,7 @@ def table_figure(table: Table, results: Sequence[RowResult], settings: str) -> F
     figure.set_size_inches(figure.get_figwidth(), 1.9 + 0.34 * len(results))
     for metric, one in zip(METRICS, axes, strict=True):
         _means(one, results, metric)
-        unit = f", {metric.unit}" if metric.unit else ""
-        one.set(title=f"{metric.symbol}{unit} ({metric.better} is better)", yticks=range(len(results)), yticklabels=[])
+        one.set(title=heading(metric), yticks=range(len(results)), yticklabels=[])
         one.invert_yaxis()
     axes[0].set_yticklabels([result.row.title + (" ‡" if result.altered else "") for result in results])
     axes[-1].legend(fontsize=8)

@@ -3,7 +3,6 @@
 Every decision has a reason in words. Nothing here draws, renders or looks at pixels; `docs/effects.md` has the rules.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import hypot
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import get_args
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.label.effects_plan import Decision, EffectsPlan, Feature, PassEffects
 from dataset_builder.label.example_plan import RenderPlan
-from dataset_builder.label.light_plan import IlluminationPlan, LightPlan
+from dataset_builder.label.light_plan import IlluminationPlan
 from dataset_builder.label.scene_plan import FogPlan, PlacedObject, RoomPlan
 from dataset_builder.layers import EVERYWHERE, LAYERS, PASSES
 from dataset_builder.planning.effects.denoise_guides import guide_extents
@@ -62,8 +61,8 @@ def plan_effects(*, spec: RenderSpec, room: RoomPlan, target: PlacedObject, furn
 
 def _everything(spec: RenderSpec, render: RenderPlan, light: dict[str, IlluminationPlan]) -> EffectsPlan:
     depth = MAX_DEPTH if spec.max_depth == "auto" else max(int(spec.max_depth), MAX_DEPTH)
-    passes = tuple(PassEffects(name=name, extent="frame", lights=_all(light[name].lights) if name in light else (),
-                               max_depth=depth) for name in PASSES)
+    lit = {name: tuple(range(len(illumination.lights))) for name, illumination in light.items()}
+    passes = tuple(PassEffects(name=name, extent="frame", lights=lit.get(name, ()), max_depth=depth) for name in PASSES)
     reason = "everything simulated, as requested"
     decisions = (*(Decision(effect=f"pass {name}", choice="frame" if _runs(render, name) else "not run", reason=reason)
                    for name in PASSES),
@@ -71,10 +70,6 @@ def _everything(spec: RenderSpec, render: RenderPlan, light: dict[str, Illuminat
                  *(Decision(effect=f"path depth of {name}", choice=f"{depth}", reason=reason) for name in LIT),
                  *(Decision(effect=feature, choice="on", reason=reason) for feature in get_args(Feature)))
     return EffectsPlan(features=get_args(Feature), passes=passes, decisions=decisions)
-
-
-def _all(lights: Sequence[LightPlan]) -> tuple[int, ...]:
-    return tuple(range(len(lights)))
 
 
 def _plan_pass(scene: _Scene, name: str) -> tuple[PassEffects, list[Decision]]:

@@ -1,6 +1,6 @@
 """Input of the study of noise: one spec at several levels, built as any dataset is, so that only S' repeats."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -106,11 +106,6 @@ def parse_levels(text: str) -> tuple[float, ...]:
 def level_name(level: int) -> str:
     """What the training on one level is called."""
     return f"level {level}"
-
-
-def level_names(levels: Sequence[float]) -> tuple[str, ...]:
-    """Those of all levels."""
-    return tuple(level_name(level) for level in range(len(levels)))
 
 
 def _problem(path: str, rule: str) -> Problem:
