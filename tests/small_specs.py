@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from dataset_builder.build import Event, build
-from dataset_builder.engine.unit import BuildJob, Outcome
+from dataset_builder.builder import Event, build
+from dataset_builder.engine.unit import Outcome
 from dataset_builder.shards.manifest import ExampleRecord, Manifest
 from dataset_builder.shards.reader import load_manifest
 from dataset_builder.shards.writer import published
@@ -56,10 +56,7 @@ def write_spec(folder: Path, changed: Mapping[str, str | bytes] | None = None) -
 
 def run_build(spec: Path, folder: Path, *overrides: str, workers: int = 1, only: Sequence[int] = ()) -> list[Event]:
     """Build in this process (one worker) or in several; all news of the build."""
-    loaded = load_dataset(spec, overrides)
-    job = BuildJob(spec_path=spec, overrides=overrides, spec_digest=loaded.spec_digest, folder=folder, backend="llvm",
-                   threads=1)
-    return list(build(loaded, folder, job, workers=workers, only=only))
+    return list(build(load_dataset(spec, overrides), folder, backend="llvm", workers=workers, only=only))
 
 
 def outcomes_of(events: Sequence[Event]) -> dict[int, Outcome]:

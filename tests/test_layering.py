@@ -12,7 +12,7 @@ ORDER = (
     ("release",),
     ("lightnet.results", "lightnet.training"), ("lightnet.methods",), ("lightnet.measures",), ("lightnet.data",),
     ("lightnet",),
-    ("build",), ("engine",), ("shards",),
+    ("builder",), ("engine",), ("shards",),
     ("rendering",), ("rendering.sampling", "rendering.scene"), ("rendering.transport",), ("rendering.surface",),
     ("rendering.backend", "rendering.buffers", "rendering.oidn", "rendering.plugin_class"),
     ("planning",), ("planning.effects", "planning.view"), ("planning.scene",),
@@ -24,8 +24,8 @@ ORDER = (
 """Rooms of the package, top to bottom; those of one line do not know each other. A module belongs to the longest name
 that it begins with; a name stands for what is left of its folder. "" is the package itself."""
 
-STRANGERS = {("lightnet", "build"), ("lightnet", "engine"), ("lightnet", "rendering"), ("shards", "rendering"),
-             ("shards", "planning")}
+STRANGERS = {("lightnet", "builder"), ("lightnet", "engine"), ("lightnet", "rendering"),
+             ("shards", "rendering"), ("shards", "planning")}
 """Stages that do not know what stands below them, either."""
 
 HOMES = {

@@ -5,8 +5,6 @@ import json
 from pathlib import Path
 from time import perf_counter
 
-from rich.console import Console
-
 from dataset_builder.cli.options import DATASETS, Verbs, add_backend, add_spec, add_verb, positive
 from dataset_builder.processes import cores
 
@@ -28,6 +26,8 @@ def add(verbs: Verbs) -> None:
 
 
 def _plan(options: argparse.Namespace) -> int:
+    from rich.console import Console
+
     from dataset_builder.planning.cost import estimate
     from dataset_builder.planning.plan import Planner, first_plan, plan_example
     from dataset_builder.report.console import decisions_table, estimate_table
@@ -45,8 +45,10 @@ def _plan(options: argparse.Namespace) -> int:
 
 
 def _build(options: argparse.Namespace) -> int:
-    from dataset_builder.build import build
-    from dataset_builder.engine.unit import BuildJob, Outcome
+    from rich.console import Console
+
+    from dataset_builder.builder import build
+    from dataset_builder.engine.unit import Outcome
     from dataset_builder.rendering.backend import choose
     from dataset_builder.report.console import build_table, follow, rejected_lines
     from dataset_builder.report.contact_sheet import write_contact_sheet
@@ -54,16 +56,12 @@ def _build(options: argparse.Namespace) -> int:
 
     console, start = Console(), perf_counter()
     loaded = load_dataset(options.spec, options.overrides)
-    chosen = choose(options.backend)
-    console.print(f"backend: {chosen.summary}", highlight=False)
+    console.print(f"backend: {choose(options.backend).summary}", highlight=False)
     folder = options.out or DATASETS / loaded.dataset.name
-    workers = options.workers or (1 if chosen.variant.startswith("cuda") else cores())
-    threads = max(1, cores() // workers)
-    job = BuildJob(spec_path=options.spec, overrides=tuple(options.overrides), spec_digest=loaded.spec_digest,
-                   folder=folder, backend=options.backend, threads=threads)
+    news = build(loaded, folder, backend=options.backend, workers=options.workers, only=options.example)
     outcomes: list[Outcome] = []
     manifest = None
-    for event in follow(build(loaded, folder, job, workers=workers, only=options.example), console):
+    for event in follow(news, console):
         outcomes += event.outcomes
         manifest = event.manifest or manifest
     rejected = manifest.rejected if manifest else [outcome.rejected for outcome in outcomes if outcome.rejected]

@@ -57,6 +57,12 @@ class BuildJob:
     threads: int
     denoised: tuple[Denoised, ...] = ()
 
+    @classmethod
+    def of(cls, loaded: LoadedSpec, folder: Path, *, backend: str, threads: int) -> "BuildJob":
+        """The job that builds `loaded` into `folder`; threads: of each process that renders."""
+        return cls(spec_path=loaded.path, overrides=loaded.overrides, spec_digest=loaded.spec_digest, folder=folder,
+                   backend=backend, threads=threads)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
@@ -130,12 +136,12 @@ def _make(planned: Sequence[tuple[ExampleRef, ExamplePlan]], loaded: LoadedSpec,
     yield from (_outcome(ref, digest=digests[ref.key], kept=True) for ref, _ in planned if ref.key in there)
     if missing:
         rendered = render_view([plan for _, plan in missing], loaded.path.parent)
-        rendered = (_with_figures(example, job.denoised) for example in rendered)
-        yield from _finished(missing, rendered, digests, loaded.dataset, staging)
+        yield from _finished(missing, rendered, digests, loaded.dataset, job.denoised, staging)
 
 
 def _finished(missing: Sequence[tuple[ExampleRef, ExamplePlan]], rendered: Iterator["Rendered"],
-              digests: Mapping[str, str], spec: DatasetSpec, staging: Staging) -> Iterator[Outcome]:
+              digests: Mapping[str, str], spec: DatasetSpec, denoised: Sequence[Denoised],
+              staging: Staging) -> Iterator[Outcome]:
     """Outcomes of the examples of one view as they are rendered; where a plan cannot be made, of all that are left."""
     for position, (ref, _) in enumerate(missing):
         try:
@@ -146,28 +152,31 @@ def _finished(missing: Sequence[tuple[ExampleRef, ExamplePlan]], rendered: Itera
             for left, _ in missing[position:]:
                 yield _outcome(left, rejected=_rejected(left, RENDERING, str(error)))
             return
-        yield _finish(ref, example, digests[ref.key], spec, staging)
+        yield _finish(ref, example, digests[ref.key], spec, denoised, staging)
 
 
-def _with_figures(rendered: "Rendered", denoised: Sequence[Denoised]) -> "Rendered":
-    return replace(rendered, record={**rendered.record, "denoised": _plain(denoised)})
+def example_of(rendered: "Rendered", denoised: Sequence[Denoised] = ()) -> Example:
+    """A rendered example as it is stored; denoised: figures of its denoised layers, for the record."""
+    return Example(key=rendered.plan.key, plan=rendered.plan.model_dump(mode="json"), layers=rendered.layers,
+                   record={**rendered.record, "denoised": _plain(denoised)})
 
 
 def _plain(denoised: Sequence[Denoised]) -> list[dict[str, Any]]:
     return [figures.model_dump(mode="json") for figures in denoised]
 
 
-def _finish(ref: ExampleRef, rendered: "Rendered", key_digest: str, spec: DatasetSpec, staging: Staging) -> Outcome:
+def _finish(ref: ExampleRef, rendered: "Rendered", key_digest: str, spec: DatasetSpec, denoised: Sequence[Denoised],
+            staging: Staging) -> Outcome:
     """Gate, encode and stage one rendered example."""
-    start, plan = perf_counter(), rendered.plan
+    start = perf_counter()
     paths = sum(entry["paths"] for entry in rendered.record["passes"] if entry["name"] in rendered.seconds)
     if violations := _violations(rendered, spec):
         reason = "; ".join(violation.reason for violation in violations)
         return _outcome(ref, rejected=_rejected(ref, violations[0].identity, reason), digest=key_digest, paths=paths,
                         seconds=rendered.seconds)
-    example = Example(key=plan.key, plan=plan.model_dump(mode="json"), record=rendered.record, layers=rendered.layers)
-    members = encode_members(example, dtype=spec.storage.dtype, preview_png=preview(rendered.layers))
-    staging.put(ref.key, key_digest, segment(members), entry(key=ref.key, view=plan.view, members=members))
+    members = encode_members(example_of(rendered, denoised), dtype=spec.storage.dtype,
+                             preview_png=preview(rendered.layers))
+    staging.put(ref.key, key_digest, segment(members), entry(key=ref.key, view=rendered.plan.view, members=members))
     return _outcome(ref, digest=key_digest, paths=paths, seconds=rendered.seconds | {"encode": perf_counter() - start})
 
 

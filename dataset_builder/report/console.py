@@ -8,7 +8,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from dataset_builder.build import Event
+from dataset_builder.builder import Event
 from dataset_builder.engine.unit import Outcome
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.planning.cost import CostEstimate

@@ -32,7 +32,8 @@ def load_dataset(path: Path | str, overrides: Sequence[str] = ()) -> LoadedSpec:
     named by index or by their `name`. Raises SpecError with every broken rule of every file at once.
     """
     document, problems = overridden(read_document(Path(path), str(path)), overrides)
-    return Resolver(read=read_document, root=Path(path), problems=problems).dataset(document)
+    loaded = Resolver(read=read_document, root=Path(path), problems=problems).dataset(document)
+    return replace(loaded, overrides=tuple(overrides))
 
 
 def overridden(document: Document, overrides: Sequence[str]) -> tuple[Document, list[Problem]]:

@@ -19,7 +19,8 @@ class LoadedSpec:
     Files are keyed by their path relative to the folder of the dataset file, with forward slashes; every reference
     inside `dataset` and `scenes` is such a key, so `rooms[scene.room]` and `objects[piece.object]` always work.
     meshes: the mesh file of each object that has one, under the object's key. images: SHA-256 of each image that lights
-    show, by its name in the dataset file.
+    show, by its name in the dataset file. overrides: `key.path=value` strings that `dataset` has already been changed
+    by; with `path` they load the spec again.
     """
 
     path: Path
@@ -29,6 +30,7 @@ class LoadedSpec:
     rooms: Mapping[str, RoomSpec]
     meshes: Mapping[str, MeshSource]
     images: Mapping[str, str]
+    overrides: tuple[str, ...] = ()
 
     @cached_property
     def spec_digest(self) -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dataset_builder.build import Event
+from dataset_builder.builder import Event
 from dataset_builder.engine import calibration
 from dataset_builder.engine.calibration import as_asked, calibrate, candidates, compare, converged
 from dataset_builder.engine.unit import BuildJob
@@ -95,8 +95,7 @@ def test_the_first_reason_is_told_where_no_example_can_be_measured(tmp_path: Pat
     overrides = ("source.open=[]", "render.denoise={layers: [i_t], examples: 2}")
     spec = write_spec(tmp_path, {"rooms/den.yaml": "width: 4\ndepth: 4\nheight: 2.5\nwindows: 0\n"})
     loaded = load_dataset(spec, overrides)
-    job = BuildJob(spec_path=spec, overrides=overrides, spec_digest=loaded.spec_digest, folder=tmp_path / "out",
-                   backend="llvm", threads=1)
+    job = BuildJob.of(loaded, tmp_path / "out", backend="llvm", threads=1)
     with pytest.raises(PlanError, match="the first reason:") as caught:
         calibrate(loaded, job, {}, workers=1)
     rule, *reasons = caught.value.problems

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from dataset_builder.assets.procedural.furniture import FINISHES
-from dataset_builder.build import Event
+from dataset_builder.builder import Event
 from dataset_builder.engine.unit import Outcome
 from dataset_builder.errors import ShardError, UserError
 from dataset_builder.label.effects_plan import Decision

@@ -190,6 +190,6 @@ def test_an_interrupted_build_says_how_to_go_on(small_spec: Path, tmp_path: Path
     def interrupt(*_: Any) -> NoReturn:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("dataset_builder.build.run_unit", interrupt)
+    monkeypatch.setattr("dataset_builder.builder.run_unit", interrupt)
     assert main(["build", str(small_spec), "--out", str(tmp_path / "out"), "--workers", "1"]) == 130
     assert "run the same command again to continue" in capsys.readouterr().err

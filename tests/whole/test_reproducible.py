@@ -124,8 +124,7 @@ def test_another_spec_replaces_every_shard_and_leaves_no_other(small_spec: Path,
 def test_a_spec_that_changes_under_a_build_is_refused(tmp_path: Path) -> None:
     spec = write_spec(tmp_path)
     loaded = load_dataset(spec)
-    job = BuildJob(spec_path=spec, overrides=(), spec_digest=loaded.spec_digest, folder=tmp_path / "out",
-                   backend="llvm", threads=1)
+    job = BuildJob.of(loaded, tmp_path / "out", backend="llvm", threads=1)
     write_spec(tmp_path, {"rooms/den.yaml": "width: 5\n"})
     with pytest.raises(SpecError, match=r"small\.yaml: expected the spec that the build started with"):
         run_unit(job, units(Planner(loaded).examples)[0])

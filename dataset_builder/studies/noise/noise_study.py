@@ -5,14 +5,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from dataset_builder.build import Event, build
-from dataset_builder.engine.unit import BuildJob
+from dataset_builder.builder import Event, build
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.layers import PAPER_LAYERS
 from dataset_builder.lightnet.methods.vgg import check_file
 from dataset_builder.lightnet.settings import TrainingSpec
-from dataset_builder.processes import cores
-from dataset_builder.rendering.backend import choose
 from dataset_builder.spec.load import load_dataset
 from dataset_builder.spec.loaded import LoadedSpec
 from dataset_builder.studies.derived import changed, settings_of
@@ -81,10 +78,7 @@ def require(study: NoiseStudy) -> None:
 def make(study: NoiseStudy) -> Iterator[Event]:
     """Build the dataset at all levels, or go on with it; news as of any build. Raises UserError as a build does."""
     require(study)
-    workers = study.workers or (1 if choose(study.backend).variant.startswith("cuda") else cores())
-    job = BuildJob(spec_path=study.spec, overrides=study.settings, spec_digest=study.loaded.spec_digest,
-                   folder=study.dataset, backend=study.backend, threads=max(1, cores() // workers))
-    yield from build(study.loaded, study.dataset, job, workers=workers)
+    yield from build(study.loaded, study.dataset, backend=study.backend, workers=study.workers)
 
 
 def parse_levels(text: str) -> tuple[float, ...]:

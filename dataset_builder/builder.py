@@ -21,7 +21,9 @@ from dataset_builder.planning.cost import expected_bytes
 from dataset_builder.planning.plan import Planner, layers_asked
 from dataset_builder.planning.precheck import probe
 from dataset_builder.planning.units import units
+from dataset_builder.processes import cores
 from dataset_builder.rendering import oidn
+from dataset_builder.rendering.backend import choose
 from dataset_builder.shards.folder import build_lock
 from dataset_builder.shards.manifest import Manifest, Rejected, ShardIndex, make_manifest, shard_stem
 from dataset_builder.shards.publish import publish_dataset
@@ -94,14 +96,17 @@ def _kept(task: ShardTask, index: ShardIndex | None, spec_digest: str, made_by: 
     return index if all(ref.key in there or ref.key in rejected for ref in task.examples) else None
 
 
-def build(loaded: LoadedSpec, folder: Path, job: BuildJob, *, workers: int,
+def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: int | None = None,
           only: Sequence[int] = ()) -> Iterator[Event]:
     """Build `loaded` into `folder`, yielding news, first of all how many examples there are to make.
 
+    backend: auto | cuda | llvm. workers: processes that render, None for one per core, or a single one on a GPU.
     `only`: indices of examples to stage, without publishing anything. Raises PlanError where nothing can be planned or
     an index is none, OutputError where the folder or the disk refuses; in both cases what was finished before is kept,
     and a second run goes on from there.
     """
+    workers = workers or (1 if choose(backend).variant.startswith("cuda") else cores())
+    job = BuildJob.of(loaded, folder, backend=backend, threads=max(1, cores() // workers))
     denoise = bool(loaded.dataset.render.denoise.layers)
     if denoise:
         oidn.require()

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from dataset_builder.build import ShardTask, decide, shard_tasks
+from dataset_builder.builder import ShardTask, decide, shard_tasks
 from dataset_builder.digest import digest
 from dataset_builder.planning.catalogue import ExampleRef, PairRef, ViewRef
 from dataset_builder.planning.cost import expected_bytes
