@@ -5,7 +5,7 @@ exposure brings the 98th percentile of the luminance of all lit pixels to white,
 darken the rest and the black around a cut-out object does not brighten it. Pictures to be compared share one exposure.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -36,3 +36,9 @@ def to_8bit(image: np.ndarray, exposure: float = 1.0) -> np.ndarray:
     """(H, W, 3) uint8 of a linear (H, W, 3) or (H, W, 1) image, multiplied by `exposure` and sRGB-encoded."""
     encoded = np.rint(255 * srgb(image.astype(np.float64) * exposure)).astype(np.uint8)
     return np.ascontiguousarray(np.broadcast_to(encoded, (*image.shape[:2], 3)))
+
+
+def side_by_side(images: Sequence[np.ndarray]) -> np.ndarray:
+    """(H, sum of W, 3) uint8 of linear images of one height, next to each other under one exposure."""
+    factor = exposure(images)
+    return np.concatenate([to_8bit(image, factor) for image in images], axis=1)

@@ -12,6 +12,7 @@ import pytest
 import trimesh
 from ruamel.yaml import YAML
 
+import dataset_builder
 from dataset_builder.cli.main import main, parser
 from dataset_builder.layers import LAYERS, PAPER_LAYERS
 from dataset_builder.shards import gates
@@ -112,6 +113,23 @@ def test_python_blocks_run(page: Path, site: Path, capsys: pytest.CaptureFixture
     for block in blocks(page, "python"):
         exec(compile(block, str(page), "exec"), names)
     assert capsys.readouterr().out
+
+
+def test_blocks_import_from_the_package_alone(site: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those of every page and of a dataset's card, which works beside the dataset's folder."""
+    card = site / "datasets" / MINI / "README.md"
+    for block in (block for page in (*PAGES, card) for block in blocks(page, "python")):
+        assert not re.search(r"(from|import)\s+dataset_builder\.", block), block
+    monkeypatch.chdir(card.parent.parent)
+    names: dict[str, dict[str, object]] = {}
+    exec(compile(blocks(card, "python")[0], str(card), "exec"), names)
+    assert len(names["example"]) == 2
+
+
+def test_every_public_name_is_explained() -> None:
+    table = prose(ROOT / "docs" / "python.md").partition("| name |")[2].partition("\n\n")[0]
+    rows = re.findall(r"^\| ([^|]+) \|", table, re.MULTILINE)
+    assert sorted(name for row in rows for name in re.findall(r"`(\w+)`", row)) == sorted(dataset_builder.__all__)
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "sh")], ids=lambda page: page.stem)

@@ -5,7 +5,8 @@ import json
 from pathlib import Path
 from time import perf_counter
 
-from dataset_builder.cli.options import DATASETS, Verbs, add_backend, add_spec, add_verb, positive
+from dataset_builder.api import DATASETS
+from dataset_builder.cli.options import Verbs, add_backend, add_spec, add_verb, positive
 from dataset_builder.processes import cores
 
 

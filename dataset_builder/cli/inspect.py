@@ -3,9 +3,8 @@
 import argparse
 from pathlib import Path
 
-from rich.console import Console
-
-from dataset_builder.cli.options import DATASETS, Verbs, add_folder, add_verb, positive
+from dataset_builder.api import DATASETS
+from dataset_builder.cli.options import Verbs, add_folder, add_verb, positive
 
 
 def add(verbs: Verbs) -> None:
@@ -24,6 +23,8 @@ def add(verbs: Verbs) -> None:
 
 
 def _doctor(options: argparse.Namespace) -> int:
+    from rich.console import Console
+
     from dataset_builder.report.console import finding_table
     from dataset_builder.report.doctor import examine
 
@@ -33,6 +34,8 @@ def _doctor(options: argparse.Namespace) -> int:
 
 
 def _inspect(options: argparse.Namespace) -> int:
+    from rich.console import Console
+
     from dataset_builder.report.contact_sheet import write_contact_sheet
     from dataset_builder.report.dataset_summary import summary_tables
 
@@ -60,6 +63,8 @@ def _verify(options: argparse.Namespace) -> int:
 
 
 def _families(options: argparse.Namespace) -> int:
+    from rich.console import Console
+
     from dataset_builder.report.family_tables import family_tables
 
     for table in family_tables(options.family):

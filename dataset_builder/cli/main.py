@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataset_builder import __version__
 from dataset_builder.cli import build, evaluate, inspect, stress, study, table, train, validate
 from dataset_builder.errors import UserError
+from dataset_builder.extras import missing_named
 
 INTERRUPTED = 130
 
@@ -15,7 +16,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one verb; returns the exit code."""
     options = parser().parse_args(arguments)
     try:
-        return options.run(options)
+        with missing_named():
+            return options.run(options)
     except UserError as error:
         for problem in error.problems:
             print(f"error: {problem}", file=sys.stderr)

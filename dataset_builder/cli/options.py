@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rich.console import Console
 
-DATASETS, STUDIES, TRAININGS = Path("datasets"), Path("studies"), Path("trainings")
+STUDIES, TRAININGS = Path("studies"), Path("trainings")
 """Where results go unless `--out` says otherwise."""
 
 BACKENDS = ("auto", "cuda", "llvm")

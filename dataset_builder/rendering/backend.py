@@ -100,12 +100,18 @@ def name_llvm() -> None:
 
 @cache
 def activate(wanted: str = "auto", threads: int = 0) -> Backend:
-    """Set the Mitsuba variant of this process; threads = 0 keeps Dr.Jit's choice (all cores). Call before rendering."""
+    """Set the Mitsuba variant of this process; threads = 0 keeps Dr.Jit's choice (all cores). Call before rendering.
+
+    Raises UserError as `choose` does, and where this process renders with another variant already.
+    """
     backend = choose(wanted)
     # The doctor asks this module, too, and works where there is no Dr.Jit
     import drjit as dr
     import mitsuba as mi
 
+    if mi.variant() not in (None, backend.variant):
+        raise UserError(f"backend: expected {mi.variant()}, which this process renders with already, got "
+                        f"{backend.variant}; start another process for it")
     mi.set_variant(backend.variant)
     mi.set_log_level(mi.LogLevel.Error)
     if threads:

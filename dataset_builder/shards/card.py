@@ -107,7 +107,7 @@ Shards are plain tar files after webdataset's rule. `dataset.json` lists them wi
 where in a shard every file is, and `sha256sum -c SHA256SUMS` checks a download.
 
 ```python
-from dataset_builder.shards.reader import open_dataset
+from dataset_builder import open_dataset
 
 example = open_dataset("{manifest.name}", layers=["{manifest.layers[0].name}"])["{manifest.splits[0].name}", 0]
 ```

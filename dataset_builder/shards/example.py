@@ -1,19 +1,22 @@
-"""An example as the members of a shard: one EXR per layer, a label, and a preview."""
+"""An example as the members of a shard: one EXR per layer, a label, and a preview.
 
+Pillow is imported where it is needed: readers of layers and labels do without.
+"""
+
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from io import BytesIO
 from typing import Any
 
 import numpy as np
-from PIL import Image
 
 from dataset_builder.digest import pixel_digest, sha256_bytes
 from dataset_builder.errors import Problem, ShardError
 from dataset_builder.layers import LAYERS
 from dataset_builder.shards import exr
 from dataset_builder.shards.label_text import SCHEMA_VERSION, encode_label, statistics
-from dataset_builder.tonemap import exposure, to_8bit
+from dataset_builder.tonemap import side_by_side
 
 PREVIEW_LAYERS = ("i_s", "i_t")
 LABEL, PREVIEW = "json", "preview.png"
@@ -51,14 +54,27 @@ def encode_members(example: Example, *, dtype: exr.DType, preview_png: bytes) ->
     Raises ShardError where a layer is unknown, differs in size from the others or cannot be stored as it is, and where
     the label holds what JSON readers would change.
     """
-    _check_layers(example)
-    kept = {name: exr.stored(array, layer=name, key=example.key, dtype=dtype) for name, array in example.layers.items()}
+    kept = _kept(example, dtype)
     members = [Member(name=f"{example.key}.{name}.exr", pixel_digest=pixel_digest(array),
                       data=exr.encode(array, layer=name, key=example.key, dtype=dtype)) for name, array in kept.items()]
     members.append(Member(name=f"{example.key}.{LABEL}", data=encode_label(label(example, kept)), pixel_digest=""))
     members.append(Member(name=f"{example.key}.{PREVIEW}", data=preview_png,
                           pixel_digest=pixel_digest(decode_png(preview_png))))
     return sorted(members, key=lambda member: member.name)
+
+
+def as_read(example: Example, *, dtype: exr.DType) -> dict[str, Any]:
+    """What `Dataset` gives for the example once it is stored: layers by name, the label under `meta`.
+
+    Raises ShardError as `encode_members` does.
+    """
+    kept = _kept(example, dtype)
+    return {**kept, "meta": json.loads(encode_label(label(example, kept)))}
+
+
+def _kept(example: Example, dtype: exr.DType) -> dict[str, np.ndarray]:
+    _check_layers(example)
+    return {name: exr.stored(array, layer=name, key=example.key, dtype=dtype) for name, array in example.layers.items()}
 
 
 def label(example: Example, kept: Mapping[str, np.ndarray]) -> dict[str, Any]:
@@ -72,16 +88,18 @@ def label(example: Example, kept: Mapping[str, np.ndarray]) -> dict[str, Any]:
 
 def preview(layers: Mapping[str, np.ndarray]) -> bytes:
     """PNG of i_s and i_t side by side, or of whichever there is, else of the first layer; one exposure for both."""
+    from PIL import Image
+
     shown = [layers[name] for name in PREVIEW_LAYERS if name in layers] or [next(iter(layers.values()))]
-    factor = exposure(shown)
-    pixels = np.concatenate([to_8bit(image, factor) for image in shown], axis=1)
     stream = BytesIO()
-    Image.fromarray(pixels).save(stream, "PNG", compress_level=PNG_LEVEL)
+    Image.fromarray(side_by_side(shown)).save(stream, "PNG", compress_level=PNG_LEVEL)
     return stream.getvalue()
 
 
 def decode_png(data: bytes, *, where: str = "preview") -> np.ndarray:
     """Pixels of an 8-bit RGB PNG, (H, W, 3) uint8. Raises ShardError where it does not decode to that."""
+    from PIL import Image
+
     try:
         with Image.open(BytesIO(data), formats=["PNG"]) as image:
             pixels = np.asarray(image)

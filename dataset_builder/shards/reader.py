@@ -42,9 +42,10 @@ class _Span(NamedTuple):
 class Dataset:
     """A dataset on disk: `len`, iteration in order, `dataset[key]`, `dataset[split, i]`; no file stays open."""
 
-    def __init__(self, folder: Path, manifest: Manifest, *, layers: Sequence[str], verify: Verify):
+    def __init__(self, folder: Path, manifest: Manifest, *, layers: Sequence[str], verify: Verify,
+                 label: bool = True):
         self.folder, self.manifest, self.layers = folder, manifest, tuple(layers)
-        self._verify = verify
+        self._verify, self._with_label = verify, label
         self._checked: set[str] = set()
         found = {example.key: (number, example) for number, shard in enumerate(manifest.shards)
                  for example in self._index(shard).examples}
@@ -63,13 +64,14 @@ class Dataset:
         return (self[key] for key in self._places)
 
     def __getitem__(self, which: str | tuple[str, int]) -> dict[str, Any]:
-        """Chosen layers by name, (H, W, C) float32 each, and the label under `meta`.
+        """Chosen layers by name, (H, W, C) float32 each, and the label under `meta`, unless it was left out.
 
         Raises KeyError or IndexError where there is no such example, ShardError where its bytes are not what they were
         or a pixel is NaN or Inf.
         """
         key = which if isinstance(which, str) else self.splits[which[0]][which[1]]
-        return {**{name: image.pixels for name, image in self.images(key)}, "meta": self.label(key)}
+        layers = {name: image.pixels for name, image in self.images(key)}
+        return {**layers, "meta": self.label(key)} if self._with_label else layers
 
     def images(self, key: str) -> Iterator[tuple[str, exr.ExrImage]]:
         """Chosen layers alone, in their order, as they are stored; each is decoded when its turn comes.
@@ -142,9 +144,11 @@ class Dataset:
             self._checked.add(shard.name)
 
 
-def open_dataset(folder: Path | str, *, layers: Sequence[str] | None = None, verify: Verify = "size") -> Dataset:
+def open_dataset(folder: Path | str, *, layers: Sequence[str] | None = None, verify: Verify = "size",
+                 label: bool = True) -> Dataset:
     """Open a finished dataset; only `layers` (default: all) are ever read.
 
+    label: whether an example has its label, under `meta`; arrays alone are what a DataLoader puts into batches.
     verify: `off` trusts the disk; `size` compares file sizes now; `shard` also hashes each shard at its first use;
     `member` also hashes every member that is read. Raises ShardError where anything is missing, unfinished or changed:
     never are there fewer examples than the manifest says.
@@ -154,7 +158,7 @@ def open_dataset(folder: Path | str, *, layers: Sequence[str] | None = None, ver
     names = [layer.name for layer in manifest.layers]
     if unknown := [name for name in layers or () if name not in names]:
         raise _wrong(folder, f"expected layers among {', '.join(names)}, got {', '.join(unknown)}")
-    return Dataset(folder, manifest, layers=names if layers is None else layers, verify=verify)
+    return Dataset(folder, manifest, layers=names if layers is None else layers, verify=verify, label=label)
 
 
 def load_manifest(folder: Path) -> Manifest:

@@ -1,11 +1,11 @@
 """Staged examples to published shards: assemble, flush, hash, read back, rename, then the index the same way."""
 
+import importlib.metadata
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import PIL
 
 from dataset_builder import __version__
 from dataset_builder.digest import sha256_file
@@ -24,7 +24,8 @@ SHARDS, INDEX = "shards", "index"
 
 def writer_versions() -> dict[str, str]:
     """Versions of whatever turns layers into bytes; the renderer's are for the caller to add."""
-    return {"dataset_builder": __version__, "openexr": exr.VERSION, "numpy": np.__version__, "pillow": PIL.__version__}
+    return {"dataset_builder": __version__, "openexr": exr.VERSION, "numpy": np.__version__,
+            "pillow": importlib.metadata.version("pillow")}
 
 
 def shard_path(folder: Path, stem: str) -> Path:

@@ -7,7 +7,7 @@ import pytest
 from dataset_builder.engine.source import CALIBRATION, UNIT, closure, code, digest_of, read_sources
 
 SOURCES = read_sources()
-ABOVE = ("cli", "report", "studies", "release", "lightnet", "builder")
+ABOVE = ("cli", "report", "studies", "release", "lightnet", "api", "builder")
 KNOWN = digest_of([UNIT], SOURCES)
 CLOSURE = closure([UNIT], SOURCES)
 

@@ -7,7 +7,7 @@ import pytest
 
 from dataset_builder.errors import UserError
 from dataset_builder.rendering import backend
-from dataset_builder.rendering.backend import choose, find_llvm, llvm_version, renderer_versions
+from dataset_builder.rendering.backend import Backend, activate, choose, find_llvm, llvm_version, renderer_versions
 
 Has = Callable[..., None]
 DEBIAN = "/usr/lib/x86_64-linux-gnu/"
@@ -83,3 +83,10 @@ def test_cuda_that_is_not_there(has: Has) -> None:
         choose("cuda")
     with pytest.raises(UserError, match="expected auto, cuda or llvm, got 'metal'"):
         choose("metal")
+
+
+def test_a_process_keeps_its_variant(monkeypatch: pytest.MonkeyPatch) -> None:
+    activate("llvm")
+    monkeypatch.setattr(backend, "choose", lambda wanted: Backend(variant="scalar_rgb", llvm="", summary=""))
+    with pytest.raises(UserError, match=r"expected llvm_ad_rgb, which this process .*, got scalar_rgb"):
+        activate("scalar")

@@ -56,6 +56,7 @@ def test_layers_that_are_not_chosen_are_not_decoded(dataset: Path, monkeypatch: 
     item = open_dataset(dataset, layers=["i_s", "mask"])["00000002"]
     assert set(item) == {"i_s", "mask", "meta"} and decoded == ["00000002.i_s.exr", "00000002.mask.exr"]
     assert set(open_dataset(dataset, layers=[])["00000002"]) == {"meta"}
+    assert set(open_dataset(dataset, layers=["mask"], label=False)["00000002"]) == {"mask"}
 
 
 def test_unknown_layers_are_refused(dataset: Path) -> None:

@@ -45,7 +45,7 @@ class LightingDataset(Dataset[Batch]):
     sentence on them. Every label is read at once, so that what is wrong is told before a training begins.
     """
 
-    def __init__(self, folder: Path, split: str, spec: DataSpec, *, levels: Sequence[int] = ()):
+    def __init__(self, folder: Path | str, split: str, spec: DataSpec, *, levels: Sequence[int] = ()):
         """Open a finished dataset. levels: noise levels to keep, all where empty.
 
         Raises UserError where the dataset lacks a layer, the split, a level or every example, and where a label does
