@@ -56,12 +56,10 @@ def render_example(spec: "LoadedSpec", example: "int | ExamplePlan", *, backend:
     """
     from dataset_builder.engine.unit import example_of
     from dataset_builder.rendering.backend import activate
+    from dataset_builder.rendering.examples import render_view
     from dataset_builder.shards.example import as_read
 
     activate(backend)
-    # Modules of the renderer can be imported only after that
-    from dataset_builder.rendering.examples import render_view
-
     rendered, = render_view([plan(spec, example) if isinstance(example, int) else example], spec.path.parent)
     return as_read(example_of(rendered), dtype=spec.dataset.storage.dtype)
 

@@ -32,7 +32,7 @@ def test_every_module_is_imported_without_a_variant() -> None:
 
 
 def test_verbs_that_render_nothing_do_not_wait_for_mitsuba() -> None:
-    done = python("import sys, dataset_builder.build, dataset_builder.report.console, dataset_builder.report.doctor\n"
+    done = python("import sys, dataset_builder.builder, dataset_builder.report.console, dataset_builder.report.doctor\n"
                   "assert not {'mitsuba', 'drjit'} & set(sys.modules)")
     assert done.returncode == 0, done.stderr
 
