@@ -1,11 +1,10 @@
 """What a build remembers between its runs, beside the staged examples, for as long as the same code would find it."""
 
-import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from dataset_builder.digest import canonical_json, digest
+from dataset_builder.digest import digest, sealed, unsealed
 from dataset_builder.files import write_atomic
 from dataset_builder.shards.folder import WORK
 from dataset_builder.spec.model import Model
@@ -26,14 +25,14 @@ class MakerFile(Generic[Item]):
     def read(self) -> tuple[Item, ...]:
         """What was written last; nothing where nothing was, or it is damaged or of another maker."""
         try:
-            content = json.loads(self._path.read_bytes())
-            if not isinstance(content, dict) or content.get("maker") != self._maker:
-                return ()
-            return tuple(self._kind.model_validate(item) for item in content[self._name])
-        except (FileNotFoundError, ValueError, KeyError, TypeError):
+            content = unsealed(self._path.read_bytes())
+        except FileNotFoundError:
             return ()
+        if content is None or content["maker"] != self._maker:
+            return ()
+        return tuple(self._kind.model_validate(item) for item in content[self._name])
 
     def write(self, items: Iterable[Item]) -> None:
         """Replace it. Raises OutputError where it cannot be written."""
         plain = [item.model_dump(mode="json") for item in items]
-        write_atomic(self._path, canonical_json({"maker": self._maker, self._name: plain}))
+        write_atomic(self._path, sealed({"maker": self._maker, self._name: plain}))

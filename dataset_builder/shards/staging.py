@@ -1,16 +1,15 @@
 """Finished examples that wait for their shard. An interrupted build finds them again; nothing stale is ever taken.
 
 Each is two files below `.build/staging/`: `<key>.<digest>.segment` and, written after it, `<key>.<digest>.json` with
-its size, its hash and its index entry. `digest` covers the example's plan and every version that pixels depend on.
+its hash and its index entry, sealed. `digest` covers the example's plan and every version that pixels depend on.
 """
 
-import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from dataset_builder.digest import canonical_json, sha256_bytes
+from dataset_builder.digest import sealed, sha256_bytes, unsealed
 from dataset_builder.errors import Problem, ShardError
 from dataset_builder.files import PARTIAL, output_errors, write_atomic
 from dataset_builder.shards.folder import STAGING, WORK
@@ -34,8 +33,8 @@ class Staging:
         """Keep a finished example; whatever was kept under the same key before is dropped. Raises OutputError."""
         segment_path, entry_path = self._paths(key, digest)
         write_atomic(segment_path, segment)
-        seal = {"size": len(segment), "sha256": sha256_bytes(segment), "entry": dict(entry)}
-        write_atomic(entry_path, canonical_json(seal))
+        seal = {"sha256": sha256_bytes(segment), "entry": dict(entry)}
+        write_atomic(entry_path, sealed(seal))
         self._drop(key, but=digest)
 
     def has(self, key: str, digest: str) -> bool:
@@ -78,11 +77,12 @@ class Staging:
     def _load(self, key: str, digest: str) -> Staged | None:
         segment_path, entry_path = self._paths(key, digest)
         try:
-            seal, segment = json.loads(entry_path.read_bytes()), segment_path.read_bytes()
-        except (FileNotFoundError, ValueError):
+            seal, segment = unsealed(entry_path.read_bytes()), segment_path.read_bytes()
+        except OSError:
             return None
-        whole = len(segment) == seal["size"] and sha256_bytes(segment) == seal["sha256"]
-        return Staged(segment=segment, entry=seal["entry"]) if whole else None
+        if seal is None or seal["sha256"] != sha256_bytes(segment):
+            return None
+        return Staged(segment=segment, entry=seal["entry"])
 
     def _paths(self, key: str, digest: str) -> tuple[Path, Path]:
         stem = f"{key}.{digest}"

@@ -32,3 +32,12 @@ def test_damage_is_nothing(tmp_path: Path, change: object) -> None:
     assert callable(change) and change(text) != text
     file.write_text(change(text))
     assert remembered(tmp_path).read() == ()
+
+
+def test_a_flipped_bit_anywhere_is_nothing(tmp_path: Path) -> None:
+    remembered(tmp_path).write([REJECTED])
+    file, = (tmp_path / WORK).glob("rejected.*.json")
+    whole = file.read_bytes()
+    for at in range(len(whole)):
+        file.write_bytes(whole[:at] + bytes([whole[at] ^ 1 << at % 8]) + whole[at + 1:])
+        assert remembered(tmp_path).read() == ()
