@@ -67,7 +67,7 @@ class DataSpec(Model):
     """Examples per step."""
     workers: Annotated[int, Field(ge=0)] = 1
     """Processes that read ahead; 0 reads in the training process. Has no effect on what is read."""
-    verify: Literal["off", "size", "shard", "member"] = "size"
+    verify: Literal["off", "size", "shard", "member"] = "member"
     """What is checked while reading, see `docs/reading.md`."""
     flips: bool = True
     """Mirror left and right, with probability 1/2."""

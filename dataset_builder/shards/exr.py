@@ -125,18 +125,14 @@ def decode(data: bytes, *, where: str = "EXR") -> np.ndarray:
     return read(data, where=where).pixels
 
 
-def read(data: bytes, *, where: str = "EXR") -> ExrImage:
-    """Pixels and labels of a file.
+def read(data: bytes, *, where: str = "EXR", most: int = MAX_SIDE) -> ExrImage:
+    """Pixels and labels of a file whose sides are at most `most`; what asks for more is not decoded.
 
     Raises ShardError that names `where` and what is wrong: unreadable, cut short, more than one part, other channels
     than R, G, B or Y, a window that is not the whole picture, another type than float32 or float16, or channels that
     differ in type or from the window's shape.
     """
-    header, planes = _open(data, where)
-    names = next((names for names in CHANNELS.values() if set(names) == set(planes)), None)
-    if names is None:
-        raise _wrong(where, f"expected channels R, G, B or Y, got {', '.join(sorted(planes)) or 'none'}",
-                     "save colours as R, G, B of one layer, without alpha")
+    header, names, planes = _open(data, where, most)
     window, frame = (tuple(tuple(map(int, corner)) for corner in header[name])
                      for name in ("dataWindow", "displayWindow"))
     if window != frame:
@@ -154,6 +150,11 @@ def read(data: bytes, *, where: str = "EXR") -> ExrImage:
                     layer=str(header.get(f"{NAMESPACE}:layer", "")), key=str(header.get(f"{NAMESPACE}:key", "")))
 
 
+def most_side(width: int, height: int) -> int:
+    """The longest side to decode where `width` x `height` is expected: enough to name a wrong size, and no more."""
+    return 2 * max(width, height)
+
+
 def _header(layer: str, key: str, codec: str, space: str) -> dict[str, Any]:
     header: dict[str, Any] = {
         "compression": CODECS[codec], "type": OpenEXR.scanlineimage, "colorInteropID": space,
@@ -162,17 +163,25 @@ def _header(layer: str, key: str, codec: str, space: str) -> dict[str, Any]:
     return header if header["colorInteropID"] == "data" else {**header, "chromaticities": REC709}
 
 
-def _open(data: bytes, where: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+def _open(data: bytes, where: str, most: int) -> tuple[dict[str, Any], tuple[str, ...], dict[str, np.ndarray]]:
     try:
-        # A damaged window could ask for all memory: look at the header first
-        header = OpenEXR.File(BytesIO(data), separate_channels=True, header_only=True).header(0)
+        # A damaged window, or channels by the hundred, could ask for all memory: look at the header first
+        file = OpenEXR.File(BytesIO(data), separate_channels=True, header_only=True)
+        header = file.header(0)
         low, high = header["dataWindow"]
-        if not all(0 <= int(b) - int(a) < MAX_SIDE for a, b in zip(low, high, strict=True)):
-            raise _wrong(where, f"expected sides of at most {MAX_SIDE}, got the window {low} to {high}")
+        if len(file.parts) > 1:
+            raise _wrong(where, f"expected one part, got {len(file.parts)}")
+        if not all(0 <= int(b) - int(a) < most for a, b in zip(low, high, strict=True)):
+            raise _wrong(where, f"expected sides of at most {most}, got the window {low} to {high}")
+        given = {channel.name for channel in header["channels"]}
+        names = next((names for names in CHANNELS.values() if set(names) == given), None)
+        if names is None:
+            raise _wrong(where, f"expected channels R, G, B or Y, got {', '.join(sorted(given)) or 'none'}",
+                         "save colours as R, G, B of one layer, without alpha")
         file = OpenEXR.File(BytesIO(data), separate_channels=True)
         if len(file.parts) != 1:
             raise _wrong(where, f"expected one part, got {len(file.parts)}: the file is truncated or not ours")
-        return file.header(0), {name: channel.pixels for name, channel in file.channels(0).items()}
+        return file.header(0), names, {name: channel.pixels for name, channel in file.channels(0).items()}
     except (RuntimeError, ValueError, TypeError, IndexError, KeyError, MemoryError) as error:
         raise _wrong(where, f"expected an EXR file, got {len(data)} bytes that do not decode ({error})") from error
 

@@ -16,6 +16,8 @@ from dataset_builder.errors import Problem, ShardError
 SCHEMA_VERSION = "1"
 KEYS = frozenset({"schema_version", "key", "index", "split", "plan", "record", "layers"})
 MAX_INTEGER = 2**53
+MOST_BYTES = 2**24
+"""Of a label."""
 
 
 def encode_label(value: Mapping[str, Any]) -> bytes:
@@ -24,6 +26,23 @@ def encode_label(value: Mapping[str, Any]) -> bytes:
     Raises ShardError for null, NaN, Inf, integers beyond 53 bits and types that are not plain data.
     """
     return (_text(value, "") + "\n").encode()
+
+
+def read_label(data: bytes, *, where: str, name: str) -> dict[str, Any]:
+    """The label in the file `name` of the shard `where`.
+
+    Raises ShardError where it is no JSON object with the keys of a label, is nested without end, or too large.
+    """
+    rule = f"expected a file of at most {MOST_BYTES} bytes, got {len(data)}"
+    if len(data) <= MOST_BYTES:
+        try:
+            label = json.loads(data)
+            if isinstance(label, dict) and set(label) == KEYS:
+                return label
+            rule = f"expected the keys {', '.join(sorted(KEYS))}"
+        except (ValueError, RecursionError) as error:
+            rule = f"expected JSON in {name} ({error})"
+    raise ShardError([Problem(where=where, path=name, rule=rule)])
 
 
 def statistics(array: np.ndarray) -> dict[str, float]:

@@ -1,9 +1,9 @@
 """The manifest: `dataset.json`, and one index per shard; neither contains the time of the build."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Literal, TypeVar
+from typing import Annotated, Literal, TypeVar
 
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, model_validator
 
 from dataset_builder.digest import canonical_json
 from dataset_builder.errors import Problem, ShardError
@@ -12,9 +12,13 @@ from dataset_builder.layers import LAYERS, Extent
 from dataset_builder.shards import exr
 from dataset_builder.shards.folder import FORMAT
 from dataset_builder.shards.identities import identity_table
-from dataset_builder.spec.dataset import DatasetSpec
+from dataset_builder.spec.dataset import DatasetSpec, LayerName
 from dataset_builder.spec.model import Model
+from dataset_builder.spec.problems import LONGEST_VALUE
 
+MOST_PROBLEMS = 100
+Count = Annotated[int, Field(ge=0, lt=2**53)]
+Key = Annotated[str, Field(pattern="^[0-9]{8}$")]
 M = TypeVar("M", bound=Model)
 LAYOUT_DATE = "2026-11-23"
 """Day this layout was fixed: the `datePublished` of a dataset that gives none, since two builds must be equal bytes."""
@@ -24,8 +28,8 @@ class MemberRecord(Model):
     """One file of a shard: name, where its bytes are, and digests of bytes and of decoded pixels (empty for JSON)."""
 
     name: str
-    offset: int = Field(ge=0)
-    size: int = Field(ge=0)
+    offset: Count
+    size: int = Field(ge=0, lt=2**31)
     sha256: str
     pixel_digest: str
 
@@ -33,7 +37,7 @@ class MemberRecord(Model):
 class ExampleRecord(Model):
     """One example of a shard. digest: of the plan and versions that it was made from; members lie in file order."""
 
-    key: str
+    key: Key
     view: str
     digest: str
     members: tuple[MemberRecord, ...]
@@ -42,11 +46,11 @@ class ExampleRecord(Model):
 class ShardRecord(Model):
     """One shard: `name` is its file below `shards/`."""
 
-    name: str
+    name: str = Field(pattern=r"^[a-z0-9][a-z0-9._-]*\.tar$", max_length=240)
     split: str
-    bytes: int
+    bytes: Count
     sha256: str
-    examples: int
+    examples: Count
     first_key: str
     last_key: str
 
@@ -69,7 +73,7 @@ class ShardIndex(Model):
 class LayerRecord(Model):
     """One layer, as `layers.py` defines it, with this dataset's extent and storage type."""
 
-    name: str
+    name: LayerName
     member: str
     symbol: str
     geometry: str
@@ -80,6 +84,12 @@ class LayerRecord(Model):
     range: str
     unit: str
     meaning: str
+
+    @model_validator(mode="after")
+    def _has_its_channels(self) -> "LayerRecord":
+        if self.channels != (channels := LAYERS[self.name].channels):
+            raise ValueError(f"expected {channels} channels of {self.name}, got {self.channels}")
+        return self
 
 
 class IdentityRecord(Model):
@@ -94,17 +104,17 @@ class SplitRecord(Model):
     """One split and its shards, in order."""
 
     name: str
-    examples: int
+    examples: Count
     shards: tuple[str, ...]
 
 
 class Totals(Model):
     """Sums over all shards."""
 
-    examples: int
-    shards: int
-    bytes: int
-    rejected: int
+    examples: Count
+    shards: Count
+    bytes: Count
+    rejected: Count
 
 
 class Rejected(Model):
@@ -131,15 +141,23 @@ class Manifest(Model):
     date_published: str
     generator: str
     spec_digest: str
-    width: int
-    height: int
-    layers: tuple[LayerRecord, ...]
+    width: int = Field(ge=1, le=exr.MAX_SIDE)
+    height: int = Field(ge=1, le=exr.MAX_SIDE)
+    layers: tuple[LayerRecord, ...] = Field(min_length=1)
     denoised: tuple[Denoised, ...] = ()
     identities: tuple[IdentityRecord, ...]
-    splits: tuple[SplitRecord, ...]
+    splits: tuple[SplitRecord, ...] = Field(min_length=1)
     shards: tuple[ShardRecord, ...]
     totals: Totals
     rejected: tuple[Rejected, ...]
+
+    @model_validator(mode="after")
+    def _names_differ(self) -> "Manifest":
+        for what, records in (("layers", self.layers), ("splits", self.splits)):
+            names = [record.name for record in records]
+            if len(set(names)) < len(names):
+                raise ValueError(f"expected {what} of different names")
+        return self
 
 
 def shard_stem(spec: DatasetSpec, split: str, number: int) -> str:
@@ -184,12 +202,18 @@ def to_json(model: Model) -> bytes:
 
 
 def from_json(model: type[M], data: bytes, *, where: str) -> M:
-    """A manifest or an index from its JSON. Raises ShardError with every key that is wrong."""
+    """A manifest or an index from its JSON. Raises ShardError with every key that is wrong, or the first
+    `MOST_PROBLEMS` of them."""
     try:
         return model.model_validate_json(data)
     except ValidationError as error:
-        raise ShardError(Problem(where=where, path=".".join(map(str, issue["loc"])), rule=issue["msg"])
-                         for issue in error.errors()) from error
+        issues = error.errors(include_url=False, include_context=False, include_input=False)[:MOST_PROBLEMS]
+        problems = [Problem(where=where, path=_path(issue["loc"]), rule=issue["msg"]) for issue in issues]
+        raise ShardError(problems) from error
+
+
+def _path(location: tuple[int | str, ...]) -> str:
+    return ".".join(str(part)[:LONGEST_VALUE] for part in location)
 
 
 def _split_record(name: str, shards: Sequence[ShardRecord]) -> SplitRecord:

@@ -1,5 +1,6 @@
 """The files around the shards: card, Croissant, checksums, and `dataset.json` last, which makes the dataset whole."""
 
+import re
 from pathlib import Path
 
 from dataset_builder.digest import sha256_bytes, sha256_file
@@ -12,6 +13,7 @@ from dataset_builder.shards.manifest import Manifest, to_json
 from dataset_builder.shards.writer import index_path, published, shard_path
 
 CARD, CROISSANT, SUMS = "README.md", "croissant.json", "SHA256SUMS"
+_SUM = re.compile(r"([0-9a-f]{64})  (\S.*)")
 
 
 def publish_dataset(folder: Path, manifest: Manifest) -> None:
@@ -33,6 +35,12 @@ def listed_files(manifest: Manifest) -> list[str]:
     shards = [path for shard in manifest.shards
               for path in (shard_path(Path(), shard.stem), index_path(Path(), shard.stem))]
     return sorted([*(path.as_posix() for path in shards), CARD, CROISSANT, MANIFEST])
+
+
+def sums_in(data: bytes) -> list[tuple[str, str] | None]:
+    """File name and SHA-256 of each line of SHA256SUMS; None for a line that is something else."""
+    lines = data.decode(errors="replace").splitlines()
+    return [(match[2], match[1]) if (match := _SUM.fullmatch(line)) else None for line in lines]
 
 
 def _sums(folder: Path, manifest: Manifest, texts: dict[str, bytes]) -> bytes:

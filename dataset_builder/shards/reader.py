@@ -1,6 +1,5 @@
 """Reading a dataset back: any example by key or position, any of its layers, straight from the shard by offset."""
 
-import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -13,8 +12,10 @@ from dataset_builder.layers import LAYERS
 from dataset_builder.shards import exr
 from dataset_builder.shards.example import LABEL
 from dataset_builder.shards.folder import MANIFEST
+from dataset_builder.shards.label_text import read_label
 from dataset_builder.shards.manifest import ExampleRecord, Manifest, MemberRecord, ShardIndex, ShardRecord, from_json
-from dataset_builder.shards.structure import read_members
+from dataset_builder.shards.publish import SUMS, sums_in
+from dataset_builder.shards.structure import read_members, read_small
 from dataset_builder.shards.writer import index_path, shard_path
 
 Verify = Literal["off", "size", "shard", "member"]
@@ -47,6 +48,8 @@ class Dataset:
         self.folder, self.manifest, self.layers = folder, manifest, tuple(layers)
         self._verify, self._with_label = verify, label
         self._checked: set[str] = set()
+        if len({shard.name for shard in manifest.shards}) < len(manifest.shards):
+            raise _wrong(folder, f"expected different shards in {MANIFEST}, got one twice")
         found = {example.key: (number, example) for number, shard in enumerate(manifest.shards)
                  for example in self._index(shard).examples}
         if len(found) != manifest.totals.examples:
@@ -56,6 +59,8 @@ class Dataset:
         self.splits = {split.name: tuple(key for key, place in self._places.items() if names[place.shard] == split.name)
                        for split in manifest.splits}
         """Keys of every split, in order."""
+        if verify != "off":
+            self._require_sums()
 
     def __len__(self) -> int:
         return len(self._places)
@@ -66,8 +71,8 @@ class Dataset:
     def __getitem__(self, which: str | tuple[str, int]) -> dict[str, Any]:
         """Chosen layers by name, (H, W, C) float32 each, and the label under `meta`, unless it was left out.
 
-        Raises KeyError or IndexError where there is no such example, ShardError where its bytes are not what they were
-        or a pixel is NaN or Inf.
+        Raises KeyError or IndexError where there is no such example, ShardError where its bytes are not what they were,
+        a file is of another layer or example, or a pixel is NaN or Inf.
         """
         key = which if isinstance(which, str) else self.splits[which[0]][which[1]]
         layers = {name: image.pixels for name, image in self.images(key)}
@@ -78,19 +83,19 @@ class Dataset:
 
         Raises as `dataset[key]` does.
         """
-        place = self._places[key]
+        place, most = self._places[key], exr.most_side(self.manifest.width, self.manifest.height)
         for name, span, data in zip(self.layers, place.layers, self._read(place, place.layers), strict=True):
-            image = exr.read(data, where=span.name)
-            self._require_sound(image, name, place, span)
+            image = exr.read(data, where=span.name, most=most)
+            self._require_sound(image, name, key, place, span)
             yield name, image
 
     def label(self, key: str) -> dict[str, Any]:
         """The label alone. Raises KeyError and ShardError as `dataset[key]` does."""
         place = self._places[key]
-        try:
-            return json.loads(self._read(place, [place.label])[0])
-        except ValueError as error:
-            raise _wrong(self._shard(place).name, f"expected JSON in {place.label.name} ({error})") from error
+        label = read_label(self._read(place, [place.label])[0], where=self._shard(place).name, name=place.label.name)
+        if label["key"] != key:
+            raise self._spoilt(place, place.label, f"expected the label of example {key}, got {label['key']!r:.60}")
+        return label
 
     def _shard(self, place: _Place) -> ShardRecord:
         return self.manifest.shards[place.shard]
@@ -102,11 +107,23 @@ class Dataset:
         payloads = read_members(shard_path(self.folder, shard.stem), spans)
         if self._verify == "member":
             for span, data in zip(spans, payloads, strict=True):
-                if sha256_bytes(data) != span.sha256:
+                if span.name not in self._checked and sha256_bytes(data) != span.sha256:
                     raise _wrong(shard.name, f"expected SHA-256 {span.sha256} of {span.name}, its bytes differ")
+                self._checked.add(span.name)
         return payloads
 
-    def _require_sound(self, image: exr.ExrImage, layer: str, place: _Place, span: _Span) -> None:
+    def _require_sums(self) -> None:
+        """`dataset.json` and the indexes, which say where everything is, are those that were published."""
+        listed = dict(filter(None, sums_in(read_small(self.folder / SUMS))))
+        indexes = [index_path(Path(), shard.stem).as_posix() for shard in self.manifest.shards]
+        for name in (MANIFEST, *indexes):
+            if (got := sha256_file(self.folder / name)) != listed.get(name):
+                raise _wrong(self.folder / name, f"expected SHA-256 {listed.get(name)} ({SUMS}), got {got}")
+
+    def _require_sound(self, image: exr.ExrImage, layer: str, key: str, place: _Place, span: _Span) -> None:
+        if (image.layer, image.key) != (layer, key):
+            rule = f"expected layer {layer} of example {key}, its header says {image.layer!r:.60} of {image.key!r:.60}"
+            raise self._spoilt(place, span, rule)
         shape = (LAYERS[layer].channels, self.manifest.height, self.manifest.width)
         if (got := image.planes.shape) != shape:
             raise self._spoilt(place, span, f"expected channels, rows, columns {shape}, got {got}")
@@ -130,7 +147,7 @@ class Dataset:
         path, tar = index_path(self.folder, shard.stem), shard_path(self.folder, shard.stem)
         if not path.is_file() or not tar.is_file():
             raise _wrong(path if tar.is_file() else tar, "expected a file, found none")
-        index = from_json(ShardIndex, path.read_bytes(), where=str(path))
+        index = from_json(ShardIndex, read_small(path), where=str(path))
         if index.shard != shard or len(index.examples) != shard.examples:
             raise _wrong(path, f"expected the index of {shard.examples} examples that {MANIFEST} names")
         if self._verify != "off" and tar.stat().st_size != shard.bytes:
@@ -144,14 +161,14 @@ class Dataset:
             self._checked.add(shard.name)
 
 
-def open_dataset(folder: Path | str, *, layers: Sequence[str] | None = None, verify: Verify = "size",
+def open_dataset(folder: Path | str, *, layers: Sequence[str] | None = None, verify: Verify = "member",
                  label: bool = True) -> Dataset:
     """Open a finished dataset; only `layers` (default: all) are ever read.
 
     label: whether an example has its label, under `meta`; arrays alone are what a DataLoader puts into batches.
-    verify: `off` trusts the disk; `size` compares file sizes now; `shard` also hashes each shard at its first use;
-    `member` also hashes every member that is read. Raises ShardError where anything is missing, unfinished or changed:
-    never are there fewer examples than the manifest says.
+    verify: `off` trusts the disk; `size` compares sizes of shards, and hashes of manifest and indexes, now; `member`
+    also hashes each file of an example when it is first read, `shard` each whole shard. Raises ShardError where
+    anything is missing, unfinished or changed: never are there fewer examples than the manifest says.
     """
     folder = Path(folder)
     manifest = load_manifest(folder)
@@ -168,7 +185,7 @@ def load_manifest(folder: Path) -> Manifest:
         problem = Problem(where=str(folder), path=MANIFEST, rule="expected a finished dataset, found no such file",
                           hint="a build writes it last: let the build finish")
         raise ShardError([problem])
-    return from_json(Manifest, path.read_bytes(), where=str(path))
+    return from_json(Manifest, read_small(path), where=str(path))
 
 
 def _span(member: MemberRecord) -> _Span:

@@ -4,29 +4,62 @@ No reader of the field notices a tar that was cut at a header or whose header lo
 error. So every header, every padding and the end blocks are compared with the bytes that belong there.
 """
 
-import hashlib
 import os
 from collections.abc import Iterable, Iterator
+from itertools import accumulate
 from pathlib import Path
 from typing import BinaryIO, Protocol
 
+from dataset_builder.digest import open_regular, read_regular, sha256_bytes
 from dataset_builder.errors import Problem, ShardError
 from dataset_builder.shards.manifest import MemberRecord, ShardIndex
 from dataset_builder.shards.segment import BLOCK, end_blocks, header, padding
 
+MOST_BYTES = 2**26
+"""What a dataset's files of text may hold: some 250,000 shards, or 8,000 examples of one shard."""
+
 
 def tar_problems(path: Path, index: ShardIndex) -> list[Problem]:
-    """Every difference between the tar at `path` and `index`: headers, payload hashes, paddings, end blocks, size."""
-    with path.open("rb") as stream:
-        problems, end = [], 0
-        for example in index.examples:
-            for member in example.members:
-                problems += [_problem(path, member.name, rule) for rule in _member_rules(stream, member, end)]
-                end = max(end, member.offset + member.size + len(padding(member.size)))
-        stream.seek(end)
-        if stream.read() != end_blocks(end):
+    """Every difference between the tar at `path` and `index`: headers, payload hashes, paddings, end blocks, size.
+
+    Raises OSError where it cannot be read.
+    """
+    with open_regular(path) as stream:
+        members, ends = members_of(index), starts(index)
+        problems = [_problem(path, member.name, rule) for member, start in zip(members, ends, strict=False)
+                    for rule in _member_rules(stream, member, start)]
+        stream.seek(min(end := ends[-1], path.stat().st_size))
+        if stream.read(len(end_blocks(end)) + 1) != end_blocks(end):
             problems.append(_problem(path, "end", f"expected nothing but end blocks from byte {end}"))
     return problems
+
+
+def misplaced(index: ShardIndex) -> set[str]:
+    """Names of members whose payloads do not follow their headers: those may overlap, or lie beyond the file."""
+    return {member.name for member, start in zip(members_of(index), starts(index), strict=False)
+            if member.offset != start + BLOCK}
+
+
+def members_of(index: ShardIndex) -> list[MemberRecord]:
+    """Every member of a shard, in file order."""
+    return [member for example in index.examples for member in example.members]
+
+
+def starts(index: ShardIndex) -> list[int]:
+    """Where the header of every member of a shard begins, which is where those before it end; last, where all end."""
+    ends = (member.offset + member.size + len(padding(member.size)) for member in members_of(index))
+    return list(accumulate(ends, max, initial=0))
+
+
+def read_small(path: Path) -> bytes:
+    """The bytes of a manifest, an index, or another file of text of a dataset.
+
+    Raises ShardError where it is not a regular file, cannot be read, or has more than `MOST_BYTES`.
+    """
+    try:
+        return read_regular(path, most=MOST_BYTES)
+    except OSError as error:
+        raise ShardError([_problem(path, "", f"cannot be read ({error.strerror or error})")]) from error
 
 
 class Span(Protocol):
@@ -51,17 +84,16 @@ def read_members(path: Path, members: Iterable[Span]) -> list[bytes]:
     Raises ShardError where it cannot be read, or ends before one of them.
     """
     try:
-        descriptor = os.open(path, os.O_RDONLY)
-        try:
-            return [_payload(descriptor, path, member) for member in members]
-        finally:
-            os.close(descriptor)
+        with open_regular(path) as stream:
+            return [_payload(stream.fileno(), path, member) for member in members]
     except OSError as error:
         raise ShardError([_problem(path, "", f"cannot be read ({error.strerror or error})")]) from error
 
 
 def _payload(descriptor: int, path: Path, member: Span) -> bytes:
-    data = os.pread(descriptor, member.size, member.offset)
+    # An index may ask for more than there is memory
+    there = max(os.fstat(descriptor).st_size - member.offset, 0)
+    data = os.pread(descriptor, min(member.size, there), member.offset)
     if len(data) != member.size:
         rule = f"expected {member.size} bytes, the file ends after {len(data)}"
         raise ShardError([_problem(path, member.name, rule)])
@@ -83,7 +115,7 @@ def _member_rules(stream: BinaryIO, member: MemberRecord, start: int) -> Iterato
     payload, fill = stream.read(member.size), stream.read(len(padding(member.size)))
     if len(payload) < member.size:
         yield f"expected {member.size} bytes, the file ends after {len(payload)}"
-    elif hashlib.sha256(payload).hexdigest() != member.sha256:
+    elif sha256_bytes(payload) != member.sha256:
         yield f"expected SHA-256 {member.sha256}, its bytes differ"
     if len(payload) == member.size and fill != padding(member.size):
         yield "expected zeros after it"

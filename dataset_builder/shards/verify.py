@@ -1,24 +1,24 @@
 """Whether a dataset agrees, file by file, with its manifest. Every problem is listed, not only the first."""
 
 import json
-import re
+import os
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from dataset_builder.digest import sha256_file
+from dataset_builder.digest import open_regular, sha256_file
 from dataset_builder.errors import Problem, ShardError
 from dataset_builder.shards.folder import MANIFEST, SECONDS, WORK
+from dataset_builder.shards.identities import identity_table
 from dataset_builder.shards.manifest import Manifest, ShardIndex, ShardRecord, from_json
-from dataset_builder.shards.publish import CROISSANT, SUMS, listed_files
+from dataset_builder.shards.publish import CROISSANT, SUMS, listed_files, sums_in
 from dataset_builder.shards.reader import load_manifest
-from dataset_builder.shards.structure import tar_problems
+from dataset_builder.shards.structure import MOST_BYTES, read_small, tar_problems
 from dataset_builder.shards.verify_examples import ExampleChecks
 from dataset_builder.shards.writer import index_path, shard_path
 
 IGNORED = (WORK, "previews", SECONDS)
 """Folders that hold nothing a reader relies on."""
-_SUM = re.compile(r"([0-9a-f]{64})  (\S.*)")
 
 
 def verify(folder: Path) -> list[Problem]:
@@ -32,26 +32,30 @@ def verify(folder: Path) -> list[Problem]:
         manifest = load_manifest(folder)
     except ShardError as error:
         return list(error.problems)
-    hashes = _Hashes(folder)
+    hashes = _Hashes(folder, manifest)
     problems = [*_manifest(manifest), *_files(folder, manifest), *_sums(folder, manifest, hashes),
                 *_croissant(folder, manifest)]
     checks = ExampleChecks(manifest)
-    for shard in manifest.shards:
-        problems += _shard(folder, shard, hashes, checks)
+    for shard, times in _different(manifest.shards):
+        problems += _shard(folder, shard, times, hashes, checks)
     return [*problems, *checks.summary()]
 
 
 class _Hashes:
-    """SHA-256 of files below a folder, each read once; None for files that are not there."""
+    """SHA-256 of a dataset's files, each read once; None for those that are not there or larger than may be."""
 
-    def __init__(self, folder: Path):
+    def __init__(self, folder: Path, manifest: Manifest):
         self._folder = folder
+        self._most = {shard_path(Path(), shard.stem).as_posix(): shard.bytes for shard in manifest.shards}
         self._known: dict[str, str | None] = {}
 
     def __getitem__(self, name: str) -> str | None:
         if name not in self._known:
             path = self._folder / name
-            self._known[name] = sha256_file(path) if path.is_file() else None
+            try:
+                self._known[name] = sha256_file(path, most=self._most.get(name, MOST_BYTES))
+            except OSError:
+                self._known[name] = None
         return self._known[name]
 
 
@@ -70,6 +74,9 @@ def _manifest(manifest: Manifest) -> Iterator[Problem]:
         for value, count in Counter(values).items():
             if count > 1:
                 yield _problem(MANIFEST, "shards", f"expected different shards, got {count} of {what} {value}")
+    table = identity_table(manifest.layers[0].dtype)
+    if tuple((identity.name, identity.rule, identity.tolerance) for identity in manifest.identities) != table:
+        yield _problem(MANIFEST, "identities", f"expected those of layers stored as {manifest.layers[0].dtype}")
     if unknown := {shard.split for shard in shards} - {split.name for split in manifest.splits}:
         yield _problem(MANIFEST, "shards", f"expected known splits, got {', '.join(sorted(unknown))}")
 
@@ -77,60 +84,73 @@ def _manifest(manifest: Manifest) -> Iterator[Problem]:
 def _files(folder: Path, manifest: Manifest) -> Iterator[Problem]:
     expected = {*listed_files(manifest), SUMS}
     found = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if not path.is_dir()}
-    for name in sorted(expected - found):
-        yield _problem(name, "", "expected a file, found none")
+    for name in sorted(expected):
+        try:
+            open_regular(folder / name, most=None if name.endswith(".tar") else MOST_BYTES).close()
+        except FileNotFoundError:
+            yield _problem(name, "", "expected a file, found none")
+        except OSError as error:
+            yield _problem(name, "", f"expected a file that can be read, got: {error.strerror or error}")
     for name in sorted(found - expected):
         if name.split("/")[0] not in IGNORED:
             yield _problem(name, "", f"expected only files that {MANIFEST} accounts for")
 
 
 def _sums(folder: Path, manifest: Manifest, hashes: _Hashes) -> Iterator[Problem]:
-    path = folder / SUMS
-    lines = path.read_text(errors="replace").splitlines() if path.is_file() else []
-    listed = []
+    try:
+        lines = sums_in(read_small(folder / SUMS))
+    except ShardError:
+        return
+    files = listed_files(manifest)
     for number, line in enumerate(lines, start=1):
-        if (match := _SUM.fullmatch(line)) is None:
+        if line is None:
             yield _problem(f"{SUMS}:{number}", "", "expected a SHA-256, two spaces and a file name")
-            continue
-        listed.append(match[2])
-        if hashes[match[2]] not in (None, match[1]):
-            yield _problem(match[2], "", f"expected SHA-256 {match[1]} ({SUMS}), got {hashes[match[2]]}")
-    if lines and sorted(listed) != listed_files(manifest):
+        elif line[0] in files and hashes[line[0]] not in (None, line[1]):
+            yield _problem(line[0], "", f"expected SHA-256 {line[1]} ({SUMS}), got {hashes[line[0]]}")
+    if sorted(line[0] for line in lines if line) != files:
         yield _problem(SUMS, "", "expected every file of the dataset once, and no other")
 
 
 def _croissant(folder: Path, manifest: Manifest) -> Iterator[Problem]:
-    path = folder / CROISSANT
-    if not path.is_file():
+    try:
+        data = read_small(folder / CROISSANT)
+    except ShardError:
         return
     try:
-        items = json.loads(path.read_bytes())["distribution"]
+        items = json.loads(data)["distribution"]
         listed = {item["@id"]: item["sha256"] for item in items if item["@type"] == "cr:FileObject"}
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         yield _problem(CROISSANT, "", f"expected Croissant's JSON ({error!r})")
         return
     if listed != {shard.name: shard.sha256 for shard in manifest.shards}:
         yield _problem(CROISSANT, "distribution", f"expected the shards and SHA-256 of {MANIFEST}")
 
 
-def _shard(folder: Path, shard: ShardRecord, hashes: _Hashes, checks: ExampleChecks) -> Iterator[Problem]:
+def _different(shards: Sequence[ShardRecord]) -> Iterator[tuple[ShardRecord, int]]:
+    """The first shard of every name, and how often that name is listed: no file is looked into twice."""
+    times = Counter(shard.name for shard in shards)
+    first = {shard.name: shard for shard in reversed(shards)}
+    return ((first[name], count) for name, count in times.items())
+
+
+def _shard(folder: Path, shard: ShardRecord, times: int, hashes: _Hashes, checks: ExampleChecks) -> Iterator[Problem]:
     tar, index_file = shard_path(folder, shard.stem), index_path(folder, shard.stem)
     if tar.is_file():
         if (size := tar.stat().st_size) != shard.bytes:
             yield _problem(shard.name, "", f"expected {shard.bytes} bytes, got {size}")
-        if (sha256 := hashes[tar.relative_to(folder).as_posix()]) != shard.sha256:
+        if (sha256 := hashes[tar.relative_to(folder).as_posix()]) not in (None, shard.sha256):
             yield _problem(shard.name, "", f"expected SHA-256 {shard.sha256}, got {sha256}")
     if not index_file.is_file():
         return
     try:
-        index = from_json(ShardIndex, index_file.read_bytes(), where=index_file.name)
+        index = from_json(ShardIndex, read_small(index_file), where=index_file.name)
     except ShardError as error:
         yield from error.problems
         return
     yield from _index(index_file.name, index, shard)
-    if tar.is_file():
+    if tar.is_file() and os.access(tar, os.R_OK):
         yield from tar_problems(tar, index)
-        yield from checks.shard(tar, index)
+        yield from checks.shard(tar, index, times)
 
 
 def _index(name: str, index: ShardIndex, shard: ShardRecord) -> Iterator[Problem]:

@@ -4,8 +4,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dataset_builder.digest import canonical_json, sha256_bytes
 from dataset_builder.errors import ShardError
-from dataset_builder.shards import exr
+from dataset_builder.shards import exr, reader
 from dataset_builder.shards.reader import Verify, open_dataset
 from dataset_builder.shards.writer import index_path, shard_path
 from tests.plans import PAPER
@@ -48,9 +49,9 @@ def test_examples_are_found_by_split_and_position(dataset: Path) -> None:
 def test_layers_that_are_not_chosen_are_not_decoded(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     decoded, read = [], exr.read
 
-    def count(data: bytes, *, where: str) -> exr.ExrImage:
+    def count(data: bytes, *, where: str, most: int) -> exr.ExrImage:
         decoded.append(where)
-        return read(data, where=where)
+        return read(data, where=where, most=most)
 
     monkeypatch.setattr(exr, "read", count)
     item = open_dataset(dataset, layers=["i_s", "mask"])["00000002"]
@@ -161,3 +162,45 @@ def test_a_process_is_handed_a_dataset(dataset: Path) -> None:
     data = open_dataset(dataset, layers=["d"])
     again = pickle.loads(pickle.dumps(data))
     assert again.splits == data.splits and np.array_equal(again["00000003"]["d"], data["00000003"]["d"])
+
+
+@pytest.mark.parametrize(("layer", "key"), [("r", "00000001"), ("d", "00000002")])
+@pytest.mark.parametrize("verify", ["off", "member"])
+def test_a_layer_of_another_name_or_example_is_refused(dataset: Path, layer: str, key: str, verify: Verify) -> None:
+    pixels = default_examples()[1].layers["d"]
+    replace_members(dataset, {"00000001.d.exr": exr_of(pixels, layer=layer, key=key)})
+    with pytest.raises(ShardError, match=f"expected layer d of example 00000001, its header says '{layer}' of '{key}'"):
+        open_dataset(dataset, verify=verify)["00000001"]
+
+
+def test_a_label_of_another_example_is_refused(dataset: Path) -> None:
+    other = canonical_json(open_dataset(dataset).label("00000001"))
+    replace_members(dataset, {"00000000.json": other})
+    with pytest.raises(ShardError, match=r"00000000\.json: expected the label of example 00000000, got '00000001'"):
+        open_dataset(dataset)["00000000"]
+
+
+def test_members_are_hashed_when_first_read_and_not_again(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    hashed = []
+
+    def counted(data: bytes) -> str:
+        hashed.append(data)
+        return sha256_bytes(data)
+
+    monkeypatch.setattr(reader, "sha256_bytes", counted)
+    data = open_dataset(dataset, layers=["d", "r"])
+    assert not hashed
+    data["00000001"], data["00000001"]
+    assert len(hashed) == 3
+
+
+def test_a_manifest_or_index_of_other_bytes_is_refused(dataset: Path) -> None:
+    for path, old, new in ((dataset / "dataset.json", b'"title":"Tiny"', b'"title":"Tinx"'),
+                           (index_path(dataset, STEM), b'"view":"train/000000"', b'"view":"train/000001"')):
+        whole = path.read_bytes()
+        path.write_bytes(whole.replace(old, new))
+        with pytest.raises(ShardError, match=f"{path.name}: expected SHA-256"):
+            open_dataset(dataset)
+        assert open_dataset(dataset, verify="off")
+        path.write_bytes(whole)
+    assert open_dataset(dataset)
