@@ -26,8 +26,7 @@ FREE = ("first_hit", "first_hit_rough")
 
 def encode(rendered) -> int:
     """Bytes of an example in a shard."""
-    example = Example(key=rendered.plan.key, plan=rendered.plan.model_dump(mode="json"), record=rendered.record,
-                      layers=rendered.layers)
+    example = Example(plan=rendered.plan, record=rendered.record, layers=rendered.layers)
     return len(segment(encode_members(example, dtype="float32", preview_png=preview(rendered.layers))))
 
 
@@ -45,8 +44,8 @@ def measure(planner: Planner, indices: range) -> Counter[str]:
         total.update(rendered.seconds | {"plan": planned - begin, "encode": perf_counter() - done,
                                          "wall": perf_counter() - begin, "passes": len(rendered.seconds)})
         total["kernels"] += sum(kernel["execution_time"] for kernel in dr.kernel_history()) / 1e3
-        for entry in rendered.record["passes"]:
-            total["free paths" if entry["name"] in FREE else "light paths"] += entry["paths"]
+        for entry in rendered.record.passes:
+            total["free paths" if entry.name in FREE else "light paths"] += entry.paths
     return total
 
 

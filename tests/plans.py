@@ -1,9 +1,13 @@
 """Plausible plans of examples, for tests that need one and do not care how it was planned."""
 
+from typing import Any, get_args
+
 from dataset_builder.label.effects_plan import EffectsPlan, PassEffects
 from dataset_builder.label.example_plan import ExamplePlan, RenderPlan, RoughPlan
 from dataset_builder.label.light_plan import IlluminationPlan, LightPlan
+from dataset_builder.label.record import PassRecord, RenderRecord
 from dataset_builder.label.scene_plan import CameraPlan, ObjectPlan, Param, PlacedObject, RoomPlan
+from dataset_builder.layers import Pass
 
 PAPER = (
     ("i_s", "frame"), ("d", "object"), ("r", "object"), ("i_t", "frame"), ("s_prime", "object"), ("mask", "object"),
@@ -56,3 +60,10 @@ def example_plan(index: int = 0, *, split: str = "train", view: str = "", light:
         effects=effects_plan(),
         notes=("no transmission: no material has any",),
     )
+
+
+def render_record(**figures: Any) -> RenderRecord:
+    """A record of passes that traced nothing; `figures` are what a test cares about."""
+    passes = tuple(PassRecord(name=name) for name in get_args(Pass))
+    plain = {"passes": passes, "layers": (), "roughness_rms": 0.0, "roughness_max": 0.0, **figures}
+    return RenderRecord.model_validate(plain)

@@ -132,8 +132,8 @@ def spoilt(source: Source, keys: Sequence[str], spoil: Spoil) -> Iterator[Exampl
     """Examples with their spoilt layers, one at a time."""
     for key in keys:
         example = source.dataset[key]
-        label, layers = example["meta"], {name: example[name] for name in source.dataset.layers}
-        yield Example(key=key, plan=label["plan"], record=label["record"], layers=layers | spoil(source, key, layers))
+        label, layers = source.dataset.label(key), {name: example[name] for name in source.dataset.layers}
+        yield Example(plan=label.plan, record=label.record, layers=layers | spoil(source, key, layers))
 
 
 def sabotage(folder: Path, out: Path, kind: str) -> Manifest:

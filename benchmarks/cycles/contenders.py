@@ -95,7 +95,7 @@ class Ours:
         found = next(render_view([self.plan(setting, seed)], self._specs))
         spent = dict(found.seconds)
         denoising = spent.pop("denoise") / len(LAYERS) if setting.denoise else 0.0
-        spp = {entry["name"]: entry["paths"] / max(entry["pixels"], 1) for entry in found.record["passes"]}
+        spp = {entry.name: entry.paths / max(entry.pixels, 1) for entry in found.record.passes}
         shots = {}
         for layer, render in LAYERS.items():
             seconds = spent.pop(render) + (spent.pop("first_hit_rough") if render == "rough" else 0.0)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -95,7 +95,7 @@ def plan_digest(plan: ExamplePlan, spec: DatasetSpec, made_by: dict[str, str],
     """Key of a finished example: its plan, how it is stored and gated, what made it, and the figures it carries."""
     stored = {"dtype": spec.storage.dtype, "gates": spec.gates.model_dump(mode="json")}
     return digest({"plan": plan.model_dump(mode="json"), "storage": stored, "versions": made_by,
-                   "denoised": _plain(denoised)})
+                   "denoised": [figures.model_dump(mode="json") for figures in denoised]})
 
 
 def run_unit(job: BuildJob, unit: ViewUnit) -> list[Outcome]:
@@ -157,19 +157,15 @@ def _finished(missing: Sequence[tuple[ExampleRef, ExamplePlan]], rendered: Itera
 
 def example_of(rendered: "Rendered", denoised: Sequence[Denoised] = ()) -> Example:
     """A rendered example as it is stored; denoised: figures of its denoised layers, for the record."""
-    return Example(key=rendered.plan.key, plan=rendered.plan.model_dump(mode="json"), layers=rendered.layers,
-                   record={**rendered.record, "denoised": _plain(denoised)})
-
-
-def _plain(denoised: Sequence[Denoised]) -> list[dict[str, Any]]:
-    return [figures.model_dump(mode="json") for figures in denoised]
+    return Example(plan=rendered.plan, layers=rendered.layers,
+                   record=rendered.record.model_copy(update={"denoised": tuple(denoised)}))
 
 
 def _finish(ref: ExampleRef, rendered: "Rendered", key_digest: str, spec: DatasetSpec, denoised: Sequence[Denoised],
             staging: Staging) -> Outcome:
     """Gate, encode and stage one rendered example."""
     start = perf_counter()
-    paths = sum(entry["paths"] for entry in rendered.record["passes"] if entry["name"] in rendered.seconds)
+    paths = sum(entry.paths for entry in rendered.record.passes if entry.name in rendered.seconds)
     if violations := _violations(rendered, spec):
         reason = "; ".join(violation.reason for violation in violations)
         return _outcome(ref, rejected=_rejected(ref, violations[0].identity, reason), digest=key_digest, paths=paths,

@@ -8,8 +8,11 @@ a statistic over the whole dataset with bounds that sound datasets keep with roo
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
+import numpy as np
+
+from dataset_builder.label.example_plan import ExamplePlan
+from dataset_builder.label.record import RenderRecord
 from dataset_builder.layers import PAPER_LAYERS
 from dataset_builder.release import light_checks, outline_checks, surface_checks
 from dataset_builder.release.cells import Cells, cells_of
@@ -35,13 +38,10 @@ class Facts:
     surface: SurfaceFacts
 
 
-def facts(example: Mapping[str, Any]) -> Facts:
-    """An example as `open_dataset` gives it, reduced to what the checks need."""
-    label = example["meta"]
-    layers = {name: array for name, array in example.items() if name != "meta"}
-    key, fog = label["key"], label["plan"]["fog"]["extinction"] > 0
-    return Facts(cells=cells_of(key, layers, fog=fog), outline=outline_of(key, layers),
-                 surface=surface_of(key, layers, label))
+def facts(layers: Mapping[str, np.ndarray], plan: ExamplePlan, record: RenderRecord) -> Facts:
+    """An example, its layers by name and what its label says, reduced to what the checks need."""
+    return Facts(cells=cells_of(plan.key, layers, fog=plan.fog.extinction > 0), outline=outline_of(plan.key, layers),
+                 surface=surface_of(layers, plan, record))
 
 
 def check_facts(found: Iterable[Facts]) -> list[Check]:
@@ -69,4 +69,6 @@ def read_facts(folder: Path, examples: int = EXAMPLES) -> Iterator[Facts]:
     dataset = open_dataset(folder, layers=[*PAPER_LAYERS, *(name for name in HELPFUL if name in known)])
     keys = [key for split in dataset.splits.values() for key in split]
     for place in spread_indices(len(keys), examples):
-        yield facts(dataset[keys[place]])
+        label = dataset.label(keys[place])
+        layers = {name: image.pixels for name, image in dataset.images(label.key)}
+        yield facts(layers, label.plan, label.record)

@@ -4,11 +4,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
-from typing import Any, get_args
+from typing import get_args
 
 import numpy as np
 
 from dataset_builder.label.example_plan import ExamplePlan
+from dataset_builder.label.record import LayerAccuracy, PassRecord, RenderRecord
+from dataset_builder.label.scene_plan import Vector
 from dataset_builder.layers import LAYERS, Pass
 from dataset_builder.planning.effects.denoise_guides import guide_extents
 from dataset_builder.rendering import plugins
@@ -40,7 +42,7 @@ class Rendered:
     plan: ExamplePlan
     layers: dict[str, np.ndarray]
     evidence: dict[str, np.ndarray]
-    record: dict[str, Any]
+    record: RenderRecord
     seconds: dict[str, float]
 
 
@@ -127,49 +129,42 @@ def _deviations(shared: ViewPasses, plan: ExamplePlan) -> dict[str, np.ndarray]:
             "sd_s": _image(plan, target.pixels, deviation(target.found, RADIANCE_CHANNELS, "shading"))}
 
 
-def _record(shared: ViewPasses, plan: ExamplePlan) -> dict[str, Any]:
-    """Figures of the passes behind an example and of its layers. Keys never vary; a pass that was not needed has zeros.
-
-    paths: camera paths of the pass, shared or not.
-    """
+def _record(shared: ViewPasses, plan: ExamplePlan) -> RenderRecord:
+    """Figures of the passes behind an example and of its layers; a pass that was not needed has zeros."""
     ran = needed_passes(plan)
-    record: dict[str, Any] = {"passes": [_pass_record(shared, plan, name) if name in ran else _no_pass(name)
-                                         for name in get_args(Pass)],
-                              "layers": [_layer_record(shared, plan, name, extent)
-                                         for name, extent in plan.render.layers if name in RADIANCE_LAYERS]}
+    nothing = Estimate.exact(np.zeros((1, CHANNELS)))
+    light = shared.lighting(plan).found if needs_lighting(plan) else nothing
     roughness = shared.scenes.twin(plan.rough).roughness if "first_hit_rough" in ran else None
-    record["roughness_rms"] = roughness.rms if roughness else 0.0
-    record["roughness_max"] = roughness.maximum if roughness else 0.0
-    record["bounding_radius"] = roughness.radius if roughness else 0.0
-    return record | _lighting_record(shared, plan)
+    return RenderRecord(
+        passes=tuple(_pass_record(shared, plan, name) if name in ran else PassRecord(name=name)
+                     for name in get_args(Pass)),
+        layers=tuple(_accuracy(shared, plan, name, extent) for name, extent in plan.render.layers
+                     if name in RADIANCE_LAYERS),
+        roughness_rms=roughness.rms if roughness else 0.0, roughness_max=roughness.maximum if roughness else 0.0,
+        bounding_radius=roughness.radius if roughness else 0.0,
+        lighting_sh=_by_colour(light.mean), lighting_sh_se=_by_colour(light.error))
 
 
-def _lighting_record(shared: ViewPasses, plan: ExamplePlan) -> dict[str, list[list[float]]]:
-    """Coefficients of the light about the object, nine of three colours, and their standard errors."""
-    nothing = np.zeros((1, CHANNELS))
-    found = shared.lighting(plan).found if needs_lighting(plan) else Estimate.exact(nothing)
-    return {"lighting_sh": found.mean.reshape(-1, 3).tolist(), "lighting_sh_se": found.error.reshape(-1, 3).tolist()}
+def _by_colour(channels: np.ndarray) -> tuple[Vector, ...]:
+    """Coefficients of red, green and blue each, from (1, 3 N) of all in turn."""
+    return tuple((red, green, blue) for red, green, blue in channels.reshape(-1, 3).tolist())
 
 
-def _no_pass(name: str) -> dict[str, Any]:
-    return {"name": name, "pixels": 0, "spp": 0.0, "spp_min": 0, "spp_max": 0, "paths": 0}
-
-
-def _pass_record(shared: ViewPasses, plan: ExamplePlan, name: Pass) -> dict[str, Any]:
+def _pass_record(shared: ViewPasses, plan: ExamplePlan, name: Pass) -> PassRecord:
     spp = shared.result(name, plan).found.spp
     if not len(spp):
-        return _no_pass(name)
-    return {"name": name, "pixels": len(spp), "spp": float(spp.mean()), "spp_min": int(spp.min()),
-            "spp_max": int(spp.max()), "paths": int(spp.sum())}
+        return PassRecord(name=name)
+    return PassRecord(name=name, pixels=len(spp), spp=float(spp.mean()), spp_min=int(spp.min()),
+                      spp_max=int(spp.max()), paths=int(spp.sum()))
 
 
-def _layer_record(shared: ViewPasses, plan: ExamplePlan, name: str, extent: str) -> dict[str, Any]:
+def _accuracy(shared: ViewPasses, plan: ExamplePlan, name: str, extent: str) -> LayerAccuracy:
     """How good a layer became: relative errors over its extent and over the object, as `moments.relative` means them,
     and why sampling ended."""
     result, channels = shared.result(LAYERS[name].render_pass, plan), RADIANCE_CHANNELS[RADIANCE_LAYERS[name]]
-    record: dict[str, Any] = {"name": name, "stopped": result.stopped.get(name, "spp")}
+    figures: dict[str, float] = {}
     for prefix, kind in (("", extent), ("object_", "object")):
         inside = _inside(shared, plan, name, kind)
         errors = relative(result.found.mean[inside, channels], result.found.error[inside, channels])
-        record |= {f"{prefix}relative_error": root_mean_square(errors), f"{prefix}relative_error_95": quantile(errors)}
-    return record
+        figures |= {f"{prefix}relative_error": root_mean_square(errors), f"{prefix}relative_error_95": quantile(errors)}
+    return LayerAccuracy(name=name, stopped=result.stopped.get(name, "spp"), **figures)

@@ -1,11 +1,10 @@
 """The contact sheet: examples as rows, layers as columns, one tone mapping for all radiometric layers."""
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.layers import LAYERS
 from dataset_builder.report.example_sheet import SheetRow, write_sheet
 from dataset_builder.shards.reader import Dataset, open_dataset
@@ -32,11 +31,12 @@ def contact_rows(folder: Path, rows: int) -> list[SheetRow]:
     """
     dataset = open_dataset(folder)
     names = [name for name in LAYERS if name in dataset.layers]
-    examples = [dataset[key] for key in spread(dataset, rows)]
+    keys = spread(dataset, rows)
+    examples = [dataset[key] for key in keys]
     factor = exposure(example[name] for example in examples for name in names if LAYERS[name].radiometric)
-    return [SheetRow(lines=_lines(example["meta"]), panels={
+    return [SheetRow(lines=_lines(dataset.label(key).plan), panels={
         f"{name}  {LAYERS[name].symbol}": cell_pixels(name, example[name], factor) for name in names})
-        for example in examples]
+        for key, example in zip(keys, examples, strict=True)]
 
 
 def spread(dataset: Dataset, count: int) -> list[str]:
@@ -59,8 +59,6 @@ def cell_pixels(name: str, array: np.ndarray, factor: float) -> np.ndarray:
     return to_8bit(array, factor if LAYERS[name].radiometric else 1.0)
 
 
-def _lines(meta: Mapping[str, Any]) -> list[str]:
-    plan = meta["plan"]
-    lights = " + ".join(light["kind"] for light in plan["target_light"]["lights"])
-    return [meta["key"], plan["split"], plan["target"]["object"]["name"], plan["room"]["name"], lights,
-            f"sigma {plan['rough']['sigma']:.4f}"]
+def _lines(plan: ExamplePlan) -> list[str]:
+    lights = " + ".join(light.kind for light in plan.target_light.lights)
+    return [plan.key, plan.split, plan.target.object.name, plan.room.name, lights, f"sigma {plan.rough.sigma:.4f}"]

@@ -13,6 +13,9 @@ import numpy as np
 
 from dataset_builder.digest import pixel_digest, sha256_bytes
 from dataset_builder.errors import Problem, ShardError
+from dataset_builder.label.example_label import ExampleLabel
+from dataset_builder.label.example_plan import ExamplePlan
+from dataset_builder.label.record import RenderRecord
 from dataset_builder.layers import LAYERS
 from dataset_builder.shards import exr
 from dataset_builder.shards.label_text import SCHEMA_VERSION, encode_label, statistics
@@ -25,13 +28,16 @@ PNG_LEVEL = 6
 
 @dataclass(frozen=True, kw_only=True)
 class Example:
-    """One finished example. key: eight digits; plan: an `ExamplePlan` as plain data; record: what happened while it was
-    rendered (plain data, the same keys in every example); layers: name -> (H, W, C) float32."""
+    """One finished example. layers: name -> (H, W, C) float32."""
 
-    key: str
-    plan: Mapping[str, Any]
-    record: Mapping[str, Any]
+    plan: ExamplePlan
+    record: RenderRecord
     layers: Mapping[str, np.ndarray]
+
+    @property
+    def key(self) -> str:
+        """Eight digits, the plan's."""
+        return self.plan.key
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,13 +83,11 @@ def _kept(example: Example, dtype: exr.DType) -> dict[str, np.ndarray]:
     return {name: exr.stored(array, layer=name, key=example.key, dtype=dtype) for name, array in example.layers.items()}
 
 
-def label(example: Example, kept: Mapping[str, np.ndarray]) -> dict[str, Any]:
+def label(example: Example, kept: Mapping[str, np.ndarray]) -> ExampleLabel:
     """The label of an example whose layers read as `kept` after storage."""
-    return {
-        "schema_version": SCHEMA_VERSION, "key": example.key, "index": example.plan["index"],
-        "split": example.plan["split"], "plan": example.plan, "record": example.record,
-        "layers": {name: statistics(array) for name, array in kept.items()},
-    }
+    return ExampleLabel(schema_version=SCHEMA_VERSION, key=example.key, index=example.plan.index,
+                        split=example.plan.split, plan=example.plan, record=example.record,
+                        layers={name: statistics(array) for name, array in kept.items()})
 
 
 def preview(layers: Mapping[str, np.ndarray]) -> bytes:
@@ -117,6 +121,3 @@ def _check_layers(example: Example) -> None:
         raise ShardError([Problem(where=where, path="layers", rule=rule)])
     if len(sizes := {array.shape[:2] for array in example.layers.values()}) > 1:
         raise ShardError([Problem(where=where, path="layers", rule=f"expected one size, got {sorted(sizes)}")])
-    if example.key != example.plan["key"]:
-        rule = f"expected the same key, got {example.plan['key']}"
-        raise ShardError([Problem(where=where, path="plan.key", rule=rule)])

@@ -12,28 +12,42 @@ from typing import Any
 import numpy as np
 
 from dataset_builder.errors import Problem, ShardError
+from dataset_builder.label.example_label import ExampleLabel, LayerStatistics
+from dataset_builder.shards.manifest import from_json
 
 SCHEMA_VERSION = "1"
-KEYS = frozenset({"schema_version", "key", "index", "split", "plan", "record", "layers"})
+KEYS = frozenset(ExampleLabel.model_fields)
 MAX_INTEGER = 2**53
 MOST_BYTES = 2**24
 """Of a label."""
 
 
-def encode_label(value: Mapping[str, Any]) -> bytes:
-    """Canonical UTF-8 JSON of plain data: sorted keys, no spaces, floats with a decimal point, a newline at the end.
+def encode_label(value: ExampleLabel | Mapping[str, Any]) -> bytes:
+    """Canonical UTF-8 JSON of a label: sorted keys, no spaces, floats with a decimal point, a newline at the end.
 
     Raises ShardError for null, NaN, Inf, integers beyond 53 bits and types that are not plain data.
     """
-    return (_text(value, "") + "\n").encode()
+    plain = value.model_dump(mode="json") if isinstance(value, ExampleLabel) else value
+    return (_text(plain, "") + "\n").encode()
+
+
+def parse_label(data: bytes, *, where: str, name: str) -> ExampleLabel:
+    """The label in the file `name` of the shard `where`, with types. Keys that are not known are passed over, since
+    later versions may add some.
+
+    Raises ShardError where it is no JSON or too large, and with every key that is missing or wrong.
+    """
+    if len(data) > MOST_BYTES:
+        raise ShardError([Problem(where=where, path=name, rule=_too_large(data))])
+    return from_json(ExampleLabel, data, where=f"{where}: {name}", extra="ignore")
 
 
 def read_label(data: bytes, *, where: str, name: str) -> dict[str, Any]:
-    """The label in the file `name` of the shard `where`.
+    """The label in the file `name` of the shard `where`, as plain data.
 
     Raises ShardError where it is no JSON object with the keys of a label, is nested without end, or too large.
     """
-    rule = f"expected a file of at most {MOST_BYTES} bytes, got {len(data)}"
+    rule = _too_large(data)
     if len(data) <= MOST_BYTES:
         try:
             label = json.loads(data)
@@ -45,9 +59,10 @@ def read_label(data: bytes, *, where: str, name: str) -> dict[str, Any]:
     raise ShardError([Problem(where=where, path=name, rule=rule)])
 
 
-def statistics(array: np.ndarray) -> dict[str, float]:
+def statistics(array: np.ndarray) -> LayerStatistics:
     """Least, largest and mean value of an array; the mean to six digits, so that it is the same on every processor."""
-    return {"min": float(array.min()), "max": float(array.max()), "mean": float(f"{array.mean(dtype=np.float64):.6g}")}
+    return LayerStatistics(min=float(array.min()), max=float(array.max()),
+                           mean=float(f"{array.mean(dtype=np.float64):.6g}"))
 
 
 def structure(value: Any, path: str = "") -> dict[str, str]:
@@ -82,6 +97,10 @@ def differences(first: Mapping[str, str], other: Mapping[str, str]) -> list[str]
 def _below_empty_list(path: str, structure: Mapping[str, str]) -> bool:
     heads = [path[:i] for i in range(len(path)) if path.startswith("[]", i)]
     return any(structure.get(head) == "list" and f"{head}[]" not in structure for head in heads)
+
+
+def _too_large(data: bytes) -> str:
+    return f"expected a file of at most {MOST_BYTES} bytes, got {len(data)}"
 
 
 def _text(value: Any, path: str) -> str:

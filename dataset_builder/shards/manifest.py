@@ -201,11 +201,13 @@ def to_json(model: Model) -> bytes:
     return canonical_json(model.model_dump(mode="json")) + b"\n"
 
 
-def from_json(model: type[M], data: bytes, *, where: str) -> M:
-    """A manifest or an index from its JSON. Raises ShardError with every key that is wrong, or the first
-    `MOST_PROBLEMS` of them."""
+def from_json(model: type[M], data: bytes, *, where: str, extra: Literal["forbid", "ignore"] = "forbid") -> M:
+    """A manifest, an index or a label from its JSON; extra: whether keys that are not known are passed over.
+
+    Raises ShardError with every key that is wrong, or the first `MOST_PROBLEMS` of them.
+    """
     try:
-        return model.model_validate_json(data)
+        return model.model_validate_json(data, extra=extra)
     except ValidationError as error:
         issues = error.errors(include_url=False, include_context=False, include_input=False)[:MOST_PROBLEMS]
         problems = [Problem(where=where, path=_path(issue["loc"]), rule=issue["msg"]) for issue in issues]

@@ -2,17 +2,18 @@
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, TypedDict
 
 import numpy as np
 
 from dataset_builder.digest import sha256_bytes, sha256_file
 from dataset_builder.errors import Problem, ShardError
+from dataset_builder.label.example_label import ExampleLabel
 from dataset_builder.layers import LAYERS
 from dataset_builder.shards import exr
 from dataset_builder.shards.example import LABEL
 from dataset_builder.shards.folder import MANIFEST
-from dataset_builder.shards.label_text import read_label
+from dataset_builder.shards.label_text import parse_label, read_label
 from dataset_builder.shards.manifest import ExampleRecord, Manifest, MemberRecord, ShardIndex, ShardRecord, from_json
 from dataset_builder.shards.publish import SUMS, sums_in
 from dataset_builder.shards.structure import read_members, read_small
@@ -38,6 +39,14 @@ class _Span(NamedTuple):
     offset: int
     size: int
     sha256: str
+
+
+class _LabelFile(TypedDict):
+    """Bytes of a label, and the shard and file that they are from."""
+
+    data: bytes
+    where: str
+    name: str
 
 
 class Dataset:
@@ -69,14 +78,14 @@ class Dataset:
         return (self[key] for key in self._places)
 
     def __getitem__(self, which: str | tuple[str, int]) -> dict[str, Any]:
-        """Chosen layers by name, (H, W, C) float32 each, and the label under `meta`, unless it was left out.
+        """Chosen layers by name, (H, W, C) float32 each, and the label under `meta`, a dict, unless it was left out.
 
         Raises KeyError or IndexError where there is no such example, ShardError where its bytes are not what they were,
         a file is of another layer or example, or a pixel is NaN or Inf.
         """
         key = which if isinstance(which, str) else self.splits[which[0]][which[1]]
         layers = {name: image.pixels for name, image in self.images(key)}
-        return {**layers, "meta": self.label(key)} if self._with_label else layers
+        return {**layers, "meta": self._plain(key)} if self._with_label else layers
 
     def images(self, key: str) -> Iterator[tuple[str, exr.ExrImage]]:
         """Chosen layers alone, in their order, as they are stored; each is decoded when its turn comes.
@@ -89,13 +98,25 @@ class Dataset:
             self._require_sound(image, name, key, place, span)
             yield name, image
 
-    def label(self, key: str) -> dict[str, Any]:
-        """The label alone. Raises KeyError and ShardError as `dataset[key]` does."""
-        place = self._places[key]
-        label = read_label(self._read(place, [place.label])[0], where=self._shard(place).name, name=place.label.name)
-        if label["key"] != key:
-            raise self._spoilt(place, place.label, f"expected the label of example {key}, got {label['key']!r:.60}")
+    def label(self, key: str) -> ExampleLabel:
+        """The label alone, typed. Raises KeyError, and ShardError as `dataset[key]` does and where it is damaged."""
+        label = parse_label(**self._label_file(key))
+        self._require_own(key, label.key)
         return label
+
+    def _plain(self, key: str) -> dict[str, Any]:
+        label = read_label(**self._label_file(key))
+        self._require_own(key, label["key"])
+        return label
+
+    def _label_file(self, key: str) -> _LabelFile:
+        place = self._places[key]
+        return {"data": self._read(place, [place.label])[0], "where": self._shard(place).name, "name": place.label.name}
+
+    def _require_own(self, key: str, found: object) -> None:
+        if found != key:
+            place = self._places[key]
+            raise self._spoilt(place, place.label, f"expected the label of example {key}, got {found!r:.60}")
 
     def _shard(self, place: _Place) -> ShardRecord:
         return self.manifest.shards[place.shard]

@@ -1,14 +1,14 @@
 """Verification of examples: names, decoding, digests, labels, identities, and agreement with each other."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Generator, Iterator, Mapping, Set
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from dataset_builder.digest import pixel_digest, sha256_bytes
 from dataset_builder.errors import Problem, ShardError
+from dataset_builder.label.example_label import ExampleLabel
 from dataset_builder.shards import exr
 from dataset_builder.shards.example import LABEL, PREVIEW, decode_png
 from dataset_builder.shards.identities import Violation, check_layers, identity_table, shared_in_view
@@ -16,6 +16,7 @@ from dataset_builder.shards.label_text import (
     SCHEMA_VERSION,
     differences,
     encode_label,
+    parse_label,
     read_label,
     statistics,
     structure,
@@ -83,8 +84,7 @@ class ExampleChecks:
                 if (data := _undamaged(tar, member)) is None:
                     continue
                 if suffix == LABEL:
-                    label = read_label(data, where=tar.name, name=member.name)
-                    yield from self._label(tar, example, split, label, data)
+                    label = yield from self._label(tar, example, split, data)
                 elif suffix == PREVIEW:
                     yield from _digest(tar, member, decode_png(data, where=member.name))
                 elif (layer := self._layers.get(suffix.removesuffix(".exr"))) is not None:
@@ -103,29 +103,33 @@ class ExampleChecks:
             yield Problem(where=tar.name, path=member.name, rule=f"expected layer, key, type, shape {want}, got {got}")
         yield from _digest(tar, member, pixels)
 
-    def _label(self, tar: Path, example: ExampleRecord, split: str, label: Any, data: bytes) -> Iterator[Problem]:
+    def _label(self, tar: Path, example: ExampleRecord, split: str,
+               data: bytes) -> Generator[Problem, None, ExampleLabel]:
         name = f"{example.key}.{LABEL}"
-        if encode_label(label) != data:
+        plain = read_label(data, where=tar.name, name=name)
+        if encode_label(plain) != data:
             yield Problem(where=tar.name, path=name, rule="expected canonical JSON: sorted keys, floats with a point")
-        plan = label["plan"] if isinstance(label["plan"], dict) else {}
-        got = (label["schema_version"], label["key"], label["split"], plan.get("key"), plan.get("view"))
-        if got != (want := (SCHEMA_VERSION, example.key, split, example.key, example.view)):
-            yield Problem(where=tar.name, path=name, rule=f"expected (schema, key, split, key, view) {want}, got {got}")
-        found = structure(label)
+        found = structure(plain)
         first, pattern = self._structure = self._structure or (example.key, found)
         for difference in differences(pattern, found):
             yield Problem(where=tar.name, path=name, rule=f"{difference}, unlike example {first}")
+        label = parse_label(data, where=tar.name, name=name)
+        got = (label.schema_version, label.key, label.split, label.plan.key, label.plan.view)
+        if got != (want := (SCHEMA_VERSION, example.key, split, example.key, example.view)):
+            yield Problem(where=tar.name, path=name, rule=f"expected (schema, key, split, key, view) {want}, got {got}")
+        return label
 
-    def _together(self, tar: Path, key: str, layers: Mapping[str, np.ndarray], label: Any) -> Iterator[Problem]:
+    def _together(self, tar: Path, key: str, layers: Mapping[str, np.ndarray],
+                  label: ExampleLabel | None) -> Iterator[Problem]:
         if len({array.shape[:2] for array in layers.values()}) == 1:
             for violation in check_layers(layers, self._extents, self._tolerances):
                 yield _violated(tar, key, violation)
-        stated = label.get("layers") if isinstance(label, dict) else None
-        if not isinstance(stated, dict):
+        if label is None:
             return
         for name, array in layers.items():
-            if np.isfinite(array).all() and stated.get(name) != statistics(array):
-                rule = f"expected the least, largest and mean value {statistics(array)}, got {stated.get(name)}"
+            stated, found = label.layers.get(name), statistics(array)
+            if np.isfinite(array).all() and stated != found:
+                rule = f"expected the least, largest and mean value {found}, got {stated}"
                 yield Problem(where=tar.name, path=f"{key}.{LABEL}: layers.{name}", rule=rule)
 
 

@@ -3,9 +3,9 @@
 from collections.abc import Hashable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from dataset_builder.label.example_plan import ExamplePlan
+from dataset_builder.label.record import RenderRecord
 from dataset_builder.layers import LAYERS
 from dataset_builder.rendering.examples import Rendered, render_view
 
@@ -65,12 +65,12 @@ def seconds_of(layer: str, found: Rendered) -> float:
     return found.seconds.get(LAYERS[layer].render_pass, 0.0) + share
 
 
-def work_of(layer: str, record: dict[str, Any]) -> dict[str, float]:
+def work_of(layer: str, record: RenderRecord) -> dict[str, float]:
     """Mean, least and most spp, and paths, of the pass that makes a layer."""
-    entry = next(entry for entry in record["passes"] if entry["name"] == LAYERS[layer].render_pass)
-    return {name: float(entry[name]) for name in ("spp", "spp_min", "spp_max", "paths")}
+    entry = next(entry for entry in record.passes if entry.name == LAYERS[layer].render_pass)
+    return {name: float(getattr(entry, name)) for name in ("spp", "spp_min", "spp_max", "paths")}
 
 
-def reached_by(layer: str, record: dict[str, Any]) -> float:
+def reached_by(layer: str, record: RenderRecord) -> float:
     """The relative error that the record claims for a layer: root mean square over the object's pixels."""
-    return next((float(entry["relative_error"]) for entry in record.get("layers", ()) if entry["name"] == layer), 0.0)
+    return next((entry.relative_error for entry in record.layers if entry.name == layer), 0.0)

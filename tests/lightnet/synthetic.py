@@ -23,7 +23,7 @@ from dataset_builder.shards.segment import segment
 from dataset_builder.shards.staging import Staging
 from dataset_builder.shards.writer import entry, publish_shard
 from dataset_builder.spec.dataset import DatasetSpec
-from tests.plans import example_plan, object_plan
+from tests.plans import example_plan, object_plan, render_record
 
 PAPER_AND_ROUGH = ("i_s", "d", "r", "i_t", "s_prime", "mask", "mask_rough")
 OBJECT = ("d", "r", "s_prime", "mask", "s", "spec", "mask_rough")
@@ -94,9 +94,9 @@ def synthetic_example(index: int, split: str = "train", *, size: int = 48, level
     sigma = SIGMA * (level + 1) / levels
     made = _layers(shape, camera, light, size=size, sigma=sigma, look=stream, noise=rng(seed, view, "noise", level))
     plan = _plan(index, split, view, shape, camera, size, level, sigma)
-    record = {"lighting_sh": light.sh().tolist(), "roughness_rms": 0.8 * sigma, "roughness_max": 2.5 * sigma,
-              "bounding_radius": float(np.linalg.norm(shape.half))}
-    return Example(key=plan.key, plan=plan.model_dump(mode="json"), record=record,
+    record = render_record(lighting_sh=light.sh().tolist(), roughness_rms=0.8 * sigma, roughness_max=2.5 * sigma,
+                           bounding_radius=float(np.linalg.norm(shape.half)))
+    return Example(plan=plan, record=record,
                    layers={name: np.ascontiguousarray(made[name], np.float32) for name in layers})
 
 
@@ -228,10 +228,10 @@ def _spec(layers: Sequence[str], size: int, per_shard: int) -> DatasetSpec:
 def _publish(folder: Path, spec: DatasetSpec, split: str, number: int, examples: Sequence[Example]) -> ShardIndex:
     staging, staged = Staging(folder), []
     for example in examples:
-        name = digest([example.plan, __version__])
+        name = digest([example.plan.model_dump(mode="json"), __version__])
         members = encode_members(example, dtype="float32", preview_png=preview(example.layers))
         staging.put(example.key, name, segment(members),
-                    entry(key=example.key, view=example.plan["view"], members=members))
+                    entry(key=example.key, view=example.plan.view, members=members))
         staged.append((example.key, name))
     return publish_shard(folder, stem=shard_stem(spec, split, number), split=split, examples=staged,
                          spec_digest=digest("synthetic"), versions={"renderer": "none"})

@@ -1,21 +1,24 @@
 """Honest layers keep every bound, also where they are noisy, dark or of metal; spoilt ones are refused by name."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from dataset_builder.geometry.pinhole import Pinhole
+from dataset_builder.label.scene_plan import CameraPlan, FogPlan
 from dataset_builder.release.cells import Cells, cell_side, cells_of, eroded
 from dataset_builder.release.consistency import RULES, check_facts, facts
 from dataset_builder.release.dataset_check import Check, Rule
 from dataset_builder.release.light_checks import light_checks
 from dataset_builder.release.outline_checks import SEARCH, edge_scores
-from dataset_builder.release.surface_checks import positions, surface_checks, surface_of
+from dataset_builder.release.surface_checks import surface_checks, surface_of
 from dataset_builder.seeding import rng
 from dataset_builder.shards.example import Example
 from tests.lightnet.synthetic import PAPER_AND_ROUGH, synthetic_example
+from tests.plans import example_plan, render_record
 from tools.sabotage import KINDS, Source, partners
 
 COUNT, SIZE = 30, 64
@@ -31,13 +34,14 @@ def honest() -> dict[str, Example]:
     return {example.key: example for example in examples}
 
 
-def as_read(example: Example, layers: Mapping[str, np.ndarray] | None = None) -> dict[str, Any]:
-    """An example as the reader gives it."""
-    return {**(layers or example.layers), "meta": {"key": example.key, "plan": example.plan, "record": example.record}}
+def checks(examples: Iterable[Example]) -> dict[str, Check]:
+    return {check.name: check
+            for check in check_facts(facts(one.layers, one.plan, one.record) for one in examples)}
 
 
-def checks(examples: Sequence[dict[str, Any]]) -> dict[str, Check]:
-    return {check.name: check for check in check_facts(facts(example) for example in examples)}
+def times(example: Example, factor: float) -> Example:
+    """The example with S' of another strength."""
+    return replace(example, layers={**example.layers, "s_prime": example.layers["s_prime"] * np.float32(factor)})
 
 
 def refused(found: Mapping[str, Check]) -> set[str]:
@@ -62,12 +66,12 @@ class InMemory:
 
 def spoilt(honest: Mapping[str, Example], kind: str) -> list[dict[str, Any]]:
     source = Source(dataset=InMemory(examples=honest), partner=partners(list(honest)))  # type: ignore[arg-type]
-    return [as_read(example, {**example.layers, **KINDS[kind](source, key, dict(example.layers))})
+    return [replace(example, layers={**example.layers, **KINDS[kind](source, key, dict(example.layers))})
             for key, example in honest.items()]
 
 
 def test_honest_layers_keep_every_bound(honest: dict[str, Example]) -> None:
-    found = checks([as_read(example) for example in honest.values()])
+    found = checks(honest.values())
     assert refused(found) == set()
     assert list(found) == [rule.name for rule in RULES]
     assert {name for name, check in found.items() if check.judged} >= {*LIGHT, "diffuse_share", "support", "drift",
@@ -90,18 +94,15 @@ def test_spoilt_layers_are_refused_by_name(honest: dict[str, Example], kind: str
 
 @pytest.mark.parametrize(("factor", "name"), [(np.pi, "energy"), (1 / np.pi, "excess")])
 def test_a_forgotten_pi_is_found(honest: dict[str, Example], factor: float, name: str) -> None:
-    changed = [as_read(example, {**example.layers, "s_prime": example.layers["s_prime"] * np.float32(factor)})
-               for example in honest.values()]
+    changed = [times(example, factor) for example in honest.values()]
     assert name in refused(checks(changed))
 
 
 def test_one_foreign_example_in_ten_is_found_and_named(honest: dict[str, Example]) -> None:
-    changed = [as_read(example) for example in honest.values()]
-    for number in (3, 11, 17):
-        changed[number]["s_prime"] = changed[number]["s_prime"] * np.float32(6)
+    changed = [times(example, 6 if number in (3, 11, 17) else 1) for number, example in enumerate(honest.values())]
     found = checks(changed)["odd_examples"]
     assert not found.holds
-    assert all(changed[number]["meta"]["key"] in found.detail for number in (3, 11, 17))
+    assert all(changed[number].key in found.detail for number in (3, 11, 17))
 
 
 def noisy(layers: Mapping[str, np.ndarray], key: str) -> Layers:
@@ -137,36 +138,39 @@ def unlit(layers: Mapping[str, np.ndarray], key: str) -> Layers:
 
 @pytest.mark.parametrize(("change", "every"), [(noisy, 1), (metal, 2), (dark, 2), (unlit, 3)])
 def test_hard_but_honest_layers_are_not_refused(honest: dict[str, Example], change: Any, every: int) -> None:
-    examples = [as_read(example, {name: np.maximum(array, 0) for name, array in change(example.layers, key).items()}
-                        if number % every == 0 else None) for number, (key, example) in enumerate(honest.items())]
-    assert refused(checks(examples)) == set()
+    examples = dict(honest)
+    for key in list(honest)[::every]:
+        layers = {name: np.maximum(array, 0) for name, array in change(honest[key].layers, key).items()}
+        examples[key] = replace(honest[key], layers=layers)
+    assert refused(checks(examples.values())) == set()
 
 
 def test_fog_that_no_layer_tells_of_is_not_judged(honest: dict[str, Example]) -> None:
-    examples = [as_read(replace(example, plan={**example.plan, "fog": {"extinction": 0.2}}))
-                for example in honest.values()]
+    fog = FogPlan(extinction=0.2)
+    examples = [replace(example, plan=example.plan.model_copy(update={"fog": fog})) for example in honest.values()]
     found = checks(examples)
     assert not any(found[name].judged for name in (*LIGHT, "diffuse_share")) and found["edges"].judged
     air = {"air": np.full((SIZE, SIZE, 3), 0.1, np.float32)}
-    found = checks([{**example, "i_t": example["i_t"] + air["air"], **air} for example in examples])
+    found = checks(replace(example, layers={**example.layers, "i_t": example.layers["i_t"] + air["air"], **air})
+                   for example in examples)
     assert refused(found) == set() and found["light_slope"].judged and not found["source_slope"].judged
 
 
 def test_without_a_rough_mask_all_but_drift_is_judged(honest: dict[str, Example]) -> None:
-    bare = [as_read(example, {name: array for name, array in example.layers.items() if name != "mask_rough"})
+    bare = [replace(example, layers={name: array for name, array in example.layers.items() if name != "mask_rough"})
             for example in honest.values()]
     found = checks(bare)
     assert refused(found) == set() and not found["drift"].judged and found["light_slope"].judged
 
 
 def test_a_handful_of_examples_is_not_judged_by_its_light(honest: dict[str, Example]) -> None:
-    found = checks([as_read(example) for example in list(honest.values())[:4]])
+    found = checks(list(honest.values())[:4])
     assert not found["energy"].judged and "needs 100 in 6" in found["energy"].detail
     assert not found["edges"].judged and found["support"].judged
 
 
 def test_tiny_pictures_are_looked_at_as_far_as_they_tell() -> None:
-    found = checks([as_read(synthetic_example(2 * index, size=20, levels=2)) for index in range(10)])
+    found = checks(synthetic_example(2 * index, size=20, levels=2) for index in range(10))
     assert refused(found) == set() and not found["edges"].judged
 
 
@@ -227,35 +231,28 @@ def test_the_place_of_an_outline_is_found(shift: tuple[int, int]) -> None:
     assert (best[0] - SEARCH, best[1] - SEARCH) == shift
 
 
-CAMERA = {"position": [0.0, 0.0, 1.0], "target": [0.0, 2.0, 1.0], "up": [0.0, 0.0, 1.0], "fov": 90.0}
+CAMERA = CameraPlan(position=(0.0, 0.0, 1.0), target=(0.0, 2.0, 1.0), up=(0.0, 0.0, 1.0), fov=90.0, coverage=1.0,
+                    visibility=1.0)
+PLAN, RECORD = example_plan().model_copy(update={"camera": CAMERA}), render_record(bounding_radius=2.0)
 
 
-def plane(normal: Sequence[float]) -> tuple[Layers, dict[str, Any]]:
-    """Depth and normals of a plane through the camera's aim, and the label."""
+def plane(normal: Sequence[float]) -> Layers:
+    """Depth and normals of a plane through the camera's aim."""
     unit = np.asarray(normal) / np.linalg.norm(normal)
-    rays = positions(np.ones((16, 24)), CAMERA)
+    rays = Pinhole.of(CAMERA, 24, 16).unproject(np.ones((16, 24))) - CAMERA.position
     depth = 2 * unit[1] / (rays @ unit)
-    layers = {"mask": np.ones((16, 24, 1)), "depth": depth[..., None], "normal": np.broadcast_to(unit, (16, 24, 3))}
-    return layers, {"plan": {"camera": CAMERA}, "record": {"bounding_radius": 2.0}}
-
-
-def test_positions_are_those_of_a_pinhole() -> None:
-    """fov 90 over 24 columns: the right edge of the frame lies as far to the side as away."""
-    found = positions(np.full((16, 24), 3.0), CAMERA)
-    assert found[7:9, 11:13].mean(axis=(0, 1)) == pytest.approx([0, 3, 0])
-    assert found[0, 23] == pytest.approx([3 * 23 / 24, 3, 3 * 15 / 16 * 16 / 24])
+    return {"mask": np.ones((16, 24, 1)), "depth": depth[..., None], "normal": np.broadcast_to(unit, (16, 24, 3))}
 
 
 @pytest.mark.parametrize("normal", [(0, -1, 0), (0.3, -1, 0.2), (-0.5, -0.8, 0.6)])
 def test_depth_spans_the_surface_that_normals_tell(normal: tuple[float, ...]) -> None:
-    layers, label = plane(normal)
-    assert surface_of("a", layers, label).cosine == pytest.approx(1, abs=1e-6)
+    assert surface_of(plane(normal), PLAN, RECORD).cosine == pytest.approx(1, abs=1e-6)
 
 
 def test_wrong_depths_and_normals_are_refused() -> None:
-    layers, label = plane((0.3, -1, 0.2))
-    turned = surface_of("a", {**layers, "normal": layers["normal"][..., [0, 2, 1]]}, label)
-    far = surface_of("a", {**layers, "depth": 1000 * layers["depth"]}, label)
+    layers = plane((0.3, -1, 0.2))
+    turned = surface_of({**layers, "normal": layers["normal"][..., [0, 2, 1]]}, PLAN, RECORD)
+    far = surface_of({**layers, "depth": 1000 * layers["depth"]}, PLAN, RECORD)
     assert [check.name for check in surface_checks([turned]) if not check.holds] == ["normals"]
     assert [check.name for check in surface_checks([far]) if not check.holds] == ["depth"]
-    assert not any(check.judged for check in surface_checks([surface_of("a", {"mask": layers["mask"]}, label)]))
+    assert not any(check.judged for check in surface_checks([surface_of({"mask": layers["mask"]}, PLAN, RECORD)]))

@@ -76,7 +76,7 @@ def test_a_mask_needs_no_light_and_looks_about_the_object_only(plan: Plan, trace
     (name, pixels, lit), = traced
     assert name == "first_hit" and not lit
     assert np.count_nonzero(example.layers["mask"]) <= pixels < 24 * 20
-    assert {entry["name"]: entry["paths"] for entry in example.record["passes"]} == {
+    assert {entry.name: entry.paths for entry in example.record.passes} == {
         "first_hit": pixels * 16, "first_hit_rough": 0, "source": 0, "target": 0, "rough": 0}
 
 

@@ -178,7 +178,7 @@ def test_the_label_is_in_world_axes_with_the_object_hidden(small_spec):
     assert TARGET_INSTANCE not in room.instance
     mean, error = found(room, *plan.target_light.lights, at=(corners.min(axis=0) + corners.max(axis=0)) / 2,
                         max_depth=plan.effects.of("target").max_depth, rr_depth=plan.render.rr_depth, seed=99)
-    recorded, errors = (np.array(example.record[name]) for name in ("lighting_sh", "lighting_sh_se"))
+    recorded, errors = (np.array(getattr(example.record, name)) for name in ("lighting_sh", "lighting_sh_se"))
     assert within(recorded, np.hypot(error, errors), mean) and np.abs(mean[1:4]).max() > 20 * errors.max()
     assert not within(found(merge([room, clean(plan.target, Path())]), *plan.target_light.lights, at=np.add(
         corners.min(axis=0), corners.max(axis=0)) / 2)[0], errors, recorded)
@@ -191,20 +191,20 @@ def test_the_objects_own_looks_change_nothing(small_spec):
     one, = rendered(plan)
     other, = rendered(plan.model_copy(update={"target": target}))
     assert not np.array_equal(one.layers["i_t"], other.layers["i_t"])
-    assert one.record["lighting_sh"] == other.record["lighting_sh"]
+    assert one.record.lighting_sh == other.record.lighting_sh
 
 
 def test_once_per_light_and_the_same_whatever_came_before(small_spec):
     plans = [planned(small_spec, index, (("s_prime", "object"),)) for index in (0, 1, 2)]
     smooth, rough, other = rendered(*plans)
-    assert smooth.record["lighting_sh"] == rough.record["lighting_sh"] != other.record["lighting_sh"]
+    assert smooth.record.lighting_sh == rough.record.lighting_sh != other.record.lighting_sh
     assert ["lighting" in example.seconds for example in (smooth, rough, other)] == [True, False, True]
-    assert rendered(plans[2])[0].record["lighting_sh"] == other.record["lighting_sh"]
+    assert rendered(plans[2])[0].record.lighting_sh == other.record.lighting_sh
 
 
 def test_where_no_layer_needs_the_target_light_there_are_zeros_of_the_same_kind(small_spec):
     without, = rendered(planned(small_spec, layers=(("i_s", "object"),)))
     for name in ("lighting_sh", "lighting_sh_se"):
-        assert without.record[name] == [[0.0] * 3] * COUNT
-        assert all(isinstance(value, float) for row in without.record[name] for value in row)
+        assert getattr(without.record, name) == ((0.0,) * 3,) * COUNT
+        assert all(isinstance(value, float) for row in getattr(without.record, name) for value in row)
     assert "lighting" not in without.seconds

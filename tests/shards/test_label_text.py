@@ -33,7 +33,8 @@ def test_what_readers_would_change_is_refused(value: Any) -> None:
 
 def test_statistics_are_exact_for_bounds() -> None:
     array = np.array([[[0.1], [0.3]]], np.float32)
-    assert statistics(array) == {"min": float(np.float32(0.1)), "max": float(np.float32(0.3)), "mean": 0.2}
+    assert statistics(array).model_dump() == {"min": float(np.float32(0.1)), "max": float(np.float32(0.3)),
+                                              "mean": 0.2}
 
 
 def test_structures_differ_by_missing_keys_and_types() -> None:

@@ -139,7 +139,7 @@ def test_pictures_of_another_size_are_refused(dataset: Path) -> None:
 def test_labels_alone_and_layers_alone(dataset: Path) -> None:
     data = open_dataset(dataset, layers=["mask", "i_s"])
     whole = data["00000002"]
-    assert data.label("00000002") == whole["meta"]
+    assert data.label("00000002").model_dump(mode="json") == whole["meta"]
     images = dict(data.images("00000002"))
     assert list(images) == ["mask", "i_s"] and [len(image.planes) for image in images.values()] == [1, 3]
     assert all(np.array_equal(image.pixels, whole[name]) for name, image in images.items())
@@ -149,6 +149,8 @@ def test_a_label_that_is_no_json_is_told_apart(dataset: Path) -> None:
     replace_members(dataset, {"00000000.json": b"{"})
     with pytest.raises(ShardError, match=r"expected JSON in 00000000\.json"):
         open_dataset(dataset)["00000000"]
+    with pytest.raises(ShardError, match=r"tiny-v1-train-000000\.tar: 00000000\.json: Invalid JSON: EOF"):
+        open_dataset(dataset).label("00000000")
 
 
 def test_a_shard_that_went_away_is_told(dataset: Path) -> None:
@@ -174,10 +176,12 @@ def test_a_layer_of_another_name_or_example_is_refused(dataset: Path, layer: str
 
 
 def test_a_label_of_another_example_is_refused(dataset: Path) -> None:
-    other = canonical_json(open_dataset(dataset).label("00000001"))
+    other = canonical_json(open_dataset(dataset)["00000001"]["meta"])
     replace_members(dataset, {"00000000.json": other})
     with pytest.raises(ShardError, match=r"00000000\.json: expected the label of example 00000000, got '00000001'"):
         open_dataset(dataset)["00000000"]
+    with pytest.raises(ShardError, match=r"00000000\.json: expected the label of example 00000000, got '00000001'"):
+        open_dataset(dataset).label("00000000")
 
 
 def test_members_are_hashed_when_first_read_and_not_again(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 
 from dataset_builder.digest import canonical_json, sha256_bytes, sha256_file
+from dataset_builder.shards.label_text import encode_label
 from dataset_builder.shards.manifest import ShardIndex, from_json
 from dataset_builder.shards.publish import CARD, CROISSANT, SUMS
+from dataset_builder.shards.reader import open_dataset
 from dataset_builder.shards.structure import tar_problems
 from dataset_builder.shards.verify import verify
 from dataset_builder.shards.writer import index_path, shard_path
+from tests.shards.replaced import replace_members
 from tests.shards.tiny_dataset import build, default_examples, make_example, make_layers
 
 STEM = "tiny-v1-train-000000"
@@ -187,14 +190,16 @@ def test_a_dataset_built_whole_of_wrong_examples_is_found(
     assert "SHA-256" not in text and "tar header" not in text
 
 
-def test_labels_whose_keys_vary_are_found(tmp_path: Path) -> None:
-    examples = default_examples()
-    examples[2].record["extra"] = 1  # type: ignore[index]
-    examples[3].record["seconds"] = 1  # type: ignore[index]
-    build(tmp_path / "out", examples)
-    text = found(tmp_path / "out")
+def test_labels_whose_keys_vary_are_found(dataset: Path) -> None:
+    labels = {key: open_dataset(dataset, layers=[])[key]["meta"] for key in ("00000001", "00000002", "00000003")}
+    labels["00000001"]["record"]["passes"][0]["paths"] = "many"
+    labels["00000002"]["record"]["extra"] = 1
+    labels["00000003"]["record"]["roughness_max"] = 1
+    replace_members(dataset, {f"{key}.json": encode_label(label) for key, label in labels.items()})
+    text = found(dataset)
+    assert "00000001.json: record.passes.0.paths: Input should be a valid integer" in text
     assert "00000002.json: has an extra key `record.extra`, unlike example 00000000" in text
-    assert "00000003.json: expected float at `record.seconds`, got int" in text
+    assert "00000003.json: expected float at `record.roughness_max`, got int" in text
 
 
 def test_hashes_are_of_what_is_on_disk(dataset: Path) -> None:

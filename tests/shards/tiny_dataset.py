@@ -15,7 +15,7 @@ from dataset_builder.shards.segment import segment
 from dataset_builder.shards.staging import Staging
 from dataset_builder.shards.writer import entry, publish_shard, published
 from dataset_builder.spec.dataset import DatasetSpec
-from tests.plans import PAPER, example_plan
+from tests.plans import PAPER, example_plan, render_record
 
 HEIGHT, WIDTH = 6, 8
 VERSIONS = {"renderer": "none"}
@@ -42,8 +42,7 @@ def make_example(index: int = 0, *, split: str = "train", view: str = "", light:
     """Example `index`; examples of the same view share their light-free layers."""
     plan = example_plan(index, split=split, view=view, light=light)
     chosen = make_layers(plan.view, light) if layers is None else layers
-    record = {"seconds": 1e-05, "gates": {"coverage": 0.25}, "seed": "18446744073709551615"}
-    return Example(key=plan.key, plan=plan.model_dump(mode="json"), record=record, layers=chosen)
+    return Example(plan=plan, record=render_record(passes=[{"name": "rough"}], roughness_rms=1e-05), layers=chosen)
 
 
 def make_spec(dtype: exr.DType = "float32") -> DatasetSpec:
@@ -62,7 +61,7 @@ VIEWS = {0: ("train/000000", 0), 1: ("train/000000", 1), 2: ("train/000002", 0),
 
 def plan_digest(example: Example) -> str:
     """What a finished example is kept under."""
-    return digest([example.plan, VERSIONS])
+    return digest([example.plan.model_dump(mode="json"), VERSIONS])
 
 
 def stage(folder: Path, example: Example, dtype: exr.DType = "float32") -> tuple[str, str]:
@@ -71,7 +70,7 @@ def stage(folder: Path, example: Example, dtype: exr.DType = "float32") -> tuple
     if not staging.has(example.key, name):
         members = encode_members(example, dtype=dtype, preview_png=preview(example.layers))
         staging.put(example.key, name, segment(members),
-                    entry(key=example.key, view=example.plan["view"], members=members))
+                    entry(key=example.key, view=example.plan.view, members=members))
     return example.key, name
 
 

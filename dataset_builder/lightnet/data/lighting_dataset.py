@@ -1,16 +1,16 @@
 """The examples of one split, for training and evaluation: chosen layers, checked, and the light as labels tell it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
 from torch.utils.data import Dataset
 
 from dataset_builder.errors import Problem, ShardError, UserError
+from dataset_builder.label.example_label import ExampleLabel
 from dataset_builder.lightnet.data.assemble import ExamplePart, whole
 from dataset_builder.lightnet.data.batch import Batch
 from dataset_builder.lightnet.data.light_coefficients import lighting_of
@@ -79,8 +79,8 @@ class LightingDataset(Dataset[Batch]):
         """Example `index` alone, its whole frame, not varied. Raises IndexError, and ShardError as `part` does."""
         return whole(self.part(index))
 
-    def label(self, index: int) -> dict[str, Any]:
-        """The whole label of an example, see `docs/layers.md`; read anew."""
+    def label(self, index: int) -> ExampleLabel:
+        """The whole label of an example, see `docs/label.md`; read anew."""
         return self._data.label(self.keys[index])
 
     def part(self, index: int) -> ExamplePart:
@@ -132,8 +132,8 @@ def _require(folder: Path, split: str) -> None:
         raise UserError(problems)
 
 
-def _entry(label: Mapping[str, Any]) -> _Entry:
-    return _Entry(key=label["key"], level=label["plan"]["rough"]["level"], cover=label["layers"]["mask"]["max"],
+def _entry(label: ExampleLabel) -> _Entry:
+    return _Entry(key=label.key, level=label.plan.rough.level, cover=label.layers["mask"].max,
                   lighting=lighting_of(label))
 
 

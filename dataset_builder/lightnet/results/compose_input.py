@@ -70,10 +70,11 @@ def input_from_dataset(folder: Path, *, key: str = "", split: str = "", index: i
     the object only.
     """
     dataset = open_dataset(folder, layers=_layers(folder))
-    example = dataset[_key(dataset, folder, key, split, index)]
-    return ComposeInput(name=f"{folder}, example {example['meta']['key']}", i_s=example["i_s"],
-                        s_prime=example["s_prime"], mask=example["mask"], background=example["i_t"],
-                        mask_rough=example.get(WANTED), lighting=lighting_of(example["meta"]))
+    chosen = _key(dataset, folder, key, split, index)
+    example = dataset[chosen]
+    return ComposeInput(name=f"{folder}, example {chosen}", i_s=example["i_s"], s_prime=example["s_prime"],
+                        mask=example["mask"], background=example["i_t"], mask_rough=example.get(WANTED),
+                        lighting=lighting_of(dataset.label(chosen)))
 
 
 def _layers(folder: Path) -> list[str]:

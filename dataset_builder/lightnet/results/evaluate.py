@@ -14,6 +14,7 @@ from time import perf_counter
 import torch
 
 from dataset_builder.errors import Problem, UserError
+from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.lightnet.data.batch import Batch, Prediction
 from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
 from dataset_builder.lightnet.data.loader import whole_images
@@ -94,16 +95,16 @@ def evaluate(contenders: Sequence[Contender], dataset: LightingDataset, indices:
             moved = batch.to(one.device)
             if one.trained and index == indices[0]:
                 one.find(moved)
-            yield row(one, moved, dataset.label(index)["plan"])
+            yield row(one, moved, dataset.label(index).plan)
 
 
-def row(one: Contender, batch: Batch, plan: dict) -> ScoreRow:
+def row(one: Contender, batch: Batch, plan: ExamplePlan) -> ScoreRow:
     """The row of one example: a batch of one, on the contender's device, and its plan."""
     prediction, seconds = timed(one, batch)
     metrics, = measure(prediction.i_t, batch.truth.i_t, batch.inputs.inside)
-    return ScoreRow(method=one.name, key=batch.keys[0], view=plan["view"], object=plan["target"]["object"]["name"],
-                    room=plan["room"]["name"], level=plan["rough"]["level"], sigma=plan["rough"]["sigma"],
-                    metrics=metrics, seconds=seconds)
+    return ScoreRow(method=one.name, key=batch.keys[0], view=plan.view, object=plan.target.object.name,
+                    room=plan.room.name, level=plan.rough.level, sigma=plan.rough.sigma, metrics=metrics,
+                    seconds=seconds)
 
 
 def timed(one: Contender, batch: Batch) -> tuple[Prediction, float]:

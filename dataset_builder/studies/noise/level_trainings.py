@@ -137,6 +137,6 @@ def _job(study: NoiseStudy, name: str, spec: TrainingSpec, levels: tuple[int, ..
 
 def _example(dataset: LightingDataset, index: int) -> HeldOutExample:
     label = dataset.label(index)
-    plan, record = label["plan"], label["record"]
-    return HeldOutExample(index=index, key=plan["key"], case=(plan["view"], plan["light"]),
-                          level=plan["rough"]["level"], sigma=plan["rough"]["sigma"], roughness=record["roughness_rms"])
+    plan = label.plan
+    return HeldOutExample(index=index, key=plan.key, case=(plan.view, plan.light), level=plan.rough.level,
+                          sigma=plan.rough.sigma, roughness=label.record.roughness_rms)

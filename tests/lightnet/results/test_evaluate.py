@@ -62,10 +62,9 @@ def test_rows_say_what_the_metrics_say(dataset: LightingDataset) -> None:
         expected = [predict(net.method, batch.inputs).i_t, *(formula(batch) for formula in TRIVIAL.values())]
         for row, i_t in zip(own, expected, strict=True):
             assert [row.metrics] == measure(i_t, batch.truth.i_t, batch.inputs.inside)
-            plan = dataset.label(index)["plan"]
-            assert (row.view, row.object, row.room) == (plan["view"], plan["target"]["object"]["name"],
-                                                        plan["room"]["name"])
-            assert (row.level, row.sigma) == (plan["rough"]["level"], plan["rough"]["sigma"]) and row.seconds > 0
+            plan = dataset.label(index).plan
+            assert (row.view, row.object, row.room) == (plan.view, plan.target.object.name, plan.room.name)
+            assert (row.level, row.sigma) == (plan.rough.level, plan.rough.sigma) and row.seconds > 0
 
 
 def test_the_truth_is_perfect_and_formulas_are_not(dataset: LightingDataset) -> None:
