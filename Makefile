@@ -42,7 +42,7 @@ check: $(WHOLE)  ## lint and types
 	@$(PY) -m ruff check .
 	@$(PY) -m mypy
 
-schema: $(WHOLE)  ## write the JSON Schemas that editors read and the tables of docs/specs.md, after a change of the models
+schema: $(WHOLE)  ## write the JSON Schemas that editors read and the tables of docs/specs.md and docs/label.md, after a change of the models
 	@$(PY) tools/export_schema.py
 	@$(PY) tools/spec_tables.py
 

@@ -1,9 +1,10 @@
-"""Write the tables of `docs/specs.md` from the models; a test keeps them in step."""
+"""Write the tables of `docs/specs.md` and `docs/label.md` from the models; a test keeps them in step."""
 
 import inspect
 import json
 import types
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, Union, get_args, get_origin
 
@@ -11,6 +12,8 @@ from pydantic import AfterValidator, Discriminator
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
+from dataset_builder.label.example_label import ExampleLabel
+from dataset_builder.label.example_plan import RenderPlan
 from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.model import Model
@@ -18,26 +21,61 @@ from dataset_builder.spec.numbers import TAG
 from dataset_builder.spec.rough import RoughSpec
 from dataset_builder.spec.scene import ObjectSpec, RoomSpec, SceneSpec
 
-PAGE = Path(__file__).resolve().parent.parent / "docs" / "specs.md"
+DOCS = Path(__file__).resolve().parent.parent / "docs"
 START, END = "<!-- tables: made by tools/spec_tables.py -->", "<!-- end of tables -->"
-KINDS: dict[str, type[Model]] = {
-    "Dataset files": DatasetSpec, "Scene files": SceneSpec, "Room files": RoomSpec, "Object files": ObjectSpec,
-    "Training files": TrainingSpec}
-HEAD = "| key | value | default | meaning |\n| --- | --- | --- | --- |\n"
 PLAIN = {int: "whole number", float: "number", str: "text", bool: "true or false"}
 BY_HAND = {
     (DatasetSpec, "layers"): ("a mapping of layers to `object` or `frame`", "the paper's six, each `object`"),
     (RoughSpec, "sigma"): ("number or distribution, >= 0, or a list of them", "`0.004`"),
+    (ExampleLabel, "layers"): ("a mapping of layers to mappings, below", ""),
+    (RenderPlan, "layers"): ("list of pairs: a layer, and `object` or `frame`", ""),
 }
 """Value and default of keys whose type says less than a sentence."""
 
 
-def sections() -> Iterator[tuple[str, type[Model]]]:
-    """Heading and model of every table, in reading order."""
-    for title, model in KINDS.items():
-        yield f"## {title}", model
-        for path, inner in nested(model, ""):
-            yield f"### `{path}`", inner
+@dataclass(frozen=True, kw_only=True)
+class TablePage:
+    """A page with tables: models by the title of their section. defaults: whether keys may be left out."""
+
+    name: str
+    kinds: Mapping[str, type[Model]]
+    defaults: bool
+
+    @property
+    def path(self) -> Path:
+        """Where it lies."""
+        return DOCS / self.name
+
+    def sections(self) -> Iterator[tuple[str, type[Model]]]:
+        """Heading and model of every table, in reading order; a model that several keys hold has one table."""
+        for title, model in self.kinds.items():
+            yield f"## {title}", model
+            paths: dict[type[Model], list[str]] = {}
+            for path, inner in nested(model, ""):
+                paths.setdefault(inner, []).append(f"`{path}`")
+            for inner, found in paths.items():
+                yield f"### {', '.join(found)}", inner
+
+    def tables(self) -> str:
+        """Everything between the two marks."""
+        columns = ["key", "value", *(["default"] if self.defaults else []), "meaning"]
+        head = f"| {' | '.join(columns)} |\n|{' --- |' * len(columns)}\n"
+        parts = [f"{heading}\n\n{inspect.getdoc(model)}\n\n{head}{rows(model, defaults=self.defaults)}"
+                 for heading, model in self.sections()]
+        return "\n" + "\n".join(parts) + "\n"
+
+    def renewed(self) -> str:
+        """The page with its tables made anew."""
+        before, rest = self.path.read_text(encoding="utf-8").split(START)
+        return before + START + self.tables() + END + rest.split(END)[1]
+
+
+PAGES = (
+    TablePage(name="specs.md", defaults=True, kinds={
+        "Dataset files": DatasetSpec, "Scene files": SceneSpec, "Room files": RoomSpec, "Object files": ObjectSpec,
+        "Training files": TrainingSpec}),
+    TablePage(name="label.md", defaults=False, kinds={"The label": ExampleLabel}),
+)
 
 
 def nested(model: type[Model], path: str) -> Iterator[tuple[str, type[Model]]]:
@@ -65,12 +103,13 @@ def is_number(annotation: Any) -> bool:
     return f"{TAG}uniform" in names
 
 
-def rows(model: type[Model]) -> str:
+def rows(model: type[Model], *, defaults: bool) -> str:
     """The rows of one table."""
     lines = []
     for name, field in model.model_fields.items():
         value, default = BY_HAND.get((model, name)) or (value_of(field.annotation, field.metadata), default_of(field))
-        cells = f"`{field.alias or name}`", value, default, " ".join((field.description or "").split())
+        meaning = " ".join((field.description or "").split())
+        cells = [f"`{field.alias or name}`", value, *([default] if defaults else []), meaning]
         lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |\n")
     return "".join(lines)
 
@@ -96,8 +135,8 @@ def kind_of(annotation: Any) -> str:
         return "number or distribution"
     if origin in (Union, types.UnionType):
         return " or ".join(kind_of(part) for part in parts if part is not type(None))
-    if parts == (float, float):
-        return "two numbers"
+    if parts in ((float, float), (float, float, float)):
+        return f"{'two' if len(parts) == 2 else 'three'} numbers"
     if origin is tuple and Ellipsis not in parts:
         return f"{len(parts)} of: {kind_of(parts[0])}"
     if origin is tuple:
@@ -149,17 +188,6 @@ def plain(value: Any) -> str:
     return value if isinstance(value, str) else json.dumps(value)
 
 
-def tables() -> str:
-    """Everything between the two marks."""
-    parts = [f"{heading}\n\n{inspect.getdoc(model)}\n\n{HEAD}{rows(model)}" for heading, model in sections()]
-    return "\n" + "\n".join(parts) + "\n"
-
-
-def renewed(page: str) -> str:
-    """The page with its tables made anew."""
-    before, rest = page.split(START)
-    return before + START + tables() + END + rest.split(END)[1]
-
-
 if __name__ == "__main__":
-    PAGE.write_text(renewed(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    for page in PAGES:
+        page.path.write_text(page.renewed(), encoding="utf-8")
