@@ -5,6 +5,8 @@ The same plan gives the same record, bit for bit; wall-clock times are elsewhere
 
 from typing import Literal
 
+from pydantic import ConfigDict
+
 from dataset_builder.label.scene_plan import Vector
 from dataset_builder.layers import Pass
 from dataset_builder.spec.model import Model
@@ -30,6 +32,9 @@ class PassRecord(Model):
 class LayerAccuracy(Model):
     """How good a layer with light became. The error of a pixel is e / sqrt(x^2 + (0.1 m)^2): e its standard error, x
     its value, m the layer's mean."""
+
+    # A study may take one sample per pixel, whose error is not known; `encode_label` refuses it in a dataset
+    model_config = ConfigDict(allow_inf_nan=True)
 
     name: str
     """Layer that it is about."""

@@ -64,7 +64,7 @@ def test_keys_of_later_versions_are_passed_over() -> None:
     (lambda content: content.pop("plan"), "plan: Field required"),
     (lambda content: content["plan"]["rough"].pop("level"), "plan.rough.level: Field required"),
     (lambda content: content["plan"]["rough"].update(level="x"), "plan.rough.level: Input should be a valid integer"),
-    (lambda content: content["record"]["passes"][0].update(name="x"), "record.passes.0.name: Input should be 'source', "),
+    (lambda content: content["record"]["passes"][0].update(name="x"), "record.passes.0.name: Input should be "),
     (lambda content: content.update(layers=[]), "layers: Input should be an object"),
     (lambda content: content["layers"]["mask"].pop("max"), "layers.mask.max: Field required"),
 ])

@@ -1,5 +1,6 @@
 """The record of a real build has every key of its model, and figures that fit together."""
 
+from dataclasses import replace
 from math import isfinite
 from pathlib import Path
 from typing import get_args
@@ -7,10 +8,14 @@ from typing import get_args
 import pytest
 from pydantic import ValidationError
 
+from dataset_builder.errors import ShardError
 from dataset_builder.label.record import LayerAccuracy, PassRecord, RenderRecord
 from dataset_builder.layers import LAYERS, Pass
+from dataset_builder.shards.example import label
+from dataset_builder.shards.label_text import encode_label
 from dataset_builder.shards.reader import open_dataset
 from tests.plans import render_record
+from tests.shards.tiny_dataset import make_example
 
 
 def test_a_built_label_has_every_key(small_dataset: Path) -> None:
@@ -43,3 +48,12 @@ def test_wrong_records_are_not_made(figures: dict[str, object]) -> None:
     with pytest.raises(ValidationError):
         render_record(**figures)
     assert isfinite(render_record().roughness_rms)
+
+
+def test_an_error_that_is_not_known_is_no_value_of_a_label() -> None:
+    example = make_example()
+    unknown = LayerAccuracy(name="i_t", stopped="spp", relative_error=float("inf"), relative_error_95=float("nan"),
+                            object_relative_error=0.0, object_relative_error_95=0.0)
+    record = example.record.model_copy(update={"layers": (unknown,)})
+    with pytest.raises(ShardError, match=r"record\.layers\[\]\.relative_error: expected .* a finite float"):
+        encode_label(label(replace(example, record=record), example.layers))
