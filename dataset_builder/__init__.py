@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 __version__ = "0.1.0"
 
 _HOMES = {
-    "Dataset": "shards.reader", "ExamplePlan": "label.example_plan", "LoadedSpec": "spec.loaded",
-    "LightingDataset": "lightnet.data.lighting_dataset", "Manifest": "shards.manifest", "UserError": "errors",
+    "Dataset": "shards.reader", "ExampleLabel": "label.example_label", "ExamplePlan": "label.example_plan",
+    "LightingDataset": "lightnet.data.lighting_dataset", "LoadedSpec": "spec.loaded", "Manifest": "shards.manifest",
+    "Pinhole": "geometry.pinhole", "UserError": "errors",
     "build": "api", "irradiance": "geometry.harmonics", "load_spec": "api", "load_training": "lightnet.settings",
     "open_dataset": "shards.reader", "plan": "api", "render_example": "api", "tone_mapped": "api",
     "training_batches": "lightnet.data.loader", "verify": "api",
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
     from dataset_builder.api import verify as verify
     from dataset_builder.errors import UserError as UserError
     from dataset_builder.geometry.harmonics import irradiance as irradiance
+    from dataset_builder.geometry.pinhole import Pinhole as Pinhole
+    from dataset_builder.label.example_label import ExampleLabel as ExampleLabel
     from dataset_builder.label.example_plan import ExamplePlan as ExamplePlan
     from dataset_builder.lightnet.data.lighting_dataset import LightingDataset as LightingDataset
     from dataset_builder.lightnet.data.loader import training_batches as training_batches
