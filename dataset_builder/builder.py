@@ -16,11 +16,10 @@ from dataset_builder.engine.unit import BuildJob, Outcome, remembered, run_unit,
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.files import require_space
 from dataset_builder.label.record import Denoised
-from dataset_builder.planning.catalogue import ExampleRef
+from dataset_builder.planning.catalogue import ExampleRef, units
 from dataset_builder.planning.cost import expected_bytes
 from dataset_builder.planning.plan import Planner, layers_asked
 from dataset_builder.planning.precheck import probe
-from dataset_builder.planning.units import units
 from dataset_builder.processes import cores
 from dataset_builder.rendering import oidn
 from dataset_builder.rendering.backend import choose

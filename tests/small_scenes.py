@@ -3,8 +3,8 @@
 import numpy as np
 
 from dataset_builder.assets.asset import Material
+from dataset_builder.geometry.edges import corner_normals
 from dataset_builder.geometry.mesh import TriangleMesh
-from dataset_builder.geometry.normals import corner_normals
 from dataset_builder.label.example_plan import RenderPlan
 from dataset_builder.label.light_plan import IlluminationPlan, LightPlan
 from dataset_builder.label.scene_plan import CameraPlan

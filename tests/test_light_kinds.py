@@ -10,9 +10,9 @@ from dataset_builder.label.light_plan import LightPlan
 from dataset_builder.label.scene_plan import FogPlan, RoomPlan
 from dataset_builder.light_kinds import LENGTHS, LIGHT_KINDS, LampName, LightKind, LightName, Quantity
 from dataset_builder.planning.effects.features import scene_features
-from dataset_builder.planning.effects.light_reach import reach
 from dataset_builder.planning.effects.materials_used import MaterialUse, SceneUse
-from dataset_builder.planning.view.irradiance import direct_irradiance, facing_irradiance
+from dataset_builder.planning.effects.reach import reach
+from dataset_builder.planning.view.emission import direct_irradiance, facing_irradiance
 from dataset_builder.rendering.backend import activate
 from dataset_builder.report.schema import export_schema
 from dataset_builder.spec.light import TargetSpec

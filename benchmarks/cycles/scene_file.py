@@ -16,7 +16,7 @@ from dataset_builder.assets.asset import Material, Texture
 from dataset_builder.geometry.pinhole import look_at
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.label.light_plan import IlluminationPlan
-from dataset_builder.planning.view.irradiance import BEAM_SHARE
+from dataset_builder.planning.view.emission import BEAM_SHARE
 from dataset_builder.rendering.scene.rough_mesh import rough_twin
 from dataset_builder.rendering.scene.triangle_soup import PARTS, Soup, clean, merge, surroundings
 

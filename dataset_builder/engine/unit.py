@@ -15,9 +15,8 @@ from dataset_builder.engine import source
 from dataset_builder.errors import OutputError, PlanError, Problem, SpecError, UserError
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.label.record import Denoised
-from dataset_builder.planning.catalogue import ExampleRef
+from dataset_builder.planning.catalogue import ExampleRef, ViewUnit
 from dataset_builder.planning.plan import Planner
-from dataset_builder.planning.units import ViewUnit
 from dataset_builder.rendering import oidn
 from dataset_builder.rendering.backend import activate, renderer_versions
 from dataset_builder.shards.example import Example, encode_members, preview

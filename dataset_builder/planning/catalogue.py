@@ -1,9 +1,9 @@
 """Which examples a dataset has: splits, pairs, views, lights and noise levels, counted without touching geometry."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from itertools import product
+from itertools import groupby, product
 
 from dataset_builder.errors import PlanError
 from dataset_builder.seeding import rng
@@ -103,3 +103,28 @@ def examples(spec: DatasetSpec) -> tuple[ExampleRef, ...]:
 def count_examples(spec: DatasetSpec) -> int:
     """How many examples the dataset has, by arithmetic."""
     return sum(len(pairs_of(split)) * split.views * split.lights for split in spec.splits) * len(spec.rough.levels)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewUnit:
+    """One view and those of its examples that are asked for, in order of index; never empty."""
+
+    view: ViewRef
+    examples: tuple[ExampleRef, ...]
+
+    @property
+    def lights(self) -> tuple[int, ...]:
+        """Distinct target lights among the examples, ascending."""
+        return tuple(sorted({example.light for example in self.examples}))
+
+    @property
+    def levels(self) -> tuple[int, ...]:
+        """Distinct noise levels among the examples, ascending."""
+        return tuple(sorted({example.level for example in self.examples}))
+
+
+def units(examples: Iterable[ExampleRef]) -> tuple[ViewUnit, ...]:
+    """Group examples, of all splits or of a selection, by view; units come in the order of their first index."""
+    ordered = sorted(examples, key=lambda example: example.index)
+    return tuple(ViewUnit(view=view, examples=tuple(group))
+                 for view, group in groupby(ordered, key=lambda example: example.view))

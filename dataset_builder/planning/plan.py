@@ -13,8 +13,7 @@ from dataset_builder.label.light_plan import IlluminationPlan
 from dataset_builder.layers import LAYERS, Extent
 from dataset_builder.planning.catalogue import ExampleRef, PairRef, ViewRef, examples
 from dataset_builder.planning.effects.decisions import plan_effects
-from dataset_builder.planning.scene.arrange import arrange
-from dataset_builder.planning.scene.arrangement import Arrangement
+from dataset_builder.planning.scene.arrangement import Arrangement, arrange
 from dataset_builder.planning.scene.contents import SplitContents, contents
 from dataset_builder.planning.view.cameras import PlannedCamera, place_camera
 from dataset_builder.planning.view.lights import LitView, sky_share, source_light, target_light, unit_irradiance

@@ -13,10 +13,8 @@ from PIL import Image
 from dataset_builder.assets.mesh_file import load_mesh_file
 from dataset_builder.assets.texture_maps import limited_size, linear_from_srgb, make_texture
 from dataset_builder.errors import UserError
-from dataset_builder.geometry.edges import edges_of
-from dataset_builder.geometry.noise import bounding_radius, displace
-from dataset_builder.geometry.normals import corner_normals
-from dataset_builder.geometry.rough_base import rough_base
+from dataset_builder.geometry.edges import corner_normals, edges_of
+from dataset_builder.geometry.rough_base import bounding_radius, displace, rough_base
 from dataset_builder.seeding import rng
 from dataset_builder.spec.mesh_source import companions
 

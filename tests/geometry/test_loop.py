@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from dataset_builder.geometry._open3d import open3d
 from dataset_builder.geometry.edges import crease_mask, edges_of
 from dataset_builder.geometry.loop import fixed_vertices, loop, subdivision_matrix
+from dataset_builder.geometry.raycast import open3d
 from dataset_builder.geometry.repair import repair
 from tests.geometry.closed import watertight
 

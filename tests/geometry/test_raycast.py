@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 
 from dataset_builder.errors import UserError
-from dataset_builder.geometry import _open3d
-from dataset_builder.geometry.distance import measure_roughness
-from dataset_builder.geometry.noise import bounding_radius, displace
+from dataset_builder.geometry import raycast
 from dataset_builder.geometry.raycast import RayScene
-from dataset_builder.geometry.rough_base import rough_base
+from dataset_builder.geometry.rough_base import bounding_radius, displace, measure_roughness, rough_base
 from dataset_builder.seeding import rng
 
 
@@ -90,6 +88,6 @@ def test_roughness_follows_sigma(shapes):
 def test_a_missing_library_says_what_to_type(monkeypatch, error, message):
     def fail(name):
         raise error
-    monkeypatch.setattr(_open3d.importlib, "import_module", fail)
+    monkeypatch.setattr(raycast.importlib, "import_module", fail)
     with pytest.raises(UserError, match=message):
-        _open3d.open3d()
+        raycast.open3d()

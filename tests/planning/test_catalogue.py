@@ -5,8 +5,7 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dataset_builder.planning.catalogue import count_examples, examples, pairs_of, views_of
-from dataset_builder.planning.units import units
+from dataset_builder.planning.catalogue import count_examples, examples, pairs_of, units, views_of
 from dataset_builder.spec.dataset import DatasetSpec, SplitSpec
 
 

@@ -12,8 +12,8 @@ import pytest
 
 from dataset_builder.engine.unit import BuildJob, run_unit
 from dataset_builder.errors import SpecError
+from dataset_builder.planning.catalogue import units
 from dataset_builder.planning.plan import Planner
-from dataset_builder.planning.units import units
 from dataset_builder.shards.folder import STAGING, WORK
 from dataset_builder.shards.segment import BLOCK, end_blocks
 from dataset_builder.shards.verify import verify

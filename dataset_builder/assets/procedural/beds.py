@@ -5,9 +5,9 @@ import numpy as np
 from dataset_builder.assets.asset import Asset
 from dataset_builder.assets.procedural import materials
 from dataset_builder.assets.procedural.fittings import square_leg
-from dataset_builder.assets.procedural.noise_fields import smooth_noise
 from dataset_builder.assets.procedural.parts import GAP, Part, assemble, block, mirrored, moved, padding
 from dataset_builder.assets.procedural.soft import draped, pillow
+from dataset_builder.assets.procedural.textures import smooth_noise
 
 MATTRESS, RAIL = 0.20, 0.025
 BLANKET = 0.018

@@ -10,8 +10,8 @@ import numpy as np
 
 from dataset_builder.assets.asset import Material, Texture
 from dataset_builder.assets.procedural import textures
-from dataset_builder.assets.procedural.noise_fields import plausible
 from dataset_builder.assets.procedural.parts import Finish
+from dataset_builder.assets.procedural.textures import plausible
 
 WOODS = {
     "oak": ((0.52, 0.34, 0.18), (0.27, 0.15, 0.065)),

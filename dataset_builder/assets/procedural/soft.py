@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from dataset_builder.assets.procedural.boxes import lattice_box, solid, split_quads, with_uvs
-from dataset_builder.assets.procedural.uvs import box_uvs, facing
+from dataset_builder.assets.procedural.boxes import box_uvs, facing, lattice_box, solid, split_quads, with_uvs
 from dataset_builder.geometry.mesh import TriangleMesh
 
 ARC_STEPS = 3

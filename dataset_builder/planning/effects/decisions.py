@@ -16,9 +16,8 @@ from dataset_builder.label.scene_plan import FogPlan, PlacedObject, RoomPlan
 from dataset_builder.layers import EVERYWHERE, LAYERS, PASSES
 from dataset_builder.planning.effects.denoise_guides import guide_extents
 from dataset_builder.planning.effects.features import scene_features
-from dataset_builder.planning.effects.light_reach import reaching, said
 from dataset_builder.planning.effects.materials_used import MaterialUse, SceneUse, scene_use
-from dataset_builder.planning.effects.path_depth import MAX_DEPTH, path_depth
+from dataset_builder.planning.effects.reach import MAX_DEPTH, path_depth, reaching, said
 from dataset_builder.spec.render import RenderSpec
 
 LIT = ("source", "target", "rough")

@@ -3,8 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import get_args
 
-from dataset_builder.assets.asset import Material
-from dataset_builder.assets.glass_kinds import disperses, is_pane, is_solid, metallic_range
+from dataset_builder.assets.asset import Material, disperses, is_pane, is_solid, metallic_range
 from dataset_builder.label.effects_plan import Decision, Feature
 from dataset_builder.label.light_plan import LightPlan
 from dataset_builder.label.scene_plan import FogPlan

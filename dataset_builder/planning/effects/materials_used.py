@@ -1,4 +1,4 @@
-"""The materials of a scene that some face has, with the figures that decide about effects."""
+"""The materials of a scene that some face has, with bounds on how much light they scatter."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -7,18 +7,73 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from dataset_builder.assets.asset import Asset, Material
-from dataset_builder.assets.glass_kinds import roughness_range
-from dataset_builder.geometry.edges import consistent, dihedral_angles, edges_of
-from dataset_builder.geometry.normals import CREASE_ANGLE
+from dataset_builder.assets.asset import Asset, Material, Texture, metallic_range, roughness_range
+from dataset_builder.geometry.edges import CREASE_ANGLE, consistent, dihedral_angles, edges_of
 from dataset_builder.label.scene_plan import PlacedObject, RoomPlan
-from dataset_builder.planning.effects.albedo import scattered_share
 from dataset_builder.planning.scene.assets_of_plan import asset_of, room_parts
 
+SCHLICK_MEAN = 1 / 21
+"""Integral of 2 c (1 - c)^5 over cosines c: mean of Schlick's term for light from everywhere."""
+COAT_F0 = 0.04
+STEPS = 256
 SMOOTH = 0.0316
 """Roughness below which glass sends light in single directions: GGX alpha of 1e-3, as rendering has it."""
 FLAT = 0.01
 """Degrees below which two faces are in one plane."""
+
+
+def mean_schlick(f0: np.ndarray) -> np.ndarray:
+    """(..., 3) reflectance of a specular lobe for light from everywhere; roughness only lowers it.
+
+    Schlick's term with the F90 of `rendering.surface`, averaged over the hemisphere.
+    """
+    f90 = np.minimum(50 * f0.max(axis=-1, keepdims=True), 1)
+    return f0 + (f90 - f0) * SCHLICK_MEAN
+
+
+def glass_share(ior: float, thin: bool) -> float:
+    """Share of light from everywhere outside that glass reflects: Fresnel's F, or 2 F / (1 + F) for the two faces of a
+    pane, by midpoints over the squared cosine."""
+    cosine = np.sqrt((np.arange(STEPS) + 0.5) / STEPS)
+    inside = np.sqrt(1 - (1 - cosine**2) / ior**2)
+    across = (cosine - ior * inside) / (cosine + ior * inside)
+    along = (ior * cosine - inside) / (ior * cosine + inside)
+    face = (across**2 + along**2) / 2
+    return float(np.mean(2 * face / (1 + face) if thin else face))
+
+
+def scattered_share(material: Material) -> float:
+    """Largest share of light from everywhere that a material scatters, over channels, texels and its lobes.
+
+    In [0, 1]. What goes into glass or back inside it is not in it: that goes on as it came and counts as crossings.
+    """
+    base, (low, high) = np.asarray(material.base_color) * _brightest(material.texture), metallic_range(material)
+    # What is opaque scatters most at one of them: 1 - that is a product of two lines
+    opaque = np.maximum(_opaque(material, base, low), _opaque(material, base, high))
+    glass = glass_share(material.ior, material.thin) if material.transmission else 0.0
+    share = np.maximum(opaque + material.transmission * (1 - high) * np.minimum(glass - opaque, 0), glass)
+    return float(np.clip(_layered(material, share).max(), 0, 1))
+
+
+def _brightest(texture: Texture | None) -> np.ndarray:
+    """(3,) largest texel of each channel; what is not a number counts as white."""
+    if texture is None:
+        return np.ones(3)
+    return np.clip(np.nan_to_num(texture.base_color, nan=1.0), 0, 1).max(axis=(0, 1))
+
+
+def _opaque(material: Material, base: np.ndarray, metallic: float) -> np.ndarray:
+    """(3,) diffuse base under its specular lobe, which passes on what it does not reflect."""
+    specular = mean_schlick((1 - metallic) * material.specular + metallic * base)
+    return specular + base * (1 - metallic) * (1 - specular)
+
+
+def _layered(material: Material, share: np.ndarray) -> np.ndarray:
+    """(3,) share under sheen, under a coat; each passes on what it does not reflect, and sheen reflects at most all."""
+    sheen = np.asarray(material.sheen)
+    share = np.maximum(share, sheen + share * (1 - sheen.max()))
+    coat = material.coat * mean_schlick(np.full(1, COAT_F0))
+    return coat + (1 - coat) * share
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -26,7 +81,7 @@ class MaterialUse:
     """One material that at least one face shows.
 
     owner: name of the object, or of the part of the room. part: `furniture`, or a part of the room. scattered: largest
-    share of light that it scatters, see `albedo.scattered_share`. smoothest, roughest: least and largest roughness over
+    share of light that it scatters, see `scattered_share`. smoothest, roughest: least and largest roughness over
     its texels.
     """
 
@@ -82,7 +137,7 @@ def _facts(asset: Asset) -> _Facts:
 
 
 def _is_smooth(asset: Asset) -> bool:
-    """Whether any two faces that share their normals lie in different planes; see `geometry.normals`."""
+    """Whether any two faces that share their normals lie in different planes; see `geometry.edges`."""
     edges = edges_of(asset.mesh.faces)
     angle = dihedral_angles(asset.mesh, edges)
     return bool(((angle > FLAT) & (angle <= CREASE_ANGLE) & consistent(edges)).any())

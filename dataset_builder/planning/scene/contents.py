@@ -10,8 +10,8 @@ from dataset_builder.assets.procedural.furniture import FINISHES
 from dataset_builder.digest import digest
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.label.scene_plan import FogPlan, ObjectPlan, Param, RoomPlan
+from dataset_builder.planning.scene.assets_of_plan import drawn_changes, require_roles
 from dataset_builder.planning.scene.layout import Place
-from dataset_builder.planning.scene.material_changes import drawn_changes, require_roles
 from dataset_builder.seeding import derive_seed, rng
 from dataset_builder.spec.dataset import SplitSpec
 from dataset_builder.spec.families import FAMILIES, FamilyParam

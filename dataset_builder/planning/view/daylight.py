@@ -13,7 +13,7 @@ from dataset_builder.label.light_plan import LightPlan
 from dataset_builder.label.scene_plan import Vector
 from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.planning.view.cameras import towards, vector
-from dataset_builder.planning.view.irradiance import sky_directions
+from dataset_builder.planning.view.emission import sky_directions
 from dataset_builder.planning.view.visibility import Sight
 from dataset_builder.spec.light import SourceSpec, SunSpec, TargetSpec
 from dataset_builder.spec.numbers import draw

@@ -11,7 +11,6 @@ from dataset_builder.label.light_plan import IlluminationPlan, LightPlan
 from dataset_builder.label.scene_plan import CameraPlan
 from dataset_builder.light_kinds import LIGHT_KINDS, LightName
 from dataset_builder.planning.scene.arrangement import Arrangement
-from dataset_builder.planning.view.blackbody import LUMINANCE, colour
 from dataset_builder.planning.view.cameras import inside, towards, vector
 from dataset_builder.planning.view.daylight import (
     LIFT,
@@ -23,7 +22,7 @@ from dataset_builder.planning.view.daylight import (
     sunlit,
     weighed,
 )
-from dataset_builder.planning.view.irradiance import direct_irradiance, facing_irradiance
+from dataset_builder.planning.view.emission import LUMINANCE, colour, direct_irradiance, facing_irradiance
 from dataset_builder.planning.view.visibility import Sight
 from dataset_builder.spec.light import SourceSpec, TargetSpec
 from dataset_builder.spec.numbers import draw

@@ -22,7 +22,7 @@ import numpy as np
 from dataset_builder.errors import PlanError
 from dataset_builder.label.light_plan import IlluminationPlan, LightPlan
 from dataset_builder.light_kinds import LIGHT_KINDS, Image, LightName
-from dataset_builder.planning.view.irradiance import BEAM_SHARE
+from dataset_builder.planning.view.emission import BEAM_SHARE
 from dataset_builder.rendering.scene.images import LAMP_SIDE, environment, lamp_texture, read_image
 from dataset_builder.rendering.scene.small_spheres import is_small_sphere, small_sphere
 from dataset_builder.spec.image_source import ENVIRONMENT_SUFFIXES, TEXTURE_SUFFIXES

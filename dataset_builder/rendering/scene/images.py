@@ -9,7 +9,7 @@ import numpy as np
 from dataset_builder.assets.texture_maps import resized
 from dataset_builder.digest import sha256_file
 from dataset_builder.errors import PlanError, Problem
-from dataset_builder.planning.view.blackbody import LUMINANCE
+from dataset_builder.planning.view.emission import LUMINANCE
 from dataset_builder.rendering.scene.exr_image import read_exr
 
 KEPT = 4

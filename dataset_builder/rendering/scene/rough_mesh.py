@@ -4,10 +4,15 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-from dataset_builder.geometry.distance import Roughness, measure_roughness
-from dataset_builder.geometry.noise import bounding_radius, displace
-from dataset_builder.geometry.normals import corner_normals
-from dataset_builder.geometry.rough_base import RoughBase, rough_base
+from dataset_builder.geometry.edges import corner_normals
+from dataset_builder.geometry.rough_base import (
+    RoughBase,
+    Roughness,
+    bounding_radius,
+    displace,
+    measure_roughness,
+    rough_base,
+)
 from dataset_builder.label.example_plan import RoughPlan
 from dataset_builder.label.scene_plan import ObjectPlan, PlacedObject
 from dataset_builder.planning.scene.assets_of_plan import asset_of, world_from_object

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from dataset_builder.assets.asset import Asset, Material
+from dataset_builder.geometry.edges import corner_normals
 from dataset_builder.geometry.mesh import TriangleMesh
-from dataset_builder.geometry.normals import corner_normals
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.label.scene_plan import ObjectPlan, PlacedObject, RoomPlan
 from dataset_builder.planning.scene.arrangement import ROOM_INSTANCE

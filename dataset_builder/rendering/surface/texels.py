@@ -9,8 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dataset_builder.assets.asset import Material, Texture
-from dataset_builder.assets.glass_kinds import disperses, is_pane, is_solid
+from dataset_builder.assets.asset import Material, Texture, disperses, is_pane, is_solid
 from dataset_builder.errors import PlanError, Problem
 
 CHANNELS = 8

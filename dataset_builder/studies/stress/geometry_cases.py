@@ -4,10 +4,8 @@ import math
 
 import numpy as np
 
-from dataset_builder.geometry.edges import unit
-from dataset_builder.geometry.noise import bounding_radius, displace
-from dataset_builder.geometry.normals import corner_normals
-from dataset_builder.geometry.rough_base import rough_base
+from dataset_builder.geometry.edges import corner_normals, unit
+from dataset_builder.geometry.rough_base import bounding_radius, displace, rough_base
 from dataset_builder.rendering.scene.triangle_soup import Soup, merge
 from dataset_builder.seeding import rng
 from dataset_builder.studies.stress.bench import (
@@ -81,7 +79,7 @@ def _cosine(normal: tuple[float, float, float]) -> float:
            expectation="faces without area, points and lines, change nothing",
            failure="NaN normals that spread, or slits where a face without area hides its neighbours")
 def zero_area_faces(size: Size) -> CaseMeasured:
-    """Repeated corners, and three corners in a row, with normals from `geometry.normals`."""
+    """Repeated corners, and three corners in a row, with normals from `geometry.edges`."""
     mesh = box_mesh((-0.8, -0.8, -0.8), (0.8, 0.8, 0.8))
     extra = np.array([[0, 0, 0], [1, 1, 3], [0, len(mesh.positions), 3], [3, len(mesh.positions), 0]])
     flat = bare(np.concatenate([mesh.positions, mesh.positions[[0, 3]].mean(axis=0, keepdims=True)]),

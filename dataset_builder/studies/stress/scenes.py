@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from dataset_builder.assets.asset import Material
+from dataset_builder.geometry.edges import corner_normals
 from dataset_builder.geometry.mesh import TriangleMesh
-from dataset_builder.geometry.normals import corner_normals
 from dataset_builder.label.light_plan import IlluminationPlan, LightPlan
 from dataset_builder.label.scene_plan import CameraPlan
 from dataset_builder.planning.scene.arrangement import ROOM_INSTANCE, TARGET_INSTANCE
@@ -42,7 +42,7 @@ def bare(positions: np.ndarray, faces: np.ndarray | Sequence[Sequence[int]]) -> 
 
 def standing(mesh: TriangleMesh, material: Material, instance: int = TARGET_INSTANCE,
              normals: np.ndarray | None = None) -> Soup:
-    """A mesh as the renderer gets it; without normals, those of `geometry.normals`."""
+    """A mesh as the renderer gets it; without normals, those of `geometry.edges`."""
     return soup_of(mesh, corner_normals(mesh) if normals is None else normals, (material,), np.eye(4), instance)
 
 

@@ -8,9 +8,9 @@ import pytest
 from dataset_builder.assets.asset import Texture
 from dataset_builder.assets.procedural import textures
 from dataset_builder.assets.procedural.boxes import bevelled_box, plate
-from dataset_builder.assets.procedural.noise_fields import normals_of, smooth_noise
 from dataset_builder.assets.procedural.round_solids import bar, disc, hoop
 from dataset_builder.assets.procedural.soft import cushion, pillow
+from dataset_builder.assets.procedural.textures import normals_of, smooth_noise
 from dataset_builder.seeding import rng
 
 LIGHT, DARK = np.array([0.5, 0.35, 0.2]), np.array([0.2, 0.1, 0.05])

@@ -7,8 +7,17 @@ import pytest
 
 from dataset_builder.errors import PlanError
 from dataset_builder.label.scene_plan import RoomPlan
-from dataset_builder.planning.scene.footprint import Box, Footprint, footprint, overlap
-from dataset_builder.planning.scene.layout import Layout, Piece, Place, front_zone, lay_out
+from dataset_builder.planning.scene.layout import (
+    Box,
+    Footprint,
+    Layout,
+    Piece,
+    Place,
+    footprint,
+    front_zone,
+    lay_out,
+    overlap,
+)
 from dataset_builder.seeding import rng
 
 RoomOf = Callable[..., RoomPlan]

@@ -11,9 +11,8 @@ from dataset_builder.digest import sha256_file
 from dataset_builder.errors import PlanError
 from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.planning.view import lights as planned
-from dataset_builder.planning.view.blackbody import LUMINANCE
 from dataset_builder.planning.view.cameras import place_camera
-from dataset_builder.planning.view.irradiance import direct_irradiance
+from dataset_builder.planning.view.emission import LUMINANCE, direct_irradiance
 from dataset_builder.planning.view.lights import LitView, Stream, sky_share, source_light, target_light
 from dataset_builder.seeding import rng
 from dataset_builder.spec.camera import CameraSpec

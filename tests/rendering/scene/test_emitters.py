@@ -11,7 +11,7 @@ import pytest
 
 from dataset_builder.digest import sha256_file
 from dataset_builder.errors import PlanError
-from dataset_builder.planning.view.blackbody import LUMINANCE
+from dataset_builder.planning.view.emission import LUMINANCE
 from dataset_builder.rendering.scene.emitters import emitters
 from dataset_builder.rendering.scene.images import environment, lamp_texture, mean_luminance, read_image
 from dataset_builder.spec.image_source import ENVIRONMENT_SUFFIXES, TEXTURE_SUFFIXES

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dataset_builder.label.scene_plan import FogPlan
-from dataset_builder.planning.view.irradiance import direct_irradiance
+from dataset_builder.planning.view.emission import direct_irradiance
 from dataset_builder.rendering.scene.local_frame import LocalFrame
 from tests.small_scenes import ball, camera, light, lit_by, matte
 

@@ -5,8 +5,15 @@ import itertools
 import numpy as np
 import pytest
 
-from dataset_builder.assets.asset import Material, Texture
-from dataset_builder.assets.glass_kinds import disperses, is_pane, is_solid, metallic_range, roughness_range
+from dataset_builder.assets.asset import (
+    Material,
+    Texture,
+    disperses,
+    is_pane,
+    is_solid,
+    metallic_range,
+    roughness_range,
+)
 from dataset_builder.planning.effects.features import _CALLS
 from dataset_builder.rendering.surface.texels import needs
 

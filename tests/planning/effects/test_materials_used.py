@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dataset_builder.assets.asset import Material, Texture
-from dataset_builder.planning.effects.albedo import glass_share, mean_schlick, scattered_share
+from dataset_builder.planning.effects.materials_used import glass_share, mean_schlick, scattered_share
 from dataset_builder.rendering.surface.reflectance import COSINES, split_sum_table
 
 SHARES = st.floats(0, 1)
