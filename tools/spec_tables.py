@@ -18,6 +18,7 @@ from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.model import Model
 from dataset_builder.spec.numbers import TAG
+from dataset_builder.spec.problems import shown
 from dataset_builder.spec.rough import RoughSpec
 from dataset_builder.spec.scene import ObjectSpec, RoomSpec, SceneSpec
 
@@ -173,7 +174,7 @@ def default_of(field: FieldInfo) -> str:
     if field.default is PydanticUndefined:
         return "required"
     if isinstance(field.default, Model):
-        return "its defaults"
+        return f"`{shown(field.default.model_dump())}`" if is_number(field.annotation) else "its defaults"
     if field.default in (None, "", (), {}):
         return "none"
     return f"`{plain(field.default)}`"

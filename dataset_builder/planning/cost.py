@@ -13,6 +13,7 @@ from dataset_builder.layers import LAYERS, PASSES, Extent
 from dataset_builder.planning.catalogue import ExampleRef, ViewRef, count_examples, views_of
 from dataset_builder.planning.effects.denoise_guides import FACTOR, REPEATS
 from dataset_builder.planning.plan import Planner, first_plan, layers_asked
+from dataset_builder.planning.view.cameras import narrow_views
 from dataset_builder.planning.view.visibility import window_share
 from dataset_builder.seeding import rng
 from dataset_builder.spec.dataset import DatasetSpec
@@ -76,9 +77,11 @@ class CostEstimate:
     tried: int
     """Views that planning tried."""
     planned: int
-    """Those of them that can be planned."""
+    """Those that can be."""
     runs: Mapping[str, int]
     """Launches of each pass for the examples themselves."""
+    warnings: tuple[str, ...] = ()
+    """What a dataset is better without, one sentence each."""
 
 
 def _pass_of(layer: str) -> str:
@@ -208,10 +211,11 @@ def _chosen(spec: DatasetSpec, views: Sequence[ViewRef], share: float) -> list[V
     return [views[k] for k in sorted(picked)]
 
 
-def _split_cost(planner: Planner, views: Sequence[ViewRef], lights: int, rates: Rates, cores: int) -> list[Cost]:
-    """Cost of each of some views of one split, planned for real under their first light, where they can be planned."""
+def _split_cost(planner: Planner, views: Sequence[ViewRef], lights: int, rates: Rates,
+                cores: int) -> list[tuple[ExamplePlan, Cost]]:
+    """Plan and cost of each of some views of one split under their first light, where they can be planned."""
     spec = planner.loaded.dataset
-    costs, problems = list[Cost](), list[Problem]()
+    costs, problems = list[tuple[ExamplePlan, Cost]](), list[Problem]()
     for ref in views:
         try:
             plan = planner.example(ExampleRef(index=0, view=ref, light=0, level=0))
@@ -220,7 +224,8 @@ def _split_cost(planner: Planner, views: Sequence[ViewRef], lights: int, rates: 
             continue
         window = window_share(planner.arrangement(ref.pair),
                               Pinhole.of(plan.camera, spec.image.width, spec.image.height))
-        costs.append(view_cost(plan, lights, len(spec.rough.levels), window, spec.storage.dtype, rates, cores))
+        levels, dtype = len(spec.rough.levels), spec.storage.dtype
+        costs.append((plan, view_cost(plan, lights, levels, window, dtype, rates, cores)))
     if not costs:
         raise PlanError(problems)
     return costs
@@ -234,18 +239,17 @@ def estimate(planner: Planner, views: int = 24, rates: Rates | None = None, core
     in a split can be planned.
     """
     spec, _ = planner.loaded.dataset, planner.contents
-    total, variance, tried, planned, runs = np.zeros(5), np.zeros(5), 0, 0, dict.fromkeys(RUNS, 0)
+    total, variance, tried, planned, runs = np.zeros(5), np.zeros(5), 0, list[ExamplePlan](), dict.fromkeys(RUNS, 0)
     views_by_split = {split.name: views_of(spec, split) for split in spec.splits}
     count = sum(map(len, views_by_split.values()))
     for split in spec.splits:
-        own = views_by_split[split.name]
-        chosen = _chosen(spec, own, views / count)
+        chosen = _chosen(spec, own := views_by_split[split.name], views / count)
         costs = _split_cost(planner, chosen, split.lights, rates or Rates(), cores)
-        whole, error = extrapolate(costs, len(own))
+        whole, error = extrapolate([cost for _, cost in costs], len(own))
         total, variance = total + astuple(whole), variance + np.square(astuple(error))
-        tried, planned = tried + len(chosen), planned + len(costs)
+        tried, planned = tried + len(chosen), planned + [plan for plan, _ in costs]
         for name, times in pass_runs(layers_asked(spec), split.lights, len(spec.rough.levels)).items():
             runs[name] += times * len(own)
-    total = total + astuple(calibration_cost(planner, rates or Rates(), cores))
-    return CostEstimate(total=Cost.of(total), error=Cost.of(np.sqrt(variance)), examples=count_examples(spec),
-                        views=count, tried=tried, planned=planned, runs=runs)
+    return CostEstimate(total=Cost.of(total + astuple(calibration_cost(planner, rates or Rates(), cores))), views=count,
+                        error=Cost.of(np.sqrt(variance)), examples=count_examples(spec), tried=tried, runs=runs,
+                        planned=len(planned), warnings=tuple(narrow_views(planned)))

@@ -52,6 +52,8 @@ def estimate_table(estimate: CostEstimate, cores: int) -> Table:
     if failed := estimate.tried - estimate.planned:
         table.add_row("cannot be planned", f"{failed} of the {estimate.tried} views tried cannot be planned",
                       style="red")
+    for warning in estimate.warnings:
+        table.add_row("warning", warning, style="red")
     for name, count in estimate.runs.items():
         table.add_row(f"passes: {name}", f"{count}")
     total, error = estimate.total, estimate.error

@@ -106,6 +106,16 @@ def test_what_a_dataset_will_cost(small_spec: Path) -> None:
     assert row(text, "passes") == ["34"] and "MiB" in row(text, "size")[0]
 
 
+def test_views_from_one_side_alone_are_told(small_spec: Path) -> None:
+    """As many as there are, or as a sample of them; the small dataset's own cameras go round."""
+    views = ["splits.train.views=3", "camera.coverage=[0.02, 0.5]", "camera.visibility=0.2"]
+    told = []
+    for camera in ([], ["camera.azimuth=30", "camera.elevation=20"]):
+        planner = Planner(load_dataset(small_spec, [*views, *camera]))
+        told.append("warning" in printed([estimate_table(estimate(planner, views=100), 1)]))
+    assert told == [False, True]
+
+
 def test_views_that_cannot_be_planned_are_told(small_spec: Path) -> None:
     found = replace(estimate(Planner(load_dataset(small_spec)), views=3), tried=5)
     assert "2 of the 5 views tried cannot be planned" in printed([estimate_table(found, cores=2)])

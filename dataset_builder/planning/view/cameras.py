@@ -10,6 +10,7 @@ import numpy as np
 
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.geometry.pinhole import Pinhole
+from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.label.scene_plan import CameraPlan, Vector
 from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.planning.view.visibility import Sight, look, silhouette_area
@@ -23,6 +24,8 @@ MIN_COVERAGE = 1e-3
 """What a drawn coverage of 0 is taken as, to have a finite distance."""
 DIRECTIONS = 8
 """Directions per draw that are looked along for depth of room, which costs little."""
+NARROW, FEW = 10.0, 3
+"""Degrees about their mean that views are told to be alike within, and views that this takes at least."""
 Reason = Literal["room", "clearance", "coverage", "hidden"]
 _SAID: dict[Reason, str] = {
     "room": "outside the room at any coverage (distances needed: {low:.2f} to {high:.2f} m)",
@@ -195,3 +198,32 @@ def place_camera(arrangement: Arrangement, spec: CameraSpec, image: ImageSpec, r
     rule = (f"expected a camera that sees the object on {low:g} to {high:g} of the frame with visibility >= "
             f"{spec.visibility:g} and clearance >= {spec.clearance:g} m, got none in {spec.attempts} draws: {said}")
     raise PlanError([Problem(where=where, path="camera", rule=rule, hint=hint)])
+
+
+def narrow_views(plans: Sequence[ExamplePlan]) -> list[str]:
+    """One sentence for each object whose planned views all look at it from within `NARROW` degrees of their mean.
+
+    Objects with fewer than `FEW` planned views are judged together where none has more.
+    """
+    ways: dict[str, list[np.ndarray]] = {}
+    for plan in plans:
+        ways.setdefault(plan.target.object.name, []).append(_own_direction(plan))
+    if all(len(own) < FEW for own in ways.values()):
+        ways = {f"each of {len(ways)} objects": [way for own in ways.values() for way in own]}
+    spreads = {name: _spread(np.array(own)) for name, own in ways.items() if len(own) >= FEW}
+    return [f"{len(ways[name])} views of {name} are all within {max(spread, 1):.0f} degrees of one direction: widen "
+            "`camera.azimuth` and `camera.elevation`" for name, spread in spreads.items() if spread < NARROW]
+
+
+def _own_direction(plan: ExamplePlan) -> np.ndarray:
+    """(3,) unit vector from the object to the camera, in the object's own axes."""
+    x, y, z = np.subtract(plan.camera.position, plan.camera.target)
+    c, s = np.cos(yaw := radians(plan.target.yaw)), np.sin(yaw)
+    return np.array([c * x + s * y, c * y - s * x, z]) / sqrt(x * x + y * y + z * z)
+
+
+def _spread(ways: np.ndarray) -> float:
+    """Largest angle in degrees between unit vectors (N, 3) and their mean."""
+    mean = ways.mean(axis=0)
+    cosines = ways @ mean / max(float(np.linalg.norm(mean)), 1e-9)
+    return float(np.degrees(np.arccos(np.clip(cosines, -1, 1))).max())

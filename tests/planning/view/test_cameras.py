@@ -7,13 +7,15 @@ import pytest
 
 from dataset_builder.errors import PlanError
 from dataset_builder.geometry.pinhole import Pinhole
+from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.label.scene_plan import CameraPlan, RoomPlan
 from dataset_builder.planning.scene.arrangement import Arrangement
-from dataset_builder.planning.view.cameras import place_camera, towards
+from dataset_builder.planning.view.cameras import narrow_views, place_camera, towards
 from dataset_builder.planning.view.visibility import look, rays, silhouette_area, window_share
 from dataset_builder.seeding import rng
 from dataset_builder.spec.camera import CameraSpec
 from dataset_builder.spec.render import ImageSpec
+from tests.plans import example_plan, object_plan
 
 BoxStage = Callable[..., Arrangement]
 CHAIR = ((-0.3, -0.25, 0.0), (0.3, 0.25, 0.9))
@@ -125,3 +127,37 @@ def test_pixels_of_the_frame_span_its_field_of_view() -> None:
     assert degrees(atan(np.abs(x[inside]).max())) == pytest.approx(40, abs=1)
     assert np.abs(z[inside]).max() == pytest.approx(tan(radians(40)) / 2, rel=0.04)
     assert inside.mean() == pytest.approx(0.25)
+
+
+def planned_views(spec: CameraSpec, arrangement: Arrangement, count: int,
+                  name: str = "train-box-00") -> list[ExamplePlan]:
+    target = arrangement.target.model_copy(update={"object": object_plan(name, "box")})
+    return [example_plan(k).model_copy(update={
+        "target": target, "camera": place_camera(arrangement, spec, ImageSpec(), rng(4, name, k), "").camera})
+        for k in range(count)]
+
+
+def test_views_from_one_side_are_told(box_arrangement: BoxStage) -> None:
+    """Whichever way the object is turned: what counts is the side that is seen."""
+    frontal = CameraSpec.model_validate({"azimuth": 20, "elevation": 15})
+    turned = [planned_views(frontal, box_arrangement(CHAIR, yaw=yaw), 2)[k] for k, yaw in enumerate((0.0, 140.0))]
+    views = [*turned, *planned_views(frontal, box_arrangement(CHAIR, yaw=90.0), 4)]
+    sentence, = narrow_views(views)
+    assert sentence.startswith("6 views of train-box-00 are all within ") and "`camera.azimuth`" in sentence
+    assert not narrow_views(views[:2])
+    others = planned_views(CameraSpec(), box_arrangement(CHAIR), 6, "train-box-01")
+    assert not narrow_views(others) and narrow_views([*views, *others]) == [sentence]
+
+
+def test_objects_of_few_views_are_told_together(box_arrangement: BoxStage) -> None:
+    frontal = CameraSpec.model_validate({"azimuth": 0, "elevation": 15})
+    views = [planned_views(frontal, box_arrangement(CHAIR), 1, f"train-box-{k:02d}")[0] for k in range(4)]
+    assert narrow_views(views)[0].startswith("4 views of each of 4 objects are all within")
+
+
+def test_cameras_go_round_the_object_unless_told_otherwise(box_arrangement: BoxStage) -> None:
+    views = planned_views(CameraSpec(), box_arrangement(CHAIR), 40)
+    ways = np.array([np.subtract(view.camera.position, view.camera.target) for view in views])
+    quarters = {(x > 0, y > 0) for x, y, _ in ways}
+    rises = np.degrees(np.arcsin(ways[:, 2] / np.linalg.norm(ways, axis=1)))
+    assert len(quarters) == 4 and rises.min() > -5 and rises.max() < 55 and np.ptp(rises) > 25
