@@ -7,16 +7,21 @@ from dataset_builder.errors import Problem
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.document import Document
 from dataset_builder.spec.families import FAMILIES, Family
+from dataset_builder.spec.licences import contradiction, licence_of
 from dataset_builder.spec.mesh_source import MESH_SUFFIXES, MeshSource, companions, mesh_source
 from dataset_builder.spec.numbers import AnyNumber, check_within
 from dataset_builder.spec.problems import nearest, shown
 from dataset_builder.spec.scene import ObjectSpec
 
+NO_LICENCE = "expected a `licence` beside it, the key is missing"
+LICENCE_OF_MESH = ("`licence: CC-BY-4.0`, or whatever SPDX identifier the mesh is published under; `CC0-1.0` only "
+                   "where its author gave up all rights")
+
 
 def check_object(spec: ObjectSpec, document: Document) -> list[Problem]:
-    """What is wrong with the family of an object and its parameters."""
+    """What is wrong with the family of an object and its parameters, or with a mesh file's licence."""
     if spec.family is None:
-        return []
+        return [] if spec.licence else [document.problem(("file",), NO_LICENCE, "write " + LICENCE_OF_MESH)]
     family = FAMILIES.get(spec.family)
     if family is None:
         hint = nearest(spec.family, [*FAMILIES])
@@ -89,3 +94,17 @@ def check_splits(dataset: DatasetSpec, document: Document, meshes: Mapping[str, 
                 problems.append(document.problem(("splits", number, "objects", "from", index), "expected objects that "
                                                  f"no other split has, got a mesh file of split {owner}"))
     return problems
+
+
+def check_licence(dataset: DatasetSpec, document: Document, objects: Mapping[str, ObjectSpec]) -> str | Problem:
+    """The licence of a dataset with these objects: the given one, or what follows from theirs; or what is wrong."""
+    parts = {key: spec.licence for key, spec in objects.items() if spec.licence}
+    if not dataset.licence:
+        found, why = licence_of(parts)
+        rule = f"expected a `licence` of the dataset, since none follows from its objects: {why}"
+        return found or document.problem((), rule, "write `licence:` and the SPDX identifier it is to have, or leave "
+                                                   "the object out")
+    if why := contradiction(dataset.licence, parts):
+        return document.problem(("licence",), f"expected one that its objects allow, got {dataset.licence}: {why}",
+                                "leave the key out, and it follows from the objects")
+    return dataset.licence

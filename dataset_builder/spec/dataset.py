@@ -6,6 +6,7 @@ from pydantic import AfterValidator, Field, Tag, model_validator
 
 from dataset_builder.layers import LAYERS, PAPER_LAYERS, Extent
 from dataset_builder.spec.camera import CameraSpec
+from dataset_builder.spec.licences import Licence
 from dataset_builder.spec.light import SourceSpec, TargetSpec
 from dataset_builder.spec.model import Model, broken
 from dataset_builder.spec.numbers import Interval, PositiveInt, Share, branches, interval
@@ -112,8 +113,8 @@ class DatasetSpec(Model):
     """Human-readable title; if empty, the name is used."""
     description: str = ""
     """One or two sentences for the card."""
-    licence: str = "CC0-1.0"
-    """SPDX identifier of the dataset."""
+    licence: Licence = ""
+    """SPDX identifier of the dataset; if empty, it follows from those of the objects. It must keep what theirs ask."""
     seed: Annotated[int, Field(ge=0, lt=2**64)] = 0
     """Seed of all random draws; 0 is a valid seed."""
     image: ImageSpec = ImageSpec()

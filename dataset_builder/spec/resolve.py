@@ -9,11 +9,12 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 
 from dataset_builder.errors import Problem, SpecError
-from dataset_builder.spec.check import check_object, check_splits, files_like, find_mesh
+from dataset_builder.spec.check import check_licence, check_object, check_splits, files_like, find_mesh
 from dataset_builder.spec.dataset import DatasetSpec, ObjectsSpec, ScenesSpec, SplitSpec
 from dataset_builder.spec.document import Document
 from dataset_builder.spec.families import FAMILIES
 from dataset_builder.spec.image_source import find_images
+from dataset_builder.spec.licences import FREE
 from dataset_builder.spec.loaded import LoadedSpec
 from dataset_builder.spec.mesh_source import MeshSource
 from dataset_builder.spec.model import Model
@@ -64,6 +65,11 @@ class Resolver:
         if spec is not None:
             spec = spec.model_copy(update={"splits": tuple(map(_keyed_split, spec.splits))})
             self.problems += check_splits(spec, document, self.meshes)
+            licence = check_licence(spec, document, _found(self.objects))
+            if isinstance(licence, Problem):
+                self.problems.append(licence)
+            else:
+                spec = spec.model_copy(update={"licence": licence})
         if self.problems or spec is None:
             raise SpecError(dict.fromkeys(self.problems))
         return LoadedSpec(path=self.root, dataset=spec, objects=_found(self.objects), scenes=_found(self.scenes),
@@ -106,9 +112,10 @@ class Resolver:
             self.problems.append(mesh)
         elif mesh:
             self.meshes[key] = mesh
-        if not spec.category:
-            family = FAMILIES.get(spec.family or "")
-            self.objects[key] = spec.model_copy(update={"category": family.category if family else "object"})
+        family = FAMILIES.get(spec.family or "")
+        self.objects[key] = spec.model_copy(update={
+            "category": spec.category or (family.category if family else "object"),
+            "licence": spec.licence or (FREE if spec.family else "")})
 
     def _scene(self, key: str) -> None:
         if key in self.scenes or (document := self._read(key)) is None:

@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from dataset_builder.spec.licences import Licence
 from dataset_builder.spec.model import Model, broken
 from dataset_builder.spec.numbers import AnyNumber, within
 
@@ -87,8 +88,8 @@ class ObjectSpec(Model):
     An unknown name is an error that lists the known ones."""
     category: str = ""
     """If empty, taken from the family."""
-    licence: str = "CC0-1.0"
-    """SPDX identifier; written into the label of every example with this object."""
+    licence: Licence = ""
+    """SPDX identifier, required with `file`; embedded furniture is CC0-1.0. In the label of every example with it."""
     scale: Annotated[float, Field(gt=0)] = 1.0
     """Factor from file units to metres."""
     up: Literal["x", "y", "z"] = "y"

@@ -28,7 +28,7 @@ def test_paths_are_followed_from_the_file_that_names_them(tiny) -> None:
 
 
 def test_meshes_are_found_beside_their_spec(tiny) -> None:
-    files = {"objects/chair.yaml": "file: parts/a.obj\nscale: 0.01\n",
+    files = {"objects/chair.yaml": "file: parts/a.obj\nscale: 0.01\nlicence: CC0-1.0\n",
              "objects/parts/a.obj": "mtllib a.mtl\n" + TRIANGLE,
              "objects/parts/a.mtl": "newmtl x\nmap_Kd -s 1 1 1 wood.png\n", "objects/parts/wood.png": b"pixels"}
     path = tiny(**files)
@@ -69,8 +69,8 @@ def test_the_digest_follows_the_content(tiny, file: str, old: str, new: str) -> 
     lights = "source: {environment: sun.hdr}\ntarget: {environment: moon.exr, textures: [lamps/a.png, lamps/b.exr]}\n"
     train_only = tiny().read_text().split("  - name: test")[0] + lights
     shown = {"sun.hdr": "noon", "moon.exr": "full", "lamps/a.png": "red", "lamps/b.exr": "green"}
-    files = shown | {"tiny.yaml": train_only, "objects/stool.yaml": "file: s.gltf\n", "objects/s.gltf": gltf,
-             "objects/s.bin": "bytes", "objects/s.png": "pixels"}
+    files = shown | {"tiny.yaml": train_only, "objects/stool.yaml": "file: s.gltf\nlicence: CC0-1.0\n",
+             "objects/s.gltf": gltf, "objects/s.bin": "bytes", "objects/s.png": "pixels"}
     path = tiny(**files)
     before = load_dataset(path).spec_digest
     text = (path.parent / file).read_text()

@@ -92,8 +92,10 @@ def test_one_broken_rule_is_one_problem(in_folder, extra: str, message: str) -> 
      "objects/chair.yaml:2: params.width: expected in [0.38, 0.6], got 40 (across the seat, unit m)"),
     ("objects/chair.yaml", "category: x\n", "chair.yaml:1: expected exactly one of `family` and `file`, got neither"),
     ("objects/chair.yaml", "file: a.ply\n\nparams: {a: 1}\n", "objects/chair.yaml:3: params: expected no parameters"),
-    ("objects/chair.yaml", "file: a.ply\n", "objects/chair.yaml:1: file: expected a mesh file, found none at 'a.ply'"),
-    ("objects/chair.yaml", "file: a.stl\n", "expected a file that ends in one of .glb .gltf .obj .ply, got 'a.stl'"),
+    ("objects/chair.yaml", "file: a.ply\nlicence: CC0-1.0\n",
+     "objects/chair.yaml:1: file: expected a mesh file, found none at 'a.ply'"),
+    ("objects/chair.yaml", "file: a.stl\nlicence: CC0-1.0\n",
+     "expected a file that ends in one of .glb .gltf .obj .ply, got 'a.stl'"),
     ("scenes/den.yaml", "room: ../rooms/dem.yaml\n", "scenes/den.yaml:1: room: expected a spec file, found none at "
      "'../rooms/dem.yaml' (nearest known file: den.yaml)"),
     ("scenes/den.yaml", "furniture: []\n", "scenes/den.yaml:1: room: expected a value, the key is missing"),
@@ -178,7 +180,8 @@ TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 def test_splits_share_no_mesh_file(in_folder) -> None:
     split = "  - {{name: {0}, objects: {{count: 1, from: [{1}]}}, scenes: {{count: 1, from: [scenes/den.yaml]}}}}\n"
     text = "name: tiny\nsplits:\n" + split.format("a", "objects/chair.yaml") + split.format("b", "objects/stool.yaml")
-    mesh = {"objects/chair.yaml": "file: a.obj\n", "objects/a.obj": TRIANGLE, "objects/stool.yaml": "file: b.obj\n"}
+    mesh = {"objects/chair.yaml": "file: a.obj\nlicence: CC0-1.0\n", "objects/a.obj": TRIANGLE,
+            "objects/stool.yaml": "file: b.obj\nlicence: CC0-1.0\n"}
     assert load_dataset(in_folder(**{"tiny.yaml": text, "objects/b.obj": TRIANGLE + "# other\n"} | mesh)).meshes
     assert messages(in_folder(**{"tiny.yaml": text, "objects/b.obj": TRIANGLE} | mesh)) == [
         "tiny.yaml:4: splits[1].objects.from[0]: expected objects that no other split has, got a mesh file of split a"]
@@ -186,7 +189,8 @@ def test_splits_share_no_mesh_file(in_folder) -> None:
 
 def test_a_mesh_file_is_one_object(in_folder) -> None:
     text = HEAD.replace("count: 2", "count: 3")
-    path = in_folder(**{"tiny.yaml": text, "objects/chair.yaml": "file: a.obj\n", "objects/a.obj": TRIANGLE})
+    path = in_folder(**{"tiny.yaml": text, "objects/chair.yaml": "file: a.obj\nlicence: CC0-1.0\n",
+                        "objects/a.obj": TRIANGLE})
     assert messages(path) == ["tiny.yaml:4: splits[0].objects.count: expected <= 2, since each mesh file is one "
                               "object, got 3"]
 
@@ -198,6 +202,7 @@ def test_a_mesh_file_is_one_object(in_folder) -> None:
     ("a.gltf", "[]", "expected a .gltf file, got one that cannot be read"),
 ])
 def test_files_that_a_mesh_needs(in_folder, name: str, content: str, message: str) -> None:
-    found = messages(in_folder(**{"objects/chair.yaml": f"file: {name}\n", f"objects/{name}": content}))
+    spec = f"file: {name}\nlicence: CC0-1.0\n"
+    found = messages(in_folder(**{"objects/chair.yaml": spec, f"objects/{name}": content}))
     assert len(found) == 1
     assert message in found[0]

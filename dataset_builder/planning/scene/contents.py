@@ -15,6 +15,7 @@ from dataset_builder.planning.scene.layout import Place
 from dataset_builder.seeding import derive_seed, rng
 from dataset_builder.spec.dataset import SplitSpec
 from dataset_builder.spec.families import FAMILIES, FamilyParam
+from dataset_builder.spec.licences import FREE
 from dataset_builder.spec.loaded import LoadedSpec
 from dataset_builder.spec.numbers import AnyNumber, draw
 from dataset_builder.spec.scene import FogSpec, ObjectSpec, RoomSpec
@@ -64,7 +65,7 @@ def object_plan(loaded: LoadedSpec, key: str, split: str, path: Path, number: in
     spec, seed = loaded.objects[key], loaded.dataset.seed
     category = spec.category or (FAMILIES[spec.family].category if spec.family else "object")
     name = "-".join(filter(None, (split, role, category, f"{number:02d}")))
-    shared: dict[str, Any] = {"name": name, "category": category, "licence": spec.licence,
+    shared: dict[str, Any] = {"name": name, "category": category, "licence": spec.licence or FREE,
                               "seed": str(derive_seed(seed, *path, "material")),
                               "materials": drawn_changes(spec.materials, seed, (*path, "materials"))}
     if spec.family is not None:
