@@ -6,10 +6,9 @@ from collections.abc import Sequence
 
 from dataset_builder import __version__
 from dataset_builder.cli import build, evaluate, inspect, stress, study, table, train, validate
+from dataset_builder.cli.interrupt import guarded
 from dataset_builder.errors import UserError
 from dataset_builder.extras import missing_named
-
-INTERRUPTED = 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -17,15 +16,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser().parse_args(arguments)
     try:
         with missing_named():
-            return options.run(options)
+            return guarded(lambda: options.run(options))
     except UserError as error:
         for problem in error.problems:
             print(f"error: {problem}", file=sys.stderr)
         return 2
-    except KeyboardInterrupt:
-        print("interrupted: finished examples and checkpoints are kept; run the same command again to continue",
-              file=sys.stderr)
-        return INTERRUPTED
     except BrokenPipeError:
         return 0
 

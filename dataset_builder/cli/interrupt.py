@@ -1,0 +1,70 @@
+"""Ctrl-C ends a command in one way, wherever it strikes: one line, exit code 130.
+
+Libraries written in C++ turn the KeyboardInterrupt that strikes in one of their callbacks into an error of their own, or
+print it and go on. So it is noted that Ctrl-C struck, and a command that has not ended soon afterwards is ended.
+"""
+
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable
+from types import FrameType
+
+INTERRUPTED = 130
+"""Exit code, as shells have it."""
+
+PATIENCE = 4.0
+"""Seconds that a command has to end by itself."""
+
+
+def guarded(work: Callable[[], int]) -> int:
+    """The exit code of `work`, or 130 where Ctrl-C ended it; a second Ctrl-C ends the process at once."""
+    struck, timer = threading.Event(), threading.Timer(PATIENCE, _end)
+    timer.daemon = True
+
+    def strike(number: int, frame: FrameType | None) -> None:
+        if struck.is_set():
+            _end()
+        struck.set()
+        # Python would print an interrupt that strikes while something is disposed of
+        sys.unraisablehook = lambda _: None
+        timer.start()
+        raise KeyboardInterrupt
+
+    alone = threading.current_thread() is threading.main_thread()
+    before, hook = signal.signal(signal.SIGINT, strike) if alone else None, sys.unraisablehook
+    try:
+        code = work()
+        if not struck.is_set():
+            return code
+    except BaseException as error:
+        if not struck.is_set() and not isinstance(error, KeyboardInterrupt):
+            raise
+    finally:
+        timer.cancel()
+        sys.unraisablehook = hook
+        if alone:
+            signal.signal(signal.SIGINT, before)
+    _tell()
+    return INTERRUPTED
+
+
+def leave(code: int) -> None:
+    """End the process. After an interrupt nothing is disposed of: Python would die of the signal instead where it struck
+    in an `exec`, and libraries complain."""
+    if code == INTERRUPTED:
+        sys.stdout.flush()
+        os._exit(code)
+    sys.exit(code)
+
+
+def _tell() -> None:
+    print("interrupted: finished examples and checkpoints are kept; run the same command again to continue",
+          file=sys.stderr, flush=True)
+
+
+def _end() -> None:
+    """End the process where it stands: what it writes is written aside and renamed, and its children follow it."""
+    _tell()
+    os._exit(INTERRUPTED)
