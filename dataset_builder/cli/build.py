@@ -6,7 +6,7 @@ from pathlib import Path
 from time import perf_counter
 
 from dataset_builder.api import DATASETS
-from dataset_builder.cli.options import Verbs, add_backend, add_spec, add_verb, positive
+from dataset_builder.cli.options import Verbs, add_backend, add_spec, add_verb, plain_console, positive
 from dataset_builder.processes import cores
 
 
@@ -27,8 +27,6 @@ def add(verbs: Verbs) -> None:
 
 
 def _plan(options: argparse.Namespace) -> int:
-    from rich.console import Console
-
     from dataset_builder.planning.cost import estimate
     from dataset_builder.planning.plan import Planner, first_plan, plan_example
     from dataset_builder.report.console import decisions_table, estimate_table
@@ -39,15 +37,13 @@ def _plan(options: argparse.Namespace) -> int:
         print(json.dumps(plan_example(loaded, index).model_dump(mode="json"), indent=2))
     if not options.example:
         planner = Planner(loaded)
-        Console().print(estimate_table(estimate(planner, views=options.views, cores=cores()), cores()))
+        plain_console().print(estimate_table(estimate(planner, views=options.views, cores=cores()), cores()))
         if first := first_plan(planner):
-            Console().print(decisions_table(first))
+            plain_console().print(decisions_table(first))
     return 0
 
 
 def _build(options: argparse.Namespace) -> int:
-    from rich.console import Console
-
     from dataset_builder.builder import build
     from dataset_builder.engine.unit import Outcome
     from dataset_builder.rendering.backend import choose
@@ -55,7 +51,7 @@ def _build(options: argparse.Namespace) -> int:
     from dataset_builder.report.contact_sheet import write_contact_sheet
     from dataset_builder.spec.load import load_dataset
 
-    console, start = Console(), perf_counter()
+    console, start = plain_console(), perf_counter()
     loaded = load_dataset(options.spec, options.overrides)
     console.print(f"backend: {choose(options.backend).summary}", highlight=False)
     folder = options.out or DATASETS / loaded.dataset.name

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from dataset_builder.api import DATASETS
-from dataset_builder.cli.options import Verbs, add_folder, add_verb, positive
+from dataset_builder.cli.options import Verbs, add_folder, add_verb, plain_console, positive
 
 
 def add(verbs: Verbs) -> None:
@@ -23,24 +23,20 @@ def add(verbs: Verbs) -> None:
 
 
 def _doctor(options: argparse.Namespace) -> int:
-    from rich.console import Console
-
     from dataset_builder.report.console import finding_table
     from dataset_builder.report.doctor import examine
 
     findings = examine(options.out)
-    Console().print(finding_table(findings))
+    plain_console().print(finding_table(findings))
     return 1 if any(finding.mend for finding in findings) else 0
 
 
 def _inspect(options: argparse.Namespace) -> int:
-    from rich.console import Console
-
     from dataset_builder.report.contact_sheet import write_contact_sheet
     from dataset_builder.report.dataset_summary import summary_tables
 
     for table in summary_tables(options.folder):
-        Console().print(table)
+        plain_console().print(table)
     sheet = options.sheet or options.folder / "previews" / "contact_sheet.png"
     write_contact_sheet(options.folder, sheet, rows=options.rows)
     print(f"contact sheet: {sheet}")
@@ -63,12 +59,10 @@ def _verify(options: argparse.Namespace) -> int:
 
 
 def _families(options: argparse.Namespace) -> int:
-    from rich.console import Console
-
     from dataset_builder.report.family_tables import family_tables
 
     for table in family_tables(options.family):
-        Console().print(table)
+        plain_console().print(table)
     return 0
 
 

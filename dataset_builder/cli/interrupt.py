@@ -1,7 +1,7 @@
 """Ctrl-C ends a command in one way, wherever it strikes: one line, exit code 130.
 
-Libraries written in C++ turn the KeyboardInterrupt that strikes in one of their callbacks into an error of their own, or
-print it and go on. So it is noted that Ctrl-C struck, and a command that has not ended soon afterwards is ended.
+Libraries written in C++ turn the KeyboardInterrupt that strikes in one of their callbacks into an error of their own,
+or print it and go on. So it is noted that Ctrl-C struck, and a command that has not ended soon afterwards is ended.
 """
 
 import os
@@ -51,8 +51,8 @@ def guarded(work: Callable[[], int]) -> int:
 
 
 def leave(code: int) -> None:
-    """End the process. After an interrupt nothing is disposed of: Python would die of the signal instead where it struck
-    in an `exec`, and libraries complain."""
+    """End the process. After an interrupt nothing is disposed of: libraries would complain, and Python would die of
+    the signal instead where it struck in an `exec`."""
     if code == INTERRUPTED:
         sys.stdout.flush()
         os._exit(code)

@@ -71,9 +71,14 @@ def positive(text: str) -> int:
     return int(text)
 
 
-def wide_console() -> "Console":
-    """The terminal, or a wide page where there is none."""
+def plain_console(width: int | None = None) -> "Console":
+    """The terminal. What specs and datasets call things is printed as it is: `[/]` and `:x:` mean nothing."""
     from rich.console import Console
 
-    console = Console()
-    return console if console.is_terminal else Console(width=WIDTH)
+    return Console(markup=False, emoji=False, width=width)
+
+
+def wide_console() -> "Console":
+    """The terminal, or a wide page where there is none."""
+    console = plain_console()
+    return console if console.is_terminal else plain_console(WIDTH)

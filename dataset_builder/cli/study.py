@@ -13,6 +13,7 @@ from dataset_builder.cli.options import (
     add_overrides,
     add_spec,
     add_verb,
+    plain_console,
     positive,
     with_steps,
 )
@@ -114,8 +115,6 @@ def _effects(options: argparse.Namespace) -> int:
 
 
 def _noise(options: argparse.Namespace) -> int:
-    from rich.console import Console
-
     from dataset_builder.lightnet.training.events import Finished
     from dataset_builder.report.console import follow, rejected_lines
     from dataset_builder.report.noise_page import NoiseResults, sentences, write_page
@@ -135,7 +134,7 @@ def _noise(options: argparse.Namespace) -> int:
     study = _noise_study(options)
     require(study)
     print(study.sentence, flush=True)
-    for built in follow(make(study), Console()):
+    for built in follow(make(study), plain_console()):
         for line in rejected_lines(built.manifest.rejected if built.manifest else ()):
             print(line)
     passes = count_passes(study)

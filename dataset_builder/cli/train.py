@@ -3,7 +3,15 @@
 import argparse
 from pathlib import Path
 
-from dataset_builder.cli.options import TRAININGS, Verbs, add_folder, add_networks, add_overrides, add_verb
+from dataset_builder.cli.options import (
+    TRAININGS,
+    Verbs,
+    add_folder,
+    add_networks,
+    add_overrides,
+    add_verb,
+    plain_console,
+)
 
 
 def add(verbs: Verbs) -> None:
@@ -18,8 +26,6 @@ def add(verbs: Verbs) -> None:
 
 
 def _train(options: argparse.Namespace) -> int:
-    from rich.console import Console
-
     from dataset_builder.lightnet.settings import load_training
     from dataset_builder.lightnet.training.fit import TrainingJob, fit
     from dataset_builder.report.training import follow, lines_of
@@ -29,6 +35,6 @@ def _train(options: argparse.Namespace) -> int:
     out = options.out or TRAININGS / f"{load_manifest(options.folder).name}-{spec.method}"
     job = TrainingJob(dataset=options.folder, out=out, spec=spec, vgg_weights=options.vgg_weights,
                       device=options.device)
-    for _ in follow(fit(job), Console(), lines_of):
+    for _ in follow(fit(job), plain_console(), lines_of):
         pass
     return 0

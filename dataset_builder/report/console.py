@@ -4,9 +4,9 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 
 from rich.console import Console
-from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
+from rich.text import Text
 
 from dataset_builder.builder import Event
 from dataset_builder.engine.unit import Outcome
@@ -70,7 +70,7 @@ def decisions_table(plan: ExamplePlan) -> Table:
     title = f"What is simulated: example {plan.key}, {plan.target.object.name} in {plan.room.name}"
     table = Table("effect", "choice", "why", title=title, title_justify="left")
     for decision in plan.effects.decisions:
-        table.add_row(*(escape(text) for text in (decision.effect, decision.choice, decision.reason)))
+        table.add_row(*map(Text, (decision.effect, decision.choice, decision.reason)))
     return table
 
 

@@ -1,12 +1,14 @@
 """The dataset's card: README.md with the YAML that Hugging Face needs, and the sections of a datasheet."""
 
 import json
+import re
 from collections.abc import Iterable, Sequence
 
 from dataset_builder.shards.manifest import Manifest
 
 NUMBERED = "NNNNNN.tar"
 """How the name of a shard ends; the first of a split need not have number 0."""
+_MARKUP = re.compile(r"[\\`*_\[\]<>#&~]|^[-+=:]|^[0-9]+[.)](?= )")
 _SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
 
 
@@ -18,7 +20,7 @@ def card(manifest: Manifest) -> str:
 def _head(manifest: Manifest) -> str:
     """`configs` is never left out: without it the Hub may take an index for the data."""
     return f"""---
-license: {manifest.licence.lower()}
+license: {json.dumps(manifest.licence.lower(), ensure_ascii=False)}
 pretty_name: {json.dumps(manifest.title, ensure_ascii=False)}
 tags: [webdataset, openexr, synthetic]
 task_categories: [image-to-image]
@@ -28,9 +30,9 @@ configs:
   data_files:
 {_data_files(manifest)}---
 
-# {manifest.title} {manifest.version}
+# {_plain(manifest.title)} {manifest.version}
 
-{manifest.description or "Image tuples for transferring light from clean to rough meshes of objects in rooms."}
+{_plain(manifest.description) or "Image tuples for transferring light from clean to rough meshes of objects in rooms."}
 
 ## Motivation
 
@@ -115,7 +117,7 @@ example = open_dataset("{manifest.name}", layers=["{manifest.layers[0].name}"])[
 ## Maintenance
 
 Version {manifest.version}: a new major version changes data, a new minor version adds some, a patch repacks the same.
-Licence: {manifest.licence}. Made by {manifest.creator}.
+Licence: {_plain(manifest.licence)}. Made by {_plain(manifest.creator)}.
 """
 
 
@@ -132,6 +134,11 @@ def _data_files(manifest: Manifest) -> str:
     return "".join(lines)
 
 
+def _plain(text: str) -> str:
+    """Text as one line of Markdown that shows it and nothing else: no markup, no HTML, no list, no rule."""
+    return _MARKUP.sub(r"\\\g<0>", " ".join(text.split()))
+
+
 def _rows(rows: Iterable[Sequence[object]]) -> str:
     return "".join("| " + " | ".join(str(cell).replace("|", "\\|") for cell in row) + " |\n" for row in rows)
 
@@ -142,4 +149,4 @@ def _rejected(manifest: Manifest) -> str:
     head = ("These failed a gate and are not part of the dataset. Those whose gate is `planning` could not be "
             "planned, so that\nnothing was rendered.\n\n")
     return head + "| key | gate | reason |\n|---|---|---|\n" + _rows(
-        (item.key, item.gate, item.reason) for item in manifest.rejected)
+        (item.key, item.gate, _plain(item.reason)) for item in manifest.rejected)

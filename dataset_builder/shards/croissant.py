@@ -6,6 +6,7 @@ is that of 1.1 in full: with another one readers load the file without an error 
 
 import json
 from typing import Any
+from urllib.parse import quote
 
 from dataset_builder.shards.manifest import LayerRecord, Manifest
 
@@ -32,7 +33,7 @@ def croissant(manifest: Manifest) -> str:
     document = {
         "@context": _CONTEXT, "@type": "sc:Dataset", "dct:conformsTo": CONFORMS_TO, "conformsTo": CONFORMS_TO,
         "name": manifest.name, "description": manifest.description or manifest.title, "version": manifest.version,
-        "license": f"https://spdx.org/licenses/{manifest.licence}.html", "url": manifest.url,
+        "license": f"https://spdx.org/licenses/{quote(manifest.licence, safe='')}.html", "url": manifest.url,
         "creator": {"@type": "sc:Organization", "name": manifest.creator}, "datePublished": manifest.date_published,
         "citeAs": f"{manifest.title}, version {manifest.version}, {manifest.creator}",
         "keywords": ["synthetic", "lighting transfer", "rendering", "openexr", "webdataset"], "isLiveDataset": False,

@@ -1,5 +1,6 @@
 """Rules that need more than one file or table: families and their limits, mesh files, and splits that share nothing."""
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -67,14 +68,14 @@ def find_mesh(spec: ObjectSpec, document: Document, folder: Path) -> MeshSource 
 def _mesh_rule(path: Path, name: str) -> tuple[str, str]:
     if path.suffix.lower() not in MESH_SUFFIXES:
         return f"expected a file that ends in one of {' '.join(MESH_SUFFIXES)}, got {shown(name)}", ""
-    if not path.is_file():
+    if not os.path.isfile(path):
         return f"expected a mesh file, found none at {shown(name)}", files_like(path)
     return "", ""
 
 
 def files_like(path: Path) -> str:
     """A hint: the file most like a missing one in its folder."""
-    if not path.parent.is_dir():
+    if not os.path.isdir(path.parent):
         return "its folder does not exist"
     return nearest(path.name, sorted(file.name for file in path.parent.iterdir() if file.suffix == path.suffix), "file")
 

@@ -9,7 +9,7 @@ from dataset_builder.spec.camera import CameraSpec
 from dataset_builder.spec.licences import Licence
 from dataset_builder.spec.light import SourceSpec, TargetSpec
 from dataset_builder.spec.model import Model, broken
-from dataset_builder.spec.numbers import Interval, PositiveInt, Share, branches, interval
+from dataset_builder.spec.numbers import Interval, Share, branches, interval
 from dataset_builder.spec.render import ImageSpec, RenderSpec
 from dataset_builder.spec.rough import RoughSpec
 
@@ -25,12 +25,16 @@ LayerExtents = Annotated[dict[LayerName, Extent], Field(min_length=1)]
 """The pixels on which each layer is stored."""
 
 
+MOST_EXAMPLES = 1_000_000
+Count = Annotated[int, Field(ge=1, le=MOST_EXAMPLES)]
+
+
 class ObjectsSpec(Model):
     """Object files that a split draws from, and the number of different objects."""
 
     source: Annotated[tuple[str, ...], Field(min_length=1, alias="from")]
     """Object files, relative to the dataset file; used in rotation."""
-    count: PositiveInt
+    count: Count
     """Number of different objects; a file with distributions gives a new object each time it is used."""
 
 
@@ -39,7 +43,7 @@ class ScenesSpec(Model):
 
     source: Annotated[tuple[str, ...], Field(min_length=1, alias="from")]
     """Scene files, relative to the dataset file; used in rotation."""
-    count: PositiveInt
+    count: Count
     """Number of different scenes."""
 
 
@@ -50,7 +54,7 @@ def _all_or_count(value: Any) -> str | None:
 
 
 Pairs = Annotated[
-    Annotated[PositiveInt, Tag("|count")] | Annotated[Literal["all"], Tag("|all")],
+    Annotated[Count, Tag("|count")] | Annotated[Literal["all"], Tag("|all")],
     branches(_all_or_count, "expected a whole number or all"),
 ]
 
@@ -58,7 +62,7 @@ Pairs = Annotated[
 class SplitSpec(Model):
     """One split: its own objects and scenes, disjoint from every other split's by construction."""
 
-    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9]*$")]
+    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9]*$", max_length=50)]
     """Part of the names of shards; lower-case letters and digits."""
     objects: ObjectsSpec
     """Target objects."""
@@ -66,9 +70,9 @@ class SplitSpec(Model):
     """Rooms with furniture."""
     pairs: Pairs = "all"
     """Number of (object, scene) pairs; `all` uses every combination."""
-    views: PositiveInt = 1
+    views: Count = 1
     """Cameras per pair."""
-    lights: PositiveInt = 1
+    lights: Count = 1
     """Target lights per view."""
 
     @model_validator(mode="after")
@@ -85,7 +89,7 @@ class StorageSpec(Model):
 
     dtype: Literal["float32", "float16"] = "float32"
     """Pixel type; with float16, examples with values beyond its range are rejected."""
-    examples_per_shard: PositiveInt = 16
+    examples_per_shard: Annotated[int, Field(ge=1, le=5000)] = 16
     """Number of consecutive examples per tar file."""
     standard_errors: bool = False
     """Also store a standard-error layer for every radiometric layer."""
@@ -105,11 +109,11 @@ class GatesSpec(Model):
 class DatasetSpec(Model):
     """One dataset."""
 
-    name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]*$")]
+    name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]*$", max_length=100)]
     """Name of the folder and of the shards; lower-case letters, digits and hyphens."""
-    version: Annotated[str, Field(pattern=r"^\d+\.\d+\.\d+$")] = "1.0.0"
+    version: Annotated[str, Field(pattern=r"^\d+\.\d+\.\d+$", max_length=30)] = "1.0.0"
     """Three numbers; the first is part of the names of shards."""
-    title: str = ""
+    title: Annotated[str, Field(pattern=r"^[^\n]*$", max_length=200)] = ""
     """Human-readable title; if empty, the name is used."""
     description: str = ""
     """One or two sentences for the card."""
@@ -137,6 +141,15 @@ class DatasetSpec(Model):
     """Files."""
     splits: Annotated[tuple[SplitSpec, ...], Field(min_length=1)]
     """One or more, with different names."""
+
+    @model_validator(mode="after")
+    def _few_enough_examples(self) -> "DatasetSpec":
+        counts = [split.lights * split.views * (split.objects.count * split.scenes.count if split.pairs == "all"
+                                                else split.pairs) for split in self.splits]
+        if (total := sum(counts) * len(self.rough.levels)) > MOST_EXAMPLES:
+            raise broken(f"expected at most {MOST_EXAMPLES} examples of all splits together, got {total}",
+                         path=("splits",))
+        return self
 
     @model_validator(mode="after")
     def _layers_are_there(self) -> "DatasetSpec":

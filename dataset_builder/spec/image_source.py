@@ -1,5 +1,6 @@
 """Images that a dataset's lights show: which kinds of file each use takes, where they are, and their digests."""
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -8,6 +9,7 @@ from dataset_builder.digest import sha256_file
 from dataset_builder.errors import Problem
 from dataset_builder.spec.check import files_like
 from dataset_builder.spec.document import Document
+from dataset_builder.spec.mesh_source import MOST_BYTES
 from dataset_builder.spec.problems import shown
 
 ENVIRONMENT_SUFFIXES = (".exr", ".hdr")
@@ -27,7 +29,7 @@ def find_images(document: Document, folder: Path) -> tuple[dict[str, str], list[
         rule, hint = _image_rule(file, name, suffixes)
         if not rule and name not in digests:
             try:
-                digests[name] = sha256_file(file)
+                digests[name] = sha256_file(file, most=MOST_BYTES)
             except OSError as error:
                 rule = f"expected a readable image, got: {error.strerror}"
         if rule:
@@ -39,9 +41,9 @@ def _image_rule(file: Path, name: str, suffixes: tuple[str, ...]) -> tuple[str, 
     """The rule that a named image breaks, and a hint."""
     if file.suffix.lower() not in suffixes:
         return f"expected a file that ends in one of {' '.join(suffixes)}, got {shown(name)}", "convert it"
-    if file.is_dir():
+    if os.path.isdir(file):
         return f"expected an image, got the folder {shown(name)}", "name a file in it"
-    if not file.is_file():
+    if not os.path.isfile(file):
         return f"expected an image, found none at {shown(name)}", files_like(file)
     return "", ""
 

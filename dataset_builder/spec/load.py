@@ -7,12 +7,15 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unicodedata import category
 
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.events import CollectionEndEvent, CollectionStartEvent, Event, NodeEvent
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 
+from dataset_builder.digest import read_regular
 from dataset_builder.errors import Problem, SpecError
 from dataset_builder.spec.document import BadOverride, Document, Override, apply
 from dataset_builder.spec.loaded import LoadedSpec
@@ -22,7 +25,11 @@ from dataset_builder.spec.resolve import Resolver
 STANDARD_TAG = "tag:yaml.org,2002:"
 SCALAR_TAGS = ("int", "float", "bool", "null")
 TEXT_TAGS = ("str", "timestamp")
+MOST_BITS = 1023
+"""Of a whole number: any float holds it."""
 MERGE_KEY = "<<"
+MOST_BYTES, MOST_NODES, MOST_DEPTH = 2**20, 20_000, 40
+"""Limits of one file: its size; its keys and values, counted wherever an alias or a merge repeats them; nesting."""
 
 
 def load_dataset(path: Path | str, overrides: Sequence[str] = ()) -> LoadedSpec:
@@ -58,6 +65,9 @@ def parse_override(text: str) -> Override:
     where = f"--set {text}"
     key, equals, value = text.partition("=")
     keys = tuple(key.strip().split("."))
+    if len(keys) > MOST_DEPTH:
+        rule = f"expected a path of at most {MOST_DEPTH} keys, got {len(keys)}"
+        raise SpecError([Problem(where=f"--set {shown(key)}", path="", rule=rule)])
     if not equals or not all(keys):
         raise SpecError([Problem(where=where, path="", rule=f"expected KEY=VALUE, such as seed=7, got {shown(text)}")])
     try:
@@ -82,7 +92,7 @@ def read_text(text: str, name: str) -> Document:
     """YAML text as plain data, called `name` in messages. Raises SpecError where it is not valid, or has tags."""
     reader = _Reader(name)
     try:
-        node = reader.yaml.compose(text)
+        node = reader.compose(text)
         data = None if node is None else reader.plain(node, ())
     except ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
@@ -101,13 +111,13 @@ def read_text(text: str, name: str) -> Document:
 
 def _text(path: Path, name: str) -> str:
     try:
-        return path.read_text(encoding="utf-8-sig")
+        return read_regular(path, most=MOST_BYTES).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         rule = f"expected UTF-8 text, got byte 0x{error.object[error.start]:02x} at offset {error.start}"
     except FileNotFoundError:
         rule = "expected a file, found none"
-    except OSError as error:
-        rule = f"expected a readable file, got: {error.strerror}"
+    except (OSError, ValueError) as error:
+        rule = f"expected a readable file, got: {getattr(error, 'strerror', error)}"
     raise SpecError([Problem(where=name, path="", rule=rule)])
 
 
@@ -129,9 +139,22 @@ class _Reader:
         self.problems: list[Problem] = []
         self.places: dict[tuple[str | int, ...], str] = {}
         self.above: list[Node] = []
+        self.count = 0
+
+    def compose(self, text: str) -> Node | None:
+        """The nodes of a text. Raises SpecError where there is too much of it, before all are made."""
+        count = depth = 0
+        for event in self.yaml.parse(text):
+            count += isinstance(event, NodeEvent)
+            depth += isinstance(event, CollectionStartEvent) - isinstance(event, CollectionEndEvent)
+            self._limit(event, count, depth)
+        node: Node | None = self.yaml.compose(text)
+        return node
 
     def plain(self, node: Node, path: tuple[str | int, ...]) -> Any:
-        """Data of `node`, which stands at `path`."""
+        """Data of `node`, which stands at `path`. Raises SpecError where there is too much of it."""
+        self.count += 1
+        self._limit(node, self.count, len(path))
         self.places.setdefault(path, self._place(node))
         if isinstance(node, ScalarNode):
             return self._scalar(node, path)
@@ -145,7 +168,13 @@ class _Reader:
         finally:
             self.above.pop()
 
-    def _place(self, node: Node) -> str:
+    def _limit(self, node: Node | Event, count: int, depth: int) -> None:
+        if count > MOST_NODES or depth > MOST_DEPTH:
+            rule = (f"expected valid YAML of at most {MOST_NODES} keys and values, aliases repeated, nested at most "
+                    f"{MOST_DEPTH} deep")
+            raise SpecError([Problem(where=self._place(node), path="", rule=rule)])
+
+    def _place(self, node: Node | Event) -> str:
         return f"{self.name}:{node.start_mark.line + 1}"
 
     def _problem(self, node: Node, path: tuple[str | int, ...], rule: str) -> None:
@@ -154,13 +183,22 @@ class _Reader:
     def _scalar(self, node: ScalarNode, path: tuple[str | int, ...]) -> Any:
         kind = str(node.tag).removeprefix(STANDARD_TAG)
         if kind in TEXT_TAGS:
-            return str(node.value)
+            return self._text(node, path)
         if kind not in SCALAR_TAGS:
             return self._problem(node, path, f"expected plain YAML without tags, got {kind}")
         try:
-            return self.yaml.constructor.construct_object(node)
+            value = self.yaml.constructor.construct_object(node)
+            if isinstance(value, int) and value.bit_length() > MOST_BITS:
+                raise ValueError("no float holds it")
+            return value
         except ValueError:
             return self._problem(node, path, f"expected a number that can be read, got {shown(str(node.value))}")
+
+    def _text(self, node: ScalarNode, path: tuple[str | int, ...]) -> Any:
+        text = str(node.value)
+        if bad := next((one for one in text if one not in "\n\t" and category(one) in ("Cc", "Cs")), None):
+            return self._problem(node, path, f"expected text without control characters, got {bad!r} in {shown(text)}")
+        return text
 
     def _mapping(self, node: MappingNode, path: tuple[str | int, ...]) -> dict[str, Any]:
         written: dict[str, Node] = {}

@@ -1,6 +1,7 @@
 """Mesh files that a spec names: where they are, what belongs to them, and the digest of all of it."""
 
 import json
+import os
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -9,8 +10,11 @@ from types import MappingProxyType
 from typing import Any
 from urllib.parse import unquote
 
-from dataset_builder.digest import digest, sha256_file
+from dataset_builder.digest import digest, open_regular, sha256_file
+from dataset_builder.spec.problems import shown
 
+MOST_BYTES = 2**31
+"""Of a mesh, a buffer, or an image."""
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply")
 GLTF_SUFFIXES = (".glb", ".gltf")
 MTL_MAPS = ("map_", "bump", "norm")
@@ -68,8 +72,9 @@ def companions(path: Path) -> tuple[str, ...]:
 
 def mesh_source(path: Path, names: tuple[str, ...]) -> MeshSource:
     """The mesh file and its companions with their digests. Raises OSError where one cannot be read."""
-    digests = {name: sha256_file(path.parent / name) for name in sorted(names)}
-    return MeshSource(path=path.resolve(), sha256=sha256_file(path), companions=MappingProxyType(digests))
+    digests = {name: sha256_file(path.parent / name, most=MOST_BYTES) for name in sorted(names)}
+    return MeshSource(path=path.resolve(), sha256=sha256_file(path, most=MOST_BYTES),
+                      companions=MappingProxyType(digests))
 
 
 def gltf_header(path: Path) -> dict[str, Any]:
@@ -77,15 +82,35 @@ def gltf_header(path: Path) -> dict[str, Any]:
 
     Raises ValueError where there is none.
     """
-    data = path.read_bytes()
+    with open_regular(path, most=MOST_BYTES) as stream:
+        data = stream.read()
     if path.suffix.lower() == ".glb":
         if data[:4] != b"glTF":
             raise ValueError(f"expected it to start with glTF, got {data[:4]!r}")
         data = data[20:20 + int.from_bytes(data[12:16], "little")]
-    header = json.loads(data)
+    try:
+        header = json.loads(data)
+    except RecursionError as error:
+        raise ValueError("expected JSON that is not nested without end") from error
     if not isinstance(header, dict):
         raise ValueError("expected it to hold an object")
+    for kind in ("buffers", "images", "materials"):
+        _require_objects(kind, header.get(kind, []))
     return header
+
+
+def _require_objects(kind: str, entries: Any) -> None:
+    """Raise ValueError where entries of a glTF header are not what all who read it take them for."""
+    parts = [*entries] if isinstance(entries, list) else [entries]
+    for entry in [*parts]:
+        if kind == "materials" and isinstance(entry, dict):
+            extensions = entry.get("extensions", {})
+            parts += [entry.get("pbrMetallicRoughness", {}), extensions]
+            parts += extensions.values() if isinstance(extensions, dict) else ()
+            if not isinstance(entry.get("name", ""), str):
+                raise ValueError(f"expected a material's name to be text, got {shown(entry['name'])}")
+    if wrong := [part for part in parts if not isinstance(part, dict)]:
+        raise ValueError(f"expected {kind} to be objects, got {shown(wrong[0])}")
 
 
 def _gltf_references(path: Path) -> Iterator[FileReference]:
@@ -93,7 +118,7 @@ def _gltf_references(path: Path) -> Iterator[FileReference]:
     header = gltf_header(path)
     for kind in ("buffers", "images"):
         for index, entry in enumerate(header.get(kind, ())):
-            uri = entry.get("uri") if isinstance(entry, dict) else None
+            uri = entry.get("uri")
             if isinstance(uri, str) and uri and not uri.startswith("data:"):
                 yield FileReference(by=path, key=f"{kind}[{index}].uri", written=uri, name=unquote(uri),
                                     image=kind == "images")
@@ -105,7 +130,7 @@ def _obj_references(path: Path) -> Iterator[FileReference]:
     for library in dict.fromkeys(libraries):
         yield FileReference(by=path, key="mtllib", written=library, name=library, image=False)
         # A library that is missing is reported as such by who reads it
-        if (file := path.parent / library).is_file():
+        if os.path.isfile(file := path.parent / library):
             for key, written in dict.fromkeys(_statements(file)):
                 if key.lower().startswith(MTL_MAPS):
                     yield FileReference(by=file, key=key, written=written, image=key.lower() == "map_kd",

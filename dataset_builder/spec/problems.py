@@ -81,6 +81,7 @@ _EXPECTED = {
     "tuple_type": "a list", "dict_type": "a mapping", "model_type": "a mapping", "finite_number": "a finite number",
     "greater_than_equal": ">= {ge}", "greater_than": "> {gt}", "less_than_equal": "<= {le}", "less_than": "< {lt}",
     "too_short": "{min_length} or more entries", "too_long": "{max_length} or fewer entries",
+    "string_too_long": "{max_length} or fewer characters",
     "string_pattern_mismatch": "text that matches {pattern}", "literal_error": "{expected}",
 }
 

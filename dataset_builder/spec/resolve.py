@@ -1,5 +1,6 @@
 """Follow every reference of a dataset file, validate each file once, and gather all problems before any is raised."""
 
+import os
 import posixpath
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -87,7 +88,7 @@ class Resolver:
                 visit: Callable[[str], None]) -> None:
         """Visit the file that `document` calls `name`; a missing one is a problem of the line that names it."""
         target = key_of(name, key)
-        if not (self.root.parent / target).is_file():
+        if not os.path.isfile(self.root.parent / target):
             rule, hint = f"expected a spec file, found none at {shown(name)}", files_like(self.root.parent / target)
             self.problems.append(document.problem(path, rule, hint))
             return

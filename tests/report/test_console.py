@@ -11,6 +11,7 @@ from rich.table import Table
 
 from dataset_builder.assets.procedural.furniture import FINISHES
 from dataset_builder.builder import Event
+from dataset_builder.cli.options import plain_console
 from dataset_builder.engine.unit import Outcome
 from dataset_builder.errors import ShardError, UserError
 from dataset_builder.label.effects_plan import Decision
@@ -154,3 +155,12 @@ def test_families_in_tables() -> None:
     assert row(printed(family_tables("chair")), "width")[:2] == [width.unit, f"{width.low:g} to {width.high:g}"]
     with pytest.raises(UserError, match=r"family: expected one of chair, .* got chiar"):
         family_tables("chiar")
+
+
+@pytest.mark.parametrize("text", ["[/]", "[red]x[/red]", ":smile:", "[link=x]y"])
+def test_names_are_no_markup(text: str, capsys: pytest.CaptureFixture[str]) -> None:
+    table = Table("what", title=text)
+    table.add_row(text)
+    for thing in (text, table):
+        plain_console(80).print(thing)
+    assert capsys.readouterr().out.count(text) == 3

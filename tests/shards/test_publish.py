@@ -129,3 +129,24 @@ def test_the_layer_table_says_what_layers_say() -> None:
     assert (rows["mask"].colour_space, rows["mask"].channels, rows["mask"].range) == ("data", 1, "[0, 1]")
     assert (rows["i_s"].extent, rows["i_s"].range, rows["i_s"].dtype) == ("frame", "[0, inf)", "float16")
     assert {row.name: row.tolerance for row in manifest.identities}["reflectance"] == 2e-3
+
+
+@pytest.mark.parametrize("text", [
+    'a "quoted" one', "a: b", "--- x", "`code` | cell", "<script>alert(1)</script>", "# head", "[/] [x](y)", "- item",
+    "1. item", "\\ back", "yes", "*a* _b_", "~~~", "two\nlines\n---\nlicense: mit\n", "ünï 😀", "{a: &b *c}"])
+def test_the_card_shows_text_as_it_is(dataset: Path, text: str) -> None:
+    manifest = load_manifest(dataset).model_copy(update={"title": text, "licence": text, "description": text})
+    lines = card(manifest).split("\n")
+    end = lines.index("---", 1)
+    head = YAML(typ="safe").load("\n".join(lines[1:end]))
+    assert (head["pretty_name"], head["license"]) == (text, text.lower())
+    assert [line for line in lines if line.startswith("## ")] == [
+        line for line in card(load_manifest(dataset)).split("\n") if line.startswith("## ")]
+    title, description = lines[end + 2], lines[end + 4]
+    assert title.startswith("# ") and "<s" not in title.replace("\\<s", "")
+    for shown in (title.removeprefix("# ").removesuffix(" 1.0.0"), description):
+        assert re.sub(r"\\([^a-zA-Z0-9 ])", r"\1", shown).replace("\\1.", "1.") == " ".join(text.split())
+    assert not re.match(r"[-#+=:>`~]", description)
+    document = json.loads(croissant(manifest))
+    assert re.fullmatch(r"https://spdx\.org/licenses/[^\s<>\"]+\.html", document["license"])
+    assert document["description"] == text
