@@ -104,9 +104,7 @@ def _require_objects(kind: str, entries: Any) -> None:
     parts = [*entries] if isinstance(entries, list) else [entries]
     for entry in [*parts]:
         if kind == "materials" and isinstance(entry, dict):
-            extensions = entry.get("extensions", {})
-            parts += [entry.get("pbrMetallicRoughness", {}), extensions]
-            parts += extensions.values() if isinstance(extensions, dict) else ()
+            parts += [entry.get("pbrMetallicRoughness", {}), entry.get("extensions", {})]
             if not isinstance(entry.get("name", ""), str):
                 raise ValueError(f"expected a material's name to be text, got {shown(entry['name'])}")
     if wrong := [part for part in parts if not isinstance(part, dict)]:

@@ -103,7 +103,7 @@ def test_limits_of_overrides(tiny, override: str, message: str) -> None:
     ("a.gltf", "[" * 100_000, "nested without end"),
     ("a.gltf", '{"materials": [null]}', "expected materials to be objects, got nothing"),
     ("a.gltf", '{"materials": [{"name": ["x"]}]}', "expected a material's name to be text"),
-    ("a.gltf", '{"materials": [{"extensions": {"KHR_materials_ior": [[1]]}}]}', "expected materials to be objects"),
+    ("a.gltf", '{"materials": [{"extensions": [1]}]}', "expected materials to be objects"),
     ("a.gltf", '{"materials": [{"pbrMetallicRoughness": 7}]}', "expected materials to be objects, got 7"),
     ("a.gltf", '{"buffers": 7, "images": [null, 3, {"uri": "x\\u0000"}]}', "cannot be read"),
 ])
