@@ -25,9 +25,8 @@ def _stress(options: argparse.Namespace) -> int:
     from dataset_builder.rendering import plugins
     from dataset_builder.rendering.backend import activate
     from dataset_builder.report.stress_lines import header, show
-    from dataset_builder.studies.stress.case import SIZES, CaseResult, run_all, select
-    from dataset_builder.studies.stress.cases import CASES
-    from dataset_builder.studies.stress.stress_table import markdown, results_table, summary
+    from dataset_builder.studies.stress.case import SIZES, CaseResult
+    from dataset_builder.studies.stress.cases import CASES, markdown, results_table, run_all, select, summary
 
     cases = select(CASES, options.only)
     if options.list:

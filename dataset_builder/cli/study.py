@@ -96,8 +96,7 @@ def _accuracy(options: argparse.Namespace) -> int:
 def _effects(options: argparse.Namespace) -> int:
     from dataset_builder.rendering.backend import choose
     from dataset_builder.report.effects_page import verdict, write_page
-    from dataset_builder.studies.effects.effects_files import write_tables
-    from dataset_builder.studies.effects.effects_study import Compared, EffectsStudy, run
+    from dataset_builder.studies.effects.effects_study import Compared, EffectsStudy, run, write_tables
 
     spec, found = _spec(options), list[Compared]()
     study = EffectsStudy(spec=spec, out=options.out or STUDIES / f"{spec.dataset.name}-effects",
@@ -119,7 +118,6 @@ def _noise(options: argparse.Namespace) -> int:
     from dataset_builder.report.console import follow, rejected_lines
     from dataset_builder.report.noise_page import NoiseResults, sentences, write_page
     from dataset_builder.report.training import lines_of
-    from dataset_builder.studies.noise.crops import crops
     from dataset_builder.studies.noise.level_trainings import (
         held_out,
         measure,
@@ -127,7 +125,7 @@ def _noise(options: argparse.Namespace) -> int:
         train_all,
         training_counts,
     )
-    from dataset_builder.studies.noise.levels import levels_of, write_table
+    from dataset_builder.studies.noise.levels import crops, levels_of, write_table
     from dataset_builder.studies.noise.noise_study import make, require
     from dataset_builder.studies.noise.pass_counts import count_passes, pass_lines
 
@@ -154,8 +152,8 @@ def _noise(options: argparse.Namespace) -> int:
 
 def _noise_study(options: argparse.Namespace) -> "NoiseStudy":
     from dataset_builder.lightnet.settings import load_training
-    from dataset_builder.studies.derived import base_of
     from dataset_builder.studies.noise.noise_study import NoiseStudy, parse_levels
+    from dataset_builder.studies.trainings import base_of
 
     training = base_of(load_training(options.config, with_steps(options.train_set, options.steps)))
     return NoiseStudy(spec=options.spec, overrides=tuple(options.overrides), levels=parse_levels(options.levels),

@@ -16,7 +16,7 @@ from dataset_builder.cli.options import (
 
 if TYPE_CHECKING:
     from dataset_builder.lightnet.settings import TrainingSpec
-    from dataset_builder.studies.tables.row import Table
+    from dataset_builder.studies.tables.paper import Table
     from dataset_builder.studies.tables.table_study import RowMeasured, RowNews
 
 KINDS = {
@@ -53,8 +53,7 @@ def _table(options: argparse.Namespace) -> int:
     from dataset_builder.report.table_page import order_lines, row_line, write_page
     from dataset_builder.shards.reader import load_manifest
     from dataset_builder.studies.tables.rank_order import verdict
-    from dataset_builder.studies.tables.result import orders
-    from dataset_builder.studies.tables.table_files import write_files
+    from dataset_builder.studies.tables.result import orders, write_files
     from dataset_builder.studies.tables.table_study import RowMeasured, TableStudy, results, run
 
     base = _base(options)
@@ -82,19 +81,19 @@ def _table(options: argparse.Namespace) -> int:
 
 def _base(options: argparse.Namespace) -> "TrainingSpec":
     from dataset_builder.lightnet.settings import load_training
-    from dataset_builder.studies.derived import base_of
+    from dataset_builder.studies.trainings import base_of
 
     return base_of(load_training(options.config, with_steps(options.overrides, options.steps)))
 
 
 def _made(options: argparse.Namespace, base: "TrainingSpec") -> "Table":
-    from dataset_builder.studies.tables import methods, variants
+    from dataset_builder.studies.tables import table_kinds
 
     if options.table == "methods":
-        return methods.methods(base, own_optimisers=not options.one_optimiser)
+        return table_kinds.methods(base, own_optimisers=not options.one_optimiser)
     if options.table == "weights":
-        return variants.weights(base, vgg=options.vgg_weights is not None)
-    return {"objectives": variants.objectives, "formulations": variants.formulations}[options.table](base)
+        return table_kinds.weights(base, vgg=options.vgg_weights is not None)
+    return {"objectives": table_kinds.objectives, "formulations": table_kinds.formulations}[options.table](base)
 
 
 def _lines(news: "RowNews | RowMeasured") -> list[str]:

@@ -5,18 +5,13 @@ from collections.abc import Sequence
 
 from dataset_builder.report.study_figures import accuracy_figures
 from dataset_builder.report.study_page import Section, write_study
-from dataset_builder.studies.accuracy.accumulation import ACCUMULATION
 from dataset_builder.studies.accuracy.accuracy_study import AccuracyStudy
-from dataset_builder.studies.accuracy.advice import Advice
-from dataset_builder.studies.accuracy.advise_storage import codec_means
-from dataset_builder.studies.accuracy.budget import BUDGETS, REFERENCE_DEPTH
-from dataset_builder.studies.accuracy.curves import PRICE, curve
-from dataset_builder.studies.accuracy.depth import DEPTH
-from dataset_builder.studies.accuracy.mesh_resolution import EDGES
+from dataset_builder.studies.accuracy.bounds import DEPTH, EDGES, TEXTURES
+from dataset_builder.studies.accuracy.curves import PRICE, Advice, curve
+from dataset_builder.studies.accuracy.precision import ACCUMULATION, CODECS, codec_means
 from dataset_builder.studies.accuracy.rows import AccuracyRow, layers_in
 from dataset_builder.studies.accuracy.sampling import ADAPTIVE, ADAPTIVE_DENOISED, DENOISED, UNIFORM
-from dataset_builder.studies.accuracy.storage_formats import CODECS
-from dataset_builder.studies.accuracy.texture_size import TEXTURES
+from dataset_builder.studies.accuracy.workbench import BUDGETS, REFERENCE_DEPTH
 
 QUESTIONS = {
     UNIFORM: "What do more samples per pixel gain?",

@@ -12,9 +12,8 @@ from dataset_builder.lightnet.results.clustered_means import ClusteredMean
 from dataset_builder.report.estimates import heading
 from dataset_builder.report.example_sheet import SheetRow, sheet
 from dataset_builder.report.study_figures import COLOURS, PALE, panels
-from dataset_builder.studies.noise.crops import TRIVIAL, Crop
 from dataset_builder.studies.noise.level_trainings import MIXED
-from dataset_builder.studies.noise.levels import OWN, Level
+from dataset_builder.studies.noise.levels import OWN, TRIVIAL, Crop, Level
 
 LINES = {
     MIXED: ("LighTNet, trained on all levels", COLOURS[0], "o", "-"),

@@ -10,9 +10,8 @@ from dataset_builder.report.example_sheet import png_of
 from dataset_builder.report.noise_figures import LINES, PSNR, changes_figure, crop_pictures, quality_figure
 from dataset_builder.report.study_figures import png
 from dataset_builder.report.study_page import Section, write_study
-from dataset_builder.studies.noise.crops import TRIVIAL, Crop
 from dataset_builder.studies.noise.level_trainings import MIXED
-from dataset_builder.studies.noise.levels import OWN, Level
+from dataset_builder.studies.noise.levels import OWN, TRIVIAL, Crop, Level
 from dataset_builder.studies.noise.noise_study import NoiseStudy, level_name
 from dataset_builder.studies.noise.pass_counts import PassCount, saving
 

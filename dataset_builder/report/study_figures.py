@@ -8,16 +8,20 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from dataset_builder.studies.accuracy.accumulation import ACCUMULATION, BATCHED, NOISE, RUNNING
-from dataset_builder.studies.accuracy.advice import Advice
-from dataset_builder.studies.accuracy.advise_storage import codec_means, drift_means, half_errors
-from dataset_builder.studies.accuracy.curves import Point, curve
-from dataset_builder.studies.accuracy.depth import DEPTH
-from dataset_builder.studies.accuracy.mesh_resolution import EDGES, LAYER
+from dataset_builder.studies.accuracy.bounds import DEPTH, EDGE_LAYER, EDGES, TEXTURES
+from dataset_builder.studies.accuracy.curves import Advice, Point, curve
+from dataset_builder.studies.accuracy.precision import (
+    ACCUMULATION,
+    BATCHED,
+    CODECS,
+    NOISE,
+    RUNNING,
+    codec_means,
+    drift_means,
+    half_errors,
+)
 from dataset_builder.studies.accuracy.rows import AccuracyRow, layers_in, of
 from dataset_builder.studies.accuracy.sampling import ADAPTIVE, ADAPTIVE_DENOISED, DENOISED, UNIFORM
-from dataset_builder.studies.accuracy.storage_formats import CODECS
-from dataset_builder.studies.accuracy.texture_size import TEXTURES
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 """Okabe and Ito's, told apart by colour-blind readers, too."""
@@ -154,9 +158,9 @@ def depth_figure(rows: Sequence[AccuracyRow], bias: float) -> Figure:
 def edge_figure(rows: Sequence[AccuracyRow], advice: Advice) -> Figure:
     """Error of S' against seconds, and triangles against error."""
     figure, (left, right) = panels(2, "Edge length of the rough mesh: S' against the finest, sigma 0")
-    points = curve(rows, EDGES, LAYER)
-    _plain(left, points, [point.seconds for point in points], LAYER, COLOURS[0])
-    _mark(left, advice.marked.get((EDGES, LAYER)))
+    points = curve(rows, EDGES, EDGE_LAYER)
+    _plain(left, points, [point.seconds for point in points], EDGE_LAYER, COLOURS[0])
+    _mark(left, advice.marked.get((EDGES, EDGE_LAYER)))
     _dressed(left, "error", "seconds per example, mesh and pass", ERROR)
     left.legend(fontsize=8)
     for number, example in enumerate(dict.fromkeys(row.example for row in of(rows, EDGES))):

@@ -1,9 +1,12 @@
-"""Rows as the bytes of a CSV file."""
+"""Rows as CSV files."""
 
 import csv
 from collections.abc import Iterable, Sequence
 from io import StringIO
 from math import isfinite
+from pathlib import Path
+
+from dataset_builder.files import write_atomic
 
 
 def comma_separated(columns: Sequence[str], rows: Iterable[Sequence[object]], digits: int = 6) -> bytes:
@@ -23,3 +26,14 @@ def _text(value: object, digits: int) -> object:
     if isinstance(value, float):
         return f"{value:.{digits}g}" if isfinite(value) else ""
     return value
+
+
+def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]], digits: int = 6) -> None:
+    """Write what `comma_separated` makes, whole or not at all. Raises OutputError."""
+    write_atomic(path, comma_separated(columns, rows, digits))
+
+
+def read_csv(path: Path) -> list[dict[str, str]]:
+    """Rows of a file as texts by column. Raises FileNotFoundError."""
+    with path.open(encoding="utf-8", newline="") as stream:
+        return list(csv.DictReader(stream))

@@ -21,11 +21,12 @@ PIXELS = ("rendering.examples", "rendering.backend")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reference:
-    """layers: name -> (H, W, C) float32, with the standard error of each that has noise as `<name>_se`. cached: it was
-    there already."""
+    """A rendered reference."""
 
     layers: dict[str, np.ndarray]
+    """Name -> (H, W, C) float32, with the standard error of each that has noise as `<name>_se`."""
     cached: bool
+    """It was there already."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,10 +20,11 @@ PLANNERS = 128
 
 @dataclass(frozen=True, kw_only=True)
 class StudySpec:
-    """A dataset spec under study. overrides: what the user changed, before any setting of the study."""
+    """A dataset spec under study."""
 
     path: Path
     overrides: tuple[str, ...] = ()
+    """What the user changed, before any setting of the study."""
 
     @property
     def dataset(self) -> DatasetSpec:

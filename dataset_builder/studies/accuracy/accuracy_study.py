@@ -8,48 +8,39 @@ from time import perf_counter
 from dataset_builder.files import write_atomic
 from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.rendering.backend import activate
-from dataset_builder.studies.accuracy import (
-    accumulation,
-    advise_bounds,
-    advise_sampling,
-    advise_storage,
-    depth,
-    mesh_resolution,
-    sampling,
-    storage_formats,
-    texture_size,
-)
-from dataset_builder.studies.accuracy.advice import Advice
-from dataset_builder.studies.accuracy.budget import BUDGETS
-from dataset_builder.studies.accuracy.progress import Steps, begin, kept_steps
-from dataset_builder.studies.accuracy.rows import AccuracyRow, write_table
-from dataset_builder.studies.accuracy.workbench import Bench
+from dataset_builder.studies.accuracy import advise_bounds, advise_sampling, bounds, precision, sampling
+from dataset_builder.studies.accuracy.curves import Advice
+from dataset_builder.studies.accuracy.rows import AccuracyRow, Steps, begin, kept_steps, write_table
+from dataset_builder.studies.accuracy.workbench import BUDGETS, Bench
 from dataset_builder.studies.reference import References, pixel_versions
 from dataset_builder.studies.sampled import StudySpec, chosen_layers
 from dataset_builder.studies.timing import REPEATS
 
 MEASURES: dict[str, Callable[[Bench, ExampleRef], Iterator[AccuracyRow]]] = {
-    "sampling": sampling.measure, "path depth": depth.measure, "edge length": mesh_resolution.measure,
-    "texture size": texture_size.measure, "storage": storage_formats.measure, "accumulation": accumulation.measure,
+    "sampling": sampling.measure, "path depth": bounds.measure_depth, "edge length": bounds.measure_edges,
+    "texture size": bounds.measure_textures, "storage": precision.measure_storage,
+    "accumulation": precision.measure_sums,
 }
 """Groups of questions by what the terminal calls them."""
 
-GROUPS = {**dict.fromkeys(sampling.QUESTIONS, "sampling"), depth.DEPTH: "path depth",
-          mesh_resolution.EDGES: "edge length", texture_size.TEXTURES: "texture size",
-          storage_formats.CODECS: "storage", accumulation.ACCUMULATION: "accumulation"}
+GROUPS = {**dict.fromkeys(sampling.QUESTIONS, "sampling"), bounds.DEPTH: "path depth", bounds.EDGES: "edge length",
+          bounds.TEXTURES: "texture size", precision.CODECS: "storage", precision.ACCUMULATION: "accumulation"}
 """The group of every question."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class AccuracyStudy:
-    """What to study. examples: how many. layers: those among them that the dataset holds. out: the study's folder.
-    budget: a key of `BUDGETS`."""
+    """What to study."""
 
     spec: StudySpec
     out: Path
+    """The study's folder."""
     examples: int
+    """How many."""
     layers: tuple[str, ...]
+    """Those among them that the dataset holds."""
     budget: str
+    """A key of `BUDGETS`."""
     backend: str
 
     @property
@@ -60,8 +51,7 @@ class AccuracyStudy:
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
-    """One group of questions on one example: done of `steps`, its rows, and the seconds that it took. kept: whether an
-    earlier run had measured it."""
+    """One group of questions on one example: done of `steps`, its rows, and the seconds that it took."""
 
     number: int
     steps: int
@@ -70,6 +60,7 @@ class Step:
     rows: tuple[AccuracyRow, ...]
     seconds: float
     kept: bool = False
+    """Whether an earlier run had measured it."""
 
 
 def run(study: AccuracyStudy) -> Iterator[Step]:
@@ -112,6 +103,6 @@ def conclude(study: AccuracyStudy, rows: Sequence[AccuracyRow]) -> Advice:
     advice, dataset = Advice(), study.spec.dataset
     advise_sampling.advise(advice, rows, dataset, BUDGETS[study.budget])
     advise_bounds.advise(advice, rows, dataset)
-    advise_storage.advise(advice, rows, dataset)
+    precision.advise(advice, rows, dataset)
     write_atomic(study.out / "recommended.txt", advice.lines().encode())
     return advice

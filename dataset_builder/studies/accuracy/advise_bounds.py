@@ -3,12 +3,9 @@
 from collections.abc import Sequence
 
 from dataset_builder.spec.dataset import DatasetSpec
-from dataset_builder.studies.accuracy.advice import Advice
-from dataset_builder.studies.accuracy.curves import Point, curve
-from dataset_builder.studies.accuracy.depth import DEPTH, worst
-from dataset_builder.studies.accuracy.mesh_resolution import EDGES, LAYER
+from dataset_builder.studies.accuracy.bounds import DEPTH, EDGE_LAYER, EDGES, TEXTURES, worst
+from dataset_builder.studies.accuracy.curves import Advice, Point, curve
 from dataset_builder.studies.accuracy.rows import AccuracyRow, layers_in, of
-from dataset_builder.studies.accuracy.texture_size import TEXTURES
 
 NEAR = 0.5
 """Share of a layer's noise that another error may have: both together are then an eighth more than the noise alone."""
@@ -38,10 +35,10 @@ def _depth(advice: Advice, rows: Sequence[AccuracyRow], spec: DatasetSpec) -> No
 
 
 def _edges(advice: Advice, rows: Sequence[AccuracyRow], spec: DatasetSpec) -> None:
-    points = curve(rows, EDGES, LAYER)
+    points = curve(rows, EDGES, EDGE_LAYER)
     if not points:
         return
-    bound = NEAR * advice.noise.get(LAYER, spec.render.bias)
+    bound = NEAR * advice.noise.get(EDGE_LAYER, spec.render.bias)
     # From the coarsest: the first that is good enough, and with it all finer ones
     chosen = _first_below(sorted(points, key=lambda point: -point.value), bound)
     figures = ", ".join(f"{_shown(point)} at {point.setting}" for point in points)
@@ -49,7 +46,7 @@ def _edges(advice: Advice, rows: Sequence[AccuracyRow], spec: DatasetSpec) -> No
         f"{chosen.setting + ' its own edge length' if chosen else 'None of these edge lengths'} keeps the surface's "
         f"own error in S' below {bound:.1%}; it is {figures}.")
     if chosen:
-        advice.marked[EDGES, LAYER] = chosen
+        advice.marked[EDGES, EDGE_LAYER] = chosen
         if isinstance(spec.rough.edge_length, float | int):
             factor = float(chosen.setting.split()[0])
             advice.overrides.append(f"rough.edge_length={spec.rough.edge_length * factor:g}")

@@ -5,9 +5,7 @@ from collections.abc import Mapping, Sequence
 
 from dataset_builder.layers import LAYERS
 from dataset_builder.spec.dataset import DatasetSpec
-from dataset_builder.studies.accuracy.advice import Advice
-from dataset_builder.studies.accuracy.budget import Budget
-from dataset_builder.studies.accuracy.curves import PRICE, curve, equal_error, knee
+from dataset_builder.studies.accuracy.curves import PRICE, Advice, curve, equal_error, knee
 from dataset_builder.studies.accuracy.rows import AccuracyRow, layers_in
 from dataset_builder.studies.accuracy.sampling import (
     ADAPTIVE,
@@ -17,6 +15,7 @@ from dataset_builder.studies.accuracy.sampling import (
     UNIFORM,
     goal_override,
 )
+from dataset_builder.studies.accuracy.workbench import Budget
 from dataset_builder.studies.image_errors import geometric_mean
 
 

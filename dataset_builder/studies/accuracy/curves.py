@@ -1,8 +1,8 @@
-"""Curves through the rows: means over examples, the knee, and what equal error costs."""
+"""Curves through the rows: means over examples, the knee, and what equal error costs; and the study's conclusions."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -22,8 +22,7 @@ REACH = 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class Point:
-    """One setting on a curve: geometric means over examples (value: median; psnr: mean). at_floor: in some example
-    noise hides the error, which is an upper bound there."""
+    """One setting on a curve: geometric means over examples (value: median; psnr: mean)."""
 
     setting: str
     value: float
@@ -33,6 +32,7 @@ class Point:
     flip: float
     spp: float
     at_floor: bool
+    """In some example noise hides the error, which is an upper bound there."""
 
 
 def curve(rows: Sequence[AccuracyRow], question: str, layer: str) -> list[Point]:
@@ -114,3 +114,25 @@ def _cost_at(relmse: float, uniform: Sequence[AccuracyRow], cost: str) -> float:
     if abs(wanted - inside) > 2 * math.log(REACH):
         return math.nan
     return math.exp(float(np.interp(inside, errors, costs)) - (wanted - inside))
+
+
+@dataclass(kw_only=True)
+class Advice:
+    """The study's conclusions: one sentence for each question with its numbers, and recommended settings."""
+
+    sentences: dict[str, str] = field(default_factory=dict)
+    """By question."""
+    overrides: list[str] = field(default_factory=list)
+    """As `--set` takes them."""
+    marked: dict[tuple[str, str], Point] = field(default_factory=dict)
+    """Recommended point by question and layer."""
+    noise: dict[str, float] = field(default_factory=dict)
+    """Relative error of each layer at its recommended point."""
+
+    def lines(self) -> str:
+        """One option of the command line for every override."""
+        return "".join(f"--set '{override}'\n" for override in self.overrides)
+
+    def marks(self, question: str) -> Mapping[str, Point]:
+        """Recommended points of a question by layer."""
+        return {layer: point for (name, layer), point in self.marked.items() if name == question}

@@ -1,14 +1,14 @@
-"""The table of the study: one row for each question, setting, example and layer."""
+"""The table of the study: a row for each question, setting, example and layer; an interrupted study reuses its rows."""
 
-import csv
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 from typing import Any
 
+from dataset_builder.digest import canonical_json
 from dataset_builder.files import write_atomic
-from dataset_builder.studies.comma_separated import comma_separated
+from dataset_builder.studies.comma_separated import read_csv, write_csv
 
 NONE = math.nan
 WHOLE = "all"
@@ -17,40 +17,43 @@ WHOLE = "all"
 
 @dataclass(frozen=True, kw_only=True)
 class AccuracyRow:
-    """One measurement. Figures that a question does not have are NaN, and empty in the file.
-
-    value: the setting as a number (spp, error asked for, depth, metres, texels, samples). seconds: of the pass that
-    makes the layer, or of what the question is about. spp: mean over its pixels, with least and most. relmse: less the
-    share that the reference's own noise is expected to have in it; relmse_measured: with it; relmse_reference: that
-    share; floor: relmse below which nothing can be told. reached: relative error that the renderer claims. bias: mean
-    of the difference over the mean; bias_se: its standard error. drift: relative difference of a sum from the double
-    one.
-    """
+    """One measurement. Figures that a question does not have are NaN, and empty in the file."""
 
     question: str
     setting: str
     value: float
+    """The setting as a number: spp, error asked for, depth, metres, texels, samples."""
     example: str
     layer: str
     seconds: float = NONE
+    """Of the pass that makes the layer, or of what the question is about."""
     spp: float = NONE
+    """Mean over the pass's pixels, with least and most."""
     spp_min: float = NONE
     spp_max: float = NONE
     paths: float = NONE
     relmse: float = NONE
+    """Less the share that the reference's own noise is expected to have in it."""
     relmse_measured: float = NONE
+    """With that share."""
     relmse_reference: float = NONE
+    """That share."""
     floor: float = NONE
+    """relmse below which nothing can be told."""
     psnr: float = NONE
     flip: float = NONE
     reached: float = NONE
+    """Relative error that the renderer claims."""
     bias: float = NONE
+    """Mean of the difference over the mean."""
     bias_se: float = NONE
+    """Standard error of the bias."""
     triangles: float = NONE
     bytes: float = NONE
     encode_seconds: float = NONE
     decode_seconds: float = NONE
     drift: float = NONE
+    """Relative difference of a sum from the double one."""
 
     @property
     def error(self) -> float:
@@ -63,19 +66,22 @@ class AccuracyRow:
         return self.relmse < self.floor
 
 
+Steps = dict[tuple[str, str], tuple[AccuracyRow, ...]]
+"""Rows by example and group of questions."""
+
+ABOUT = "study.json"
 TEXTS = ("question", "setting", "example", "layer")
 COLUMNS = (*(field.name for field in fields(AccuracyRow)), "at_floor")
 
 
 def write_table(rows: Iterable[AccuracyRow], path: Path) -> None:
     """Write the rows as CSV, whole or not at all, figures to six digits. Raises OutputError."""
-    write_atomic(path, comma_separated(COLUMNS, ([*map(_text, astuple(row)), int(row.at_floor)] for row in rows)))
+    write_csv(path, COLUMNS, ([*map(_text, astuple(row)), int(row.at_floor)] for row in rows))
 
 
 def read_table(path: Path) -> list[AccuracyRow]:
     """The rows of a table that `write_table` wrote."""
-    with path.open(encoding="utf-8", newline="") as stream:
-        return [_row(line) for line in csv.DictReader(stream)]
+    return [_row(line) for line in read_csv(path)]
 
 
 def _row(line: dict[str, str]) -> AccuracyRow:
@@ -98,3 +104,26 @@ def _text(value: str | float) -> str:
     if isinstance(value, str):
         return value
     return "" if math.isnan(value) else f"{value:.6g}"
+
+
+def begin(folder: Path, about: Mapping[str, Any], table: Path) -> None:
+    """State in `folder` what its rows are about; a table that is about anything else goes. Raises OutputError."""
+    path, content = folder / ABOUT, canonical_json(dict(about))
+    if not path.is_file() or path.read_bytes() != content:
+        # The table first: an interruption in between must leave no rows under a statement that is not theirs
+        table.unlink(missing_ok=True)
+        write_atomic(path, content)
+
+
+def kept_steps(table: Path, groups: Mapping[str, str]) -> Steps:
+    """Steps whose rows a table holds; none where it is missing or damaged. groups: question -> group.
+
+    Tables are written whole after every step, so that a step with rows is complete.
+    """
+    try:
+        steps = dict[tuple[str, str], list[AccuracyRow]]()
+        for row in read_table(table):
+            steps.setdefault((row.example, groups[row.question]), []).append(row)
+    except (FileNotFoundError, ValueError, KeyError, TypeError):
+        return {}
+    return {step: tuple(own) for step, own in steps.items()}

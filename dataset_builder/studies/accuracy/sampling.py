@@ -18,11 +18,12 @@ QUESTIONS = (UNIFORM, ADAPTIVE, DENOISED, ADAPTIVE_DENOISED)
 
 @dataclass(frozen=True, kw_only=True)
 class Setting:
-    """One way to sample. value: spp, or the error asked for."""
+    """One way to sample."""
 
     question: str
     name: str
     value: float
+    """spp, or the error asked for."""
     overrides: tuple[str, ...]
     layers: tuple[str, ...]
 

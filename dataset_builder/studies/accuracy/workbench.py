@@ -1,4 +1,4 @@
-"""What all questions share: the spec, the budget, the references, and rows made from rendered examples."""
+"""What all questions share: the budget, the spec, the references, and rows made from rendered examples."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -9,12 +9,63 @@ import numpy as np
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.rendering.examples import Rendered
-from dataset_builder.studies.accuracy.budget import REFERENCE_DEPTH, Budget
 from dataset_builder.studies.accuracy.rows import AccuracyRow
 from dataset_builder.studies.image_errors import flip, psnr, relative_mse, relative_variance
 from dataset_builder.studies.reference import References
 from dataset_builder.studies.sampled import StudySpec, layer_override, reseeded, spp_override
 from dataset_builder.studies.timing import Warm, reached_by, seconds_of, timed, work_of
+
+REFERENCE_DEPTH = 64
+
+
+@dataclass(frozen=True, kw_only=True)
+class Budget:
+    """How much a run of the study does: settings of every question."""
+
+    reference_spp: int
+    uniform: tuple[int, ...]
+    """spp of the uniform curve."""
+    first: int
+    """Adaptive sampling's first round, spp."""
+    goals: tuple[float, ...]
+    """Errors asked of adaptive sampling."""
+    cap: int
+    """Most spp of adaptive sampling."""
+    denoised_spp: tuple[int, ...]
+    """What is denoised of the uniform curve."""
+    denoised_goals: tuple[float, ...]
+    """What is denoised of adaptive sampling."""
+    depths: tuple[int, ...]
+    depth_spp: int
+    replicates: int
+    """Independent runs of each path depth."""
+    edges: tuple[float, ...]
+    """Factors on the dataset's own edge length, the last of them the reference."""
+    textures: tuple[int, ...]
+    """Texels along a side."""
+    passes: int
+    """spp of questions that are not about spp."""
+    codec_repeats: int
+    """Runs of each codec."""
+    counts: tuple[int, ...]
+    """Lengths of sums; the longest is the number of pixels of the picture that its samples come from."""
+
+
+FULL = Budget(
+    reference_spp=4096, uniform=(4, 8, 16, 32, 64, 128, 256, 512, 1024), first=16, goals=(0.2, 0.1, 0.05, 0.025),
+    cap=4096, denoised_spp=(4, 16, 64, 256), denoised_goals=(0.2, 0.1, 0.05), depths=(2, 3, 4, 6, 8, 12, 16),
+    depth_spp=64, replicates=4, edges=(4.0, 2.0, 1.0, 0.5, 0.25), textures=(8, 16, 32, 64, 128, 256, 512), passes=256,
+    codec_repeats=5, counts=(1_000, 10_000, 100_000, 1_000_000),
+)
+
+SMALL = Budget(
+    reference_spp=1024, uniform=(4, 16, 64), first=16, goals=(0.4, 0.2), cap=256, denoised_spp=(16,),
+    denoised_goals=(0.4,), depths=(2, 4, 8), depth_spp=16, replicates=2, edges=(4.0, 2.0, 1.0), textures=(8, 64),
+    passes=16, codec_repeats=1, counts=(100, 1_000, 10_000),
+)
+
+BUDGETS = {"full": FULL, "small": SMALL}
+
 
 PLAIN = ("render.accuracy={}", "render.denoise={}", "storage.standard_errors=false")
 """Fixed spp, nothing denoised: what every setting starts from."""
@@ -22,13 +73,15 @@ PLAIN = ("render.accuracy={}", "render.denoise={}", "storage.standard_errors=fal
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Bench:
-    """extents: the layers under study. repeats: how often what is short is timed."""
+    """What every question works with."""
 
     spec: StudySpec
     budget: Budget
     extents: Mapping[str, str]
+    """The layers under study."""
     references: References
     repeats: int
+    """How often what is short is timed."""
     warm: Warm = field(default_factory=Warm)
 
     def plan(self, ref: ExampleRef, *settings: str, layers: Mapping[str, str] | None = None) -> ExamplePlan:
@@ -54,10 +107,9 @@ class Bench:
         return self.references.get(reseeded(plan, "reference"), self.spec.mesh_root).layers
 
     def compared(self, question: str, setting: str, value: float, found: Rendered,
-                 reference: Mapping[str, np.ndarray], layers: Iterable[str] | None = None) -> list[AccuracyRow]:
+                 reference: Mapping[str, np.ndarray], layers: Iterable[str]) -> list[AccuracyRow]:
         """Rows of an example's layers against a reference with standard errors."""
-        return [compare(question, setting, value, found, reference, layer)
-                for layer in (self.extents if layers is None else layers)]
+        return [compare(question, setting, value, found, reference, layer) for layer in layers]
 
 
 def compare(question: str, setting: str, value: float, found: Rendered, reference: Mapping[str, np.ndarray],
@@ -68,9 +120,9 @@ def compare(question: str, setting: str, value: float, found: Rendered, referenc
     noise = relative_variance(reference[f"{layer}_se"], truth, keep) if f"{layer}_se" in reference else 0.0
     return AccuracyRow(question=question, setting=setting, value=value, example=found.plan.key, layer=layer,
                        seconds=seconds_of(layer, found), relmse=max(measured - noise, 0.0), relmse_measured=measured,
-                       relmse_reference=noise, floor=noise, psnr=psnr(image, truth,
-                                                                      keep), flip=flip(image, truth, keep),
-                       reached=reached_by(layer, found.record), **work_of(layer, found.record))
+                       relmse_reference=noise, floor=noise, psnr=psnr(image, truth, keep),
+                       flip=flip(image, truth, keep), reached=reached_by(layer, found.record),
+                       **work_of(layer, found.record))
 
 
 def kept(found: Rendered, reference: Mapping[str, np.ndarray], layer: str) -> np.ndarray:

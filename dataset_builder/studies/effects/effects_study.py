@@ -1,8 +1,8 @@
-"""Sampled examples as planned and with everything simulated: differences, seconds, and decisions."""
+"""Sampled examples as planned and with everything simulated: differences, seconds, decisions, and tables of them."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ from dataset_builder.layers import LAYERS
 from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.rendering.backend import activate
 from dataset_builder.rendering.examples import Rendered
+from dataset_builder.studies.comma_separated import write_csv
 from dataset_builder.studies.effects.picture_differences import Difference, clear_difference, noisy_difference
 from dataset_builder.studies.image_errors import geometric_mean
 from dataset_builder.studies.sampled import StudySpec, reseeded
@@ -23,25 +24,33 @@ COMMON = ("render.accuracy={}", "render.denoise={}", "storage.standard_errors=tr
 
 ALL = "render.effects=all"
 
+DIFFERENCE_COLUMNS = (*(field.name for field in fields(Difference)), "verdict")
+SECONDS_COLUMNS = ("example", "pass", "planned", "everything")
+
 
 @dataclass(frozen=True, kw_only=True)
 class EffectsStudy:
-    """What to study. examples: how many; out: the study's folder."""
+    """What to study."""
 
     spec: StudySpec
     out: Path
+    """The study's folder."""
     examples: int
+    """How many."""
     backend: str
 
 
 @dataclass(frozen=True, kw_only=True)
 class Compared:
-    """One example both ways. planned, everything: seconds by pass; decisions: what planning decided."""
+    """One example both ways."""
 
     example: str
     planned: dict[str, float]
+    """Seconds by pass."""
     everything: dict[str, float]
+    """Seconds by pass."""
     decisions: tuple[Decision, ...]
+    """What planning decided."""
     differences: tuple[Difference, ...]
 
     @property
@@ -114,3 +123,13 @@ def decisions(found: Sequence[Compared]) -> dict[tuple[str, str], tuple[int, str
     count = Counter((decision.effect, decision.choice) for one in found for decision in one.decisions)
     reasons = {(decision.effect, decision.choice): decision.reason for one in found for decision in one.decisions}
     return {key: (number, reasons[key]) for key, number in sorted(count.items())}
+
+
+def write_tables(found: Sequence[Compared], folder: Path) -> None:
+    """`differences.csv`, one row per example and layer, and `seconds.csv`, one per example and pass. Raises
+    OutputError."""
+    write_csv(folder / "differences.csv", DIFFERENCE_COLUMNS, [
+        [*astuple(one), "pass" if one.holds else "fail"] for compared in found for one in compared.differences])
+    write_csv(folder / "seconds.csv", SECONDS_COLUMNS, [
+        [one.example, name, one.planned.get(name, 0.0), one.everything.get(name, 0.0)]
+        for one in found for name in dict.fromkeys((*one.planned, *one.everything))])

@@ -29,20 +29,23 @@ FACTOR = 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class Difference:
-    """One layer, planned against everything on. bias, bias_se: mean of the difference and its standard error, both
-    relative to the mean. worst_z: largest |difference| of a pixel in its standard errors. share: of pixels beyond
-    `SIGMAS` standard errors and what is allowed; expected: what noise alone would give of it. allowed: relative bias
-    that the spec allows."""
+    """One layer, planned against everything on."""
 
     example: str
     layer: str
     pixels: int
     bias: float
+    """Mean of the difference, relative to the mean."""
     bias_se: float
+    """Its standard error, relative to the mean."""
     worst_z: float
+    """Largest |difference| of a pixel in its standard errors."""
     share: float
+    """Of pixels beyond `SIGMAS` standard errors and what is allowed."""
     expected: float
+    """What noise alone would give of `share`."""
     allowed: float
+    """Relative bias that the spec allows."""
 
     @property
     def bias_holds(self) -> bool:

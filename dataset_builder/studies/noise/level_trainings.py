@@ -16,8 +16,7 @@ from dataset_builder.lightnet.training.fit import LAST, TrainingJob
 from dataset_builder.planning.catalogue import examples
 from dataset_builder.shards.reader import load_manifest
 from dataset_builder.studies.noise.noise_study import NoiseStudy, level_name
-from dataset_builder.studies.scores import read_scores, write_scores
-from dataset_builder.studies.trainings import SCORES, claim, read_facts, train
+from dataset_builder.studies.trainings import SCORES, claim, read_facts, read_scores, train, write_scores
 
 MIXED = "mixed"
 """The training on all levels."""
@@ -25,25 +24,27 @@ MIXED = "mixed"
 
 @dataclass(frozen=True, kw_only=True)
 class HeldOutExample:
-    """A held-out example that every level has. index: position in the split; roughness: measured distance of the rough
-    mesh from the clean one, root mean square, in bounding radii."""
+    """A held-out example that every level has."""
 
     index: int
+    """Position in the split."""
     key: str
     case: tuple[str, int]
     level: int
     sigma: float
     roughness: float
+    """Measured distance of the rough mesh from the clean one, root mean square, in bounding radii."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class HeldOut:
-    """The split that is measured on. examples: of the cases (view, light) that every level has, no others; left_out:
-    cases that a gate took some level of."""
+    """The split that is measured on."""
 
     dataset: LightingDataset = field(repr=False)
     examples: tuple[HeldOutExample, ...]
+    """Of the cases (view, light) that every level has, no others."""
     left_out: int
+    """Cases that a gate took some level of."""
 
     @cached_property
     def cases(self) -> tuple[tuple[str, int], ...]:
@@ -58,10 +59,11 @@ class HeldOut:
 
 @dataclass(frozen=True, kw_only=True)
 class LevelNews:
-    """What a training said. number: of `count` trainings, from 1."""
+    """What a training said."""
 
     name: str
     number: int
+    """Of `count` trainings, from 1."""
     count: int
     event: Event
 

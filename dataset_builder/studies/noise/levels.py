@@ -1,34 +1,41 @@
-"""Quality at every level: by the training on all levels, by those on one, and by untrained baselines."""
+"""Quality at every level, by trainings on all levels and on one and by untrained baselines; and cases in pictures."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import fmean
 
+import numpy as np
+
 from dataset_builder.errors import UserError
-from dataset_builder.files import write_atomic
+from dataset_builder.lightnet.data.loader import whole_images
 from dataset_builder.lightnet.measures.metrics import METRICS
 from dataset_builder.lightnet.results.clustered_means import ClusteredMean, estimate, methods
-from dataset_builder.lightnet.results.evaluate import ScoreRow
-from dataset_builder.studies.comma_separated import comma_separated
-from dataset_builder.studies.noise.level_trainings import MIXED, HeldOut
+from dataset_builder.lightnet.results.evaluate import Contender, ScoreRow
+from dataset_builder.lightnet.results.pictures import cropped, light
+from dataset_builder.studies.comma_separated import write_csv
+from dataset_builder.studies.noise.level_trainings import MIXED, HeldOut, contenders
 from dataset_builder.studies.noise.noise_study import NoiseStudy, level_name
 
 OWN = "own level"
 """Whoever was trained on the level at hand."""
+TRIVIAL = "dr_s_prime"
+HEADINGS = {TRIVIAL: "(D + R) S', true D, R", MIXED: "trained on all levels", "own": "trained on this level"}
 COLUMNS = ("level", "sigma", "roughness", "examples", "objects", "by", "trained_on",
            *(f"{metric.name}{end}" for metric in METRICS for end in ("", "_error")))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Level:
-    """One level. sigma: as asked for; roughness: as measured, mean over the held-out examples, root mean square of each
-    in bounding radii; scores: rows of every method by its name, examples in the same order everywhere."""
+    """One level of noise, and the scores on its held-out examples."""
 
     number: int
     sigma: float
+    """As asked for."""
     roughness: float
+    """As measured, mean over the held-out examples, root mean square of each in bounding radii."""
     scores: dict[str, tuple[ScoreRow, ...]]
+    """Rows of every method by its name, examples in the same order everywhere."""
 
     def rows(self, method: str) -> tuple[ScoreRow, ...]:
         """Rows of one method; `OWN` is the one that was trained on this level."""
@@ -63,7 +70,7 @@ def levels_of(study: NoiseStudy, split: HeldOut, scores: Sequence[ScoreRow]) -> 
 
 def write_table(levels: Sequence[Level], path: Path) -> None:
     """Every method at every level as CSV, whole or not at all. Raises OutputError."""
-    write_atomic(path, comma_separated(COLUMNS, (_line(level, method) for level in levels for method in level.scores)))
+    write_csv(path, COLUMNS, (_line(level, method) for level in levels for method in level.scores))
 
 
 def trained_on(method: str) -> str:
@@ -80,3 +87,45 @@ def _line(level: Level, method: str) -> list[object]:
         found = level.mean(method, metric.name)
         cells += [found.mean, found.error]
     return cells
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Crop:
+    """One case at one level."""
+
+    what: str
+    """Why it is shown."""
+    key: str
+    level: Level
+    psnr: dict[str, float]
+    """Of every prediction, by its heading."""
+    panels: dict[str, np.ndarray]
+    """(H, W, 3) uint8 pictures by heading, tone-mapped as metrics see them and cut to the object."""
+
+
+def crops(study: NoiseStudy, split: HeldOut, levels: Sequence[Level]) -> Iterator[Crop]:
+    """The median and the worst case at every level, by PSNR of the mixed training at the last one."""
+    by_name = {one.name: one for one in contenders(study)}
+    for what, case in chosen(split, levels).items():
+        for level in levels:
+            yield _crop(what, case, split, level, by_name)
+
+
+def chosen(split: HeldOut, levels: Sequence[Level]) -> dict[str, int]:
+    """Positions of the cases to show, by what they are; the worst one only where it is another."""
+    ranked = sorted(range(len(split.cases)), key=lambda case: levels[-1].rows(MIXED)[case].metrics.psnr)
+    middle, worst = ranked[len(ranked) // 2], ranked[0]
+    return {"median": middle} | ({"worst": worst} if worst != middle else {})
+
+
+def _crop(what: str, case: int, split: HeldOut, level: Level, by_name: dict[str, Contender]) -> Crop:
+    example = split.of(level.number)[case]
+    batch, = whole_images(split.dataset, [example.index])
+    names = {TRIVIAL: TRIVIAL, MIXED: MIXED, "own": level_name(level.number)}
+    panels = {"I_s": light(batch.inputs.i_s[0]), "S'": light(batch.inputs.s_prime[0])}
+    for shown, name in names.items():
+        one = by_name[name]
+        panels[HEADINGS[shown]] = light(one.find(batch.to(one.device)).i_t[0])
+    panels["truth"] = light((batch.truth.i_t * batch.inputs.inside)[0])
+    return Crop(what=what, key=example.key, level=level, panels=cropped(panels, batch.inputs.inside[0]),
+                psnr={HEADINGS[shown]: level.rows(name)[case].metrics.psnr for shown, name in names.items()})

@@ -12,23 +12,26 @@ from dataset_builder.lightnet.methods.vgg import check_file
 from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.spec.load import load_dataset
 from dataset_builder.spec.loaded import LoadedSpec
-from dataset_builder.studies.derived import changed, settings_of
+from dataset_builder.studies.trainings import changed, settings_of
 
 
 @dataclass(frozen=True, kw_only=True)
 class NoiseStudy:
-    """What to study. levels: sigmas, rising. training: LighTNet on all levels, made by
-    `studies.derived.base_of`; per_level_steps: batches of each of those
-    that see one level. out: the study's folder; workers: processes that render, None for one per core."""
+    """What to study."""
 
     spec: Path
     overrides: tuple[str, ...]
     levels: tuple[float, ...]
+    """Sigmas, rising."""
     training: TrainingSpec
+    """LighTNet on all levels, made by `studies.trainings.base_of`."""
     per_level_steps: int
+    """Batches of each training that sees one level."""
     out: Path
+    """The study's folder."""
     backend: str = "auto"
     workers: int | None = None
+    """Processes that render, None for one per core."""
     vgg_weights: Path | None = None
     device: str = "auto"
 

@@ -1,12 +1,12 @@
 """How often each pass ran: counted in the record that the build wrote of every example, not taken from the plan."""
 
-import csv
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from dataset_builder.planning.catalogue import ExampleRef, examples
 from dataset_builder.shards.folder import SECONDS
+from dataset_builder.studies.comma_separated import read_csv
 from dataset_builder.studies.noise.noise_study import NoiseStudy
 
 NO_PASSES = ("plan", "encode", "denoise")
@@ -20,15 +20,18 @@ MEANINGS = {
 
 @dataclass(frozen=True, kw_only=True)
 class PassCount:
-    """ran: times that the pass was rendered for `examples` examples; seconds: of all of them together; per: what it ran
-    once for, empty where that cannot be said. once: whether it was shared by all noise levels."""
+    """How often one pass ran."""
 
     name: str
     ran: int
+    """Times that the pass was rendered for `examples` examples."""
     examples: int
     seconds: float
+    """Of all of them together."""
     per: str
+    """What it ran once for, empty where that cannot be said."""
     once: bool
+    """Whether it was shared by all noise levels."""
 
     @property
     def meaning(self) -> str:
@@ -42,11 +45,12 @@ def count_passes(study: NoiseStudy) -> list[PassCount]:
     refs = {ref.key: ref for ref in examples(study.loaded.dataset)}
     ran, seconds = Counter[str](), defaultdict[str, float](float)
     made = dict[str, ExampleRef]()
-    for key, step, spent in _steps(study):
+    for line in read_csv(study.dataset / SECONDS):
+        key, step = line["key"], line["step"]
         if key in refs and step not in NO_PASSES:
             made[key] = refs[key]
             ran[step] += 1
-            seconds[step] += spent
+            seconds[step] += float(line["seconds"])
     found = [_count(name, ran[name], seconds[name], list(made.values())) for name in ran]
     return sorted(found, key=lambda one: (not one.once, one.ran))
 
@@ -73,9 +77,3 @@ def _count(name: str, ran: int, seconds: float, made: Sequence[ExampleRef]) -> P
     meanings = ((views, "once per view"), (lights, "once per view and light"), (len(made), "once per example"))
     per = next((text for count, text in meanings if count == ran), "")
     return PassCount(name=name, ran=ran, examples=len(made), seconds=seconds, per=per, once=ran <= lights)
-
-
-def _steps(study: NoiseStudy) -> list[tuple[str, str, float]]:
-    path = study.dataset / SECONDS
-    with path.open(encoding="utf-8", newline="") as stream:
-        return [(line["key"], line["step"], float(line["seconds"])) for line in csv.DictReader(stream)]

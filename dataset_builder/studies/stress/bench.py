@@ -34,14 +34,15 @@ SUBPIXELS = 8
 
 @dataclass(frozen=True, kw_only=True)
 class Shot:
-    """How a scene is looked at. size: width and height where they are not the square of the run; framed: whether the
-    scene is moved and scaled as the product does it."""
+    """How a scene is looked at."""
 
     camera: CameraPlan
     size: tuple[int, int] | None = None
+    """Width and height where they are not the square of the run."""
     max_depth: int = 6
     seed: int = SEED
     framed: bool = False
+    """Whether the scene is moved and scaled as the product does it."""
     replicas: int | None = None
     spp: int | None = None
     batches: int = BATCHES
@@ -49,20 +50,23 @@ class Shot:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Picture:
-    """image, shading, specular: (K, H, W, 3) of K independent renders. mask, depth: (H, W); d, r, normal: (H, W, 3).
-    facing: (H, W) cosine between the normal and the way to the viewer. same: (H, W) whether a surface of one D fills
-    the pixel and all of its neighbours."""
+    """All layers of one shot."""
 
     image: np.ndarray
+    """(K, H, W, 3) of K independent renders, as are shading and specular."""
     shading: np.ndarray
     specular: np.ndarray
     mask: np.ndarray
+    """(H, W), as is depth."""
     depth: np.ndarray
     d: np.ndarray
+    """(H, W, 3), as are r and normal."""
     r: np.ndarray
     normal: np.ndarray
     facing: np.ndarray
+    """(H, W) cosine between the normal and the way to the viewer."""
     same: np.ndarray
+    """(H, W) whether a surface of one D fills the pixel and all of its neighbours."""
 
     @property
     def s(self) -> np.ndarray:

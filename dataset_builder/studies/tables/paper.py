@@ -1,11 +1,14 @@
-"""Every number of tables 1, 2 and 3 of Cai et al., arXiv 2211.14823 v3, by the rows' names here.
+"""What a table of the paper is made of, and every number of tables 1, 2 and 3 of Cai et al., arXiv 2211.14823 v3.
 
-They are of another dataset, other sizes of networks and another length of training, and the paper says neither in which
-range nor over which pixels it measures: compare the order, not the values.
+Numbers stand by the rows' names here. They are of another dataset, other sizes of networks and another length of
+training, and the paper says neither in which range nor over which pixels it measures: compare the order, not the
+values.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+
+from dataset_builder.lightnet.settings import TrainingSpec
 
 SOURCE = "Cai et al., arXiv 2211.14823 v3"
 
@@ -61,3 +64,54 @@ SHADINGS: Mapping[str, Printed] = {
     "full": FULL,
 }
 """Table 3, bottom: S' as it is, S* predicted directly, and S' + S'_r."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TableRow:
+    """A row of a table: what is trained for it, and the published row that it is compared with."""
+
+    name: str
+    """Of its folder and in files; where nothing is learnt, its name in `lightnet.methods.baselines.trivial`."""
+    title: str
+    """For people."""
+    spec: TrainingSpec | None
+    """None for what learns nothing."""
+    printed: Printed | None = None
+    """None where the paper has no such row."""
+    note: str = ""
+    """A remark on it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Group:
+    """Rows that the paper compares with each other, by name; order is looked at within a group."""
+
+    title: str
+    rows: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """A table: its rows, and which of them the paper compares."""
+
+    name: str
+    number: str
+    """How the paper calls it."""
+    question: str
+    rows: tuple[TableRow, ...]
+    groups: tuple[Group, ...]
+    reference: str
+    """The row that all others are held against."""
+    absent: Mapping[str, tuple[Printed, str]]
+    """Printed rows that cannot be measured here, with the reason by title."""
+    left_out: tuple[str, ...] = ()
+    """What was not asked, and why."""
+
+    def row(self, name: str) -> TableRow:
+        """The row of that name."""
+        return next(row for row in self.rows if row.name == name)
+
+
+def names(rows: Sequence[TableRow]) -> tuple[str, ...]:
+    """Names, in order."""
+    return tuple(row.name for row in rows)

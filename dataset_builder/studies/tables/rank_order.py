@@ -20,16 +20,18 @@ Verdict = Literal["as printed", "against", "not told apart"]
 
 @dataclass(frozen=True, kw_only=True)
 class Pair:
-    """Two rows by name. better: the one that the paper prints as better. gain: mean over examples of how much better
-    it is here, so that > 0 is the printed order. altered: one of them is not quite what the paper's is."""
+    """Two rows by name."""
 
     group: str
     metric: str
     better: str
+    """The one that the paper prints as better."""
     worse: str
     printed: float
     gain: ClusteredMean
+    """Mean over examples of how much better it is here, so that > 0 is the printed order."""
     altered: bool
+    """One of them is not quite what the paper's is."""
 
     @property
     def as_printed(self) -> bool:

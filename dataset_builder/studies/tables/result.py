@@ -1,26 +1,35 @@
-"""The result of a row: means over examples and seeds, and how it compares with the published numbers."""
+"""The result of a row: means over examples and seeds, how it compares with the published numbers, and both as CSV."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import hypot, nan, sqrt
+from pathlib import Path
 from statistics import fmean, stdev
 from typing import Any
 
 from dataset_builder.lightnet.measures.metrics import METRICS, Metric
 from dataset_builder.lightnet.results.clustered_means import ClusteredMean, estimate, reach
 from dataset_builder.lightnet.results.evaluate import ScoreRow
+from dataset_builder.studies.comma_separated import write_csv
+from dataset_builder.studies.tables.paper import Group, Table, TableRow
 from dataset_builder.studies.tables.rank_order import Order, Pair, printed_pairs
-from dataset_builder.studies.tables.row import Group, Table, TableRow
-from dataset_builder.studies.tables.variants import NO_WEIGHTS
+from dataset_builder.studies.tables.table_kinds import NO_WEIGHTS
+
+TABLE_COLUMNS = ("row", "title", "note", "seeds", "examples", "objects", "steps", "parameters", "seconds_per_step",
+                 *(f"{metric.name}{end}" for metric in METRICS for end in ("", "_error", "_sd_over_seeds", "_paper")))
+PAIR_COLUMNS = ("group", "metric", "better_in_paper", "worse_in_paper", "printed_gain", "gain", "gain_error",
+                "half_width", "verdict", "altered")
 
 
 @dataclass(frozen=True, kw_only=True)
 class RowResult:
-    """One row measured. scores: rows of every seed, examples in the same order. facts: what its trainings said."""
+    """One row measured."""
 
     row: TableRow
     scores: tuple[tuple[ScoreRow, ...], ...]
+    """Rows of every seed, examples in the same order."""
     facts: dict[str, Any]
+    """What its trainings said."""
 
     @property
     def altered(self) -> bool:
@@ -100,3 +109,26 @@ def _beside(mine: Sequence[tuple[ScoreRow, ...]], theirs: Sequence[tuple[ScoreRo
     count = max(len(mine), len(theirs))
     first, second = ([*scores] if len(scores) == count else [*scores] * count for scores in (mine, theirs))
     return list(zip(first, second, strict=True))
+
+
+def write_files(table: Table, results: Sequence[RowResult], folder: Path) -> None:
+    """Write `table.csv`, a line per row, and `pairs.csv`, one per pair and metric. Raises OutputError."""
+    pairs = [pair for order in orders(table, results) for pair in order.pairs]
+    write_csv(folder / "table.csv", TABLE_COLUMNS, map(_row_line, results))
+    write_csv(folder / "pairs.csv", PAIR_COLUMNS, map(_pair_line, pairs))
+
+
+def _row_line(result: RowResult) -> list[object]:
+    means = {metric.name: result.mean(metric.name) for metric in METRICS}
+    cells: list[object] = [result.row.name, result.row.title, result.note, len(result.scores), means["psnr"].examples,
+                           means["psnr"].objects, result.row.spec.steps if result.row.spec else "",
+                           result.facts.get("parameters", ""), result.facts.get("seconds_per_step", "")]
+    for metric in METRICS:
+        cells += [means[metric.name].mean, means[metric.name].error, result.spread(metric.name),
+                  result.row.printed.of(metric.name) if result.row.printed else ""]
+    return cells
+
+
+def _pair_line(pair: Pair) -> list[object]:
+    return [pair.group, pair.metric, pair.better, pair.worse, pair.printed, pair.gain.mean, pair.gain.error,
+            pair.gain.half_width, pair.verdict, int(pair.altered)]

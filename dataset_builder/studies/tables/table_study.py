@@ -14,25 +14,36 @@ from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.lightnet.training.events import Event
 from dataset_builder.lightnet.training.fit import LAST, TrainingJob
 from dataset_builder.shards.reader import load_manifest
-from dataset_builder.studies.derived import changed, settings_of
-from dataset_builder.studies.scores import read_scores, write_scores
+from dataset_builder.studies.tables.paper import Table, TableRow
 from dataset_builder.studies.tables.result import RowResult
-from dataset_builder.studies.tables.row import Table, TableRow
-from dataset_builder.studies.trainings import SCORES, about, claim, read_facts, train
+from dataset_builder.studies.trainings import (
+    SCORES,
+    about,
+    changed,
+    claim,
+    read_facts,
+    read_scores,
+    settings_of,
+    train,
+    write_scores,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
 class TableStudy:
-    """What to measure. base: what the rows were derived from; seeds: trainings of every row, from `base.seed` on; out:
-    the study's folder, with one for each row; device: as `lightnet.methods.device.choose` takes it."""
+    """What to measure."""
 
     table: Table
     base: TrainingSpec
+    """What the rows were derived from."""
     dataset: Path
     out: Path
+    """The study's folder, with one for each row."""
     seeds: int = 1
+    """Trainings of every row, from `base.seed` on."""
     vgg_weights: Path | None = None
     device: str = "auto"
+    """As `lightnet.methods.device.choose` takes it."""
 
     @property
     def sentence(self) -> str:
@@ -42,18 +53,19 @@ class TableStudy:
 
 @dataclass(frozen=True, kw_only=True)
 class RowNews:
-    """What a training said. number: of `count` trainings, from 1."""
+    """What a training said."""
 
     row: TableRow
     seed: int
     number: int
+    """Of `count` trainings, from 1."""
     count: int
     event: Event
 
 
 @dataclass(frozen=True, kw_only=True)
 class RowMeasured:
-    """A row with one seed is done; kept: an earlier run had done it."""
+    """A row with one seed is done."""
 
     row: TableRow
     seed: int
@@ -62,6 +74,7 @@ class RowMeasured:
     scores: tuple[ScoreRow, ...]
     facts: dict[str, Any]
     kept: bool
+    """An earlier run had done it."""
 
 
 def run(study: TableStudy) -> Iterator[RowNews | RowMeasured]:

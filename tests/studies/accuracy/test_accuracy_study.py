@@ -11,10 +11,17 @@ from dataset_builder.cli.main import main
 from dataset_builder.report.study_figures import sampling_figure
 from dataset_builder.spec.load import load_dataset
 from dataset_builder.studies.accuracy import accuracy_study
-from dataset_builder.studies.accuracy.advice import Advice
-from dataset_builder.studies.accuracy.curves import curve
-from dataset_builder.studies.accuracy.progress import begin, kept_steps
-from dataset_builder.studies.accuracy.rows import COLUMNS, WHOLE, AccuracyRow, of, read_table, write_table
+from dataset_builder.studies.accuracy.curves import Advice, curve
+from dataset_builder.studies.accuracy.rows import (
+    COLUMNS,
+    WHOLE,
+    AccuracyRow,
+    begin,
+    kept_steps,
+    of,
+    read_table,
+    write_table,
+)
 from dataset_builder.studies.sampled import StudySpec
 from tests.small_specs import write_spec
 

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dataset_builder.studies.accuracy.accumulation import drifts
+from dataset_builder.studies.accuracy.bounds import relative_difference, worst
 from dataset_builder.studies.accuracy.curves import PRICE, TOLERABLE, curve, equal_error, knee, price
-from dataset_builder.studies.accuracy.depth import relative_difference, worst
+from dataset_builder.studies.accuracy.precision import drifts
 from dataset_builder.studies.accuracy.rows import AccuracyRow, read_table, write_table
 
 GAIN = 400.0

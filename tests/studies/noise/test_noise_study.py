@@ -15,12 +15,11 @@ from dataset_builder.lightnet.measures.metrics import Metrics
 from dataset_builder.lightnet.results.evaluate import ScoreRow
 from dataset_builder.lightnet.settings import load_training
 from dataset_builder.report.noise_page import sentences
-from dataset_builder.studies.derived import base_of
-from dataset_builder.studies.noise.crops import chosen
 from dataset_builder.studies.noise.level_trainings import MIXED, HeldOut, held_out, jobs
-from dataset_builder.studies.noise.levels import OWN, Level, levels_of, trained_on
+from dataset_builder.studies.noise.levels import OWN, Level, chosen, levels_of, trained_on
 from dataset_builder.studies.noise.noise_study import NoiseStudy, parse_levels, require
 from dataset_builder.studies.noise.pass_counts import count_passes, pass_lines
+from dataset_builder.studies.trainings import base_of
 from tests.lightnet.synthetic import write_synthetic
 from tests.small_specs import write_spec
 

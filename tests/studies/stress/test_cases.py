@@ -16,9 +16,8 @@ from dataset_builder.rendering.sampling import estimate
 from dataset_builder.rendering.sampling.moments import Estimate
 from dataset_builder.rendering.scene.local_frame import LocalFrame
 from dataset_builder.studies.stress import cases, mesh_cases, refused_cases
-from dataset_builder.studies.stress.case import SIZES, CaseMeasured, hard_case, run, run_all, select
-from dataset_builder.studies.stress.cases import CASES
-from dataset_builder.studies.stress.stress_table import COLUMNS, markdown
+from dataset_builder.studies.stress.case import SIZES, CaseMeasured, hard_case
+from dataset_builder.studies.stress.cases import CASES, COLUMNS, markdown, run, run_all, select
 
 PAGE = Path(__file__).parents[3] / "docs" / "stress.md"
 SMALL = SIZES["small"]

@@ -11,11 +11,10 @@ from dataset_builder.lightnet.results.evaluate import ScoreRow
 from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.report.table_page import markdown, table_figure
 from dataset_builder.seeding import rng
-from dataset_builder.studies.derived import base_of
-from dataset_builder.studies.scores import read_scores, write_scores
-from dataset_builder.studies.tables import methods, paper
+from dataset_builder.studies.tables import paper, table_kinds
 from dataset_builder.studies.tables.rank_order import Order, printed_pairs, verdict
 from dataset_builder.studies.tables.result import RowResult, orders, over_seeds
+from dataset_builder.studies.trainings import base_of, read_scores, write_scores
 
 BASE = base_of(TrainingSpec())
 
@@ -33,7 +32,7 @@ BASIC = list(rng(3, "difficulty").normal(25, 3, 16))
 
 def table_of(gains: dict[str, float], noise: float, seeds: int = 1, off: Sequence[str] = ()) -> list[RowResult]:
     """Results of table 1's methods: difficulty of the example, a gain by method, and noise of its own."""
-    table = methods.methods(BASE)
+    table = table_kinds.methods(BASE)
     return [RowResult(row=table.row(name), facts={"off": list(off)}, scores=tuple(
         made([value + gain + step for value, step in zip(BASIC, rng(4, name, seed).normal(0, noise, 16), strict=True)],
              OBJECTS) for seed in range(seeds))) for name, gain in gains.items()]
@@ -43,7 +42,7 @@ PRINTED = {"pix2pix": -3.5, "dpr": -5.0, "ssvbrdf": -4.2, "lightnet": 0.0}
 
 
 def psnr_order(found: list[RowResult]) -> Order:
-    return next(order for order in orders(methods.methods(BASE), found) if order.metric == "psnr")
+    return next(order for order in orders(table_kinds.methods(BASE), found) if order.metric == "psnr")
 
 
 def test_printed_pairs_go_the_way_each_metric_is_better() -> None:
@@ -74,7 +73,7 @@ def test_equal_rows_are_not_told_apart() -> None:
     """64 tables of methods that are equal: 5 % of pairs are told apart by chance. Bounds are exceeded once in 10^4."""
     told = 0
     for number in range(64):
-        found = [RowResult(row=methods.methods(BASE).row(name), facts={}, scores=(made(list(
+        found = [RowResult(row=table_kinds.methods(BASE).row(name), facts={}, scores=(made(list(
             np.add(BASIC, rng(number, name).normal(0, 1, 16))), OBJECTS),)) for name in ("pix2pix", "lightnet")]
         told += len(psnr_order(found).pairs) - psnr_order(found).count("not told apart")
     assert told <= 11, "binomial with 64 draws of 5 %"
@@ -85,7 +84,7 @@ def test_rows_with_losses_off_are_told() -> None:
     found = table_of(PRINTED, noise=0.1, off=["fr is off, its weight 0.05 is not used: it needs --vgg-weights"])
     assert all(pair.altered for pair in psnr_order(found).pairs)
     assert "In 6 of 6 pairs a row has losses off" in verdict([psnr_order(found)])
-    page = markdown(methods.methods(BASE), found, "settings")
+    page = markdown(table_kinds.methods(BASE), found, "settings")
     assert "LighTNet (FR off: no weights)" in page
 
 
@@ -111,9 +110,9 @@ def test_intervals_over_two_seeds_cover_the_truth() -> None:
 
 
 def test_a_table_shows_printed_rows_that_were_not_measured() -> None:
-    page = markdown(methods.methods(BASE), table_of(PRINTED, noise=0.1), "settings")
+    page = markdown(table_kinds.methods(BASE), table_of(PRINTED, noise=0.1), "settings")
     assert "Not measured: LighTNet, trained on NeRFs" in page and "PSNR 29.93" in page and "| 30.17 |" in page
-    assert len(table_figure(methods.methods(BASE), table_of(PRINTED, noise=0.1), "settings").axes) == len(METRICS)
+    assert len(table_figure(table_kinds.methods(BASE), table_of(PRINTED, noise=0.1), "settings").axes) == len(METRICS)
 
 
 def test_scores_are_read_back_to_the_last_digit(tmp_path: Path) -> None:

@@ -12,11 +12,10 @@ from dataset_builder.lightnet.methods.baselines.trivial import TRIVIAL
 from dataset_builder.lightnet.settings import TrainingSpec, load_training
 from dataset_builder.lightnet.settings_differences import differences
 from dataset_builder.lightnet.training.fit import TrainingJob, fit
-from dataset_builder.studies.derived import base_of, changed
-from dataset_builder.studies.tables import methods, paper, variants
-from dataset_builder.studies.tables.row import Table
+from dataset_builder.studies.tables import paper, table_kinds
+from dataset_builder.studies.tables.paper import Table
 from dataset_builder.studies.tables.table_study import RowMeasured, TableStudy, results, run
-from dataset_builder.studies.trainings import train
+from dataset_builder.studies.trainings import base_of, changed, train
 from tests.lightnet.synthetic import write_synthetic
 
 TINY = ("model={width: 4, downs: 2}", "data={crop: 32, batch: 2, workers: 0}", "check={every: 2, examples: 2}",
@@ -48,14 +47,14 @@ def changes(table: Table) -> dict[str, set[str]]:
 
 
 def test_formulas_differ_in_the_formula_alone() -> None:
-    assert changes(variants.formulations(BASE)) == {
+    assert changes(table_kinds.formulations(BASE)) == {
         "full": set(), "d-s": {"model.formulation"}, "dr-s": {"model.formulation"},
         "dr-s-plus-alpha": {"model.formulation"}, "raw": {"model.shading"}, "direct": {"model.shading"}}
-    assert len(variants.formulations(BASE).rows) == 6, "the row that both halves share is trained once"
+    assert len(table_kinds.formulations(BASE).rows) == 6, "the row that both halves share is trained once"
 
 
 def test_objectives_differ_in_terms_alone() -> None:
-    table = variants.objectives(BASE)
+    table = table_kinds.objectives(BASE)
     assert changes(table) == {
         "fr-dssim-lab": set(), "fr-dssim": {"objective.lab"}, "fr-dssim-lab-l1": {"objective.l1"},
         "fr": {"objective.dssim", "objective.lab"},
@@ -66,38 +65,38 @@ def test_objectives_differ_in_terms_alone() -> None:
 
 
 def test_weights_are_changed_one_at_a_time() -> None:
-    table = variants.weights(BASE, vgg=True)
+    table = table_kinds.weights(BASE, vgg=True)
     found = changes(table)
     assert found.pop("paper") == set() and all(len(keys) == 1 for keys in found.values())
-    assert {key for keys in found.values() for key in keys} == {f"objective.{term}" for term in variants.LAMBDAS}
+    assert {key for keys in found.values() for key in keys} == {f"objective.{term}" for term in table_kinds.LAMBDAS}
     assert [row.spec.objective.lab for row in table.rows if row.name.startswith("lab-") and row.spec] == [0, 0.1, 2.5]
 
 
 def test_the_weight_of_a_loss_that_is_off_is_not_swept() -> None:
-    table = variants.weights(BASE, vgg=False)
+    table = table_kinds.weights(BASE, vgg=False)
     assert not [row for row in table.rows if row.name.startswith("fr-")] and "FR off: no weights" in table.left_out[-1]
     assert len(table.rows) == 7 and len(table.groups) == 2
 
 
 def test_methods_differ_in_method_size_and_optimiser() -> None:
-    table = methods.methods(BASE)
+    table = table_kinds.methods(BASE)
     for keys in changes(table).values():
         assert keys <= {"method", "model.width", "model.downs", *(f"optimiser.{key}" for key in (
             "rate", "betas", "schedule", "warm_up", "clip"))}
     pix2pix = table.row("pix2pix").spec
     assert pix2pix and (pix2pix.model.width, pix2pix.model.downs) == (64, 7), "128 pixels can be halved seven times"
     assert pix2pix.optimiser.rate == 2e-4 and pix2pix.optimiser.betas == (0.5, 0.999)
-    assert {name for name, keys in changes(methods.methods(BASE, own_optimisers=False)).items()
+    assert {name for name, keys in changes(table_kinds.methods(BASE, own_optimisers=False)).items()
             if any(key.startswith("optimiser") for key in keys)} == set()
     assert {row.name for row in table.rows if row.spec is None} == set(TRIVIAL)
 
 
 def test_baselines_see_whole_crops_and_shrink_below_a_width_of_16() -> None:
     base = base_of(load_training(None, ["model={width: 8, downs: 4}", "data.crop=97"]))
-    for row in methods.methods(base).rows:
+    for row in table_kinds.methods(base).rows:
         if row.spec and row.name != "lightnet":
             assert 96 % 2**row.spec.model.downs == 0
-            assert row.spec.model.width == methods.BASELINES[row.name].width // 2
+            assert row.spec.model.width == table_kinds.BASELINES[row.name].width // 2
 
 
 def test_rows_are_trained_to_the_end_whatever_the_configuration_says() -> None:
@@ -161,7 +160,7 @@ def test_a_training_that_somebody_is_at_is_not_cleared_away(dataset: Path, tmp_p
 
 def test_an_interrupted_row_alone_is_measured_again(dataset: Path, tmp_path: Path) -> None:
     base = base_of(load_training(None, TINY))
-    table = variants.objectives(base)
+    table = table_kinds.objectives(base)
     study = TableStudy(table=replace(table, rows=(table.row("l1"), table.row("fr-dssim")), groups=()), base=base,
                        dataset=dataset, out=tmp_path, seeds=2, device="cpu")
     first = [news for news in run(study) if isinstance(news, RowMeasured)]

@@ -1,12 +1,50 @@
-"""Tables 2 and 3, and the weights of the losses: variants of LighTNet that differ in one thing from each other."""
+"""The tables: methods (table 1), objectives (2), formulations (3), and the weights of the losses.
+
+All methods see the same examples in the same order. Sizes and optimisers are each method's own: a baseline has the
+width of its public code, and as many levels as the crop allows up to those of its public code. The other tables have
+variants of LighTNet that differ in one thing from each other.
+"""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from dataset_builder.lightnet.settings import TrainingSpec
-from dataset_builder.studies.derived import changed
 from dataset_builder.studies.tables import paper
-from dataset_builder.studies.tables.row import Group, Table, TableRow, names
+from dataset_builder.studies.tables.paper import Group, Table, TableRow, names
+from dataset_builder.studies.trainings import changed
+
+FULL_BASELINES = 16
+"""Width of LighTNet from which on baselines have their public widths; below it they have the same share of them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Baseline:
+    """A rival."""
+
+    title: str
+    width: int
+    """Of its public code."""
+    downs: int
+    """Of its public code."""
+    optimiser: Mapping[str, Any]
+    """What its authors train with, as far as it is known and a spec can say it; anything else is as for LighTNet."""
+
+
+BASELINES: Mapping[str, Baseline] = {
+    # Two hundred epochs, the rate falling to 0 over the latter half; batches of one example do not fit "same examples"
+    "pix2pix": Baseline(title="Pix2Pix", width=64, downs=8, optimiser={
+        "rate": 2e-4, "betas": (0.5, 0.999), "schedule": "cosine", "warm_up": 0, "clip": 0.0}),
+    # How DPR was trained is not public
+    "dpr": Baseline(title="DPR", width=16, downs=4, optimiser={}),
+    # 1e-4 for the encoder and 2e-4 for the decoders, halved every second epoch
+    "ssvbrdf": Baseline(title="SSVBRDF", width=32, downs=6, optimiser={
+        "rate": 2e-4, "betas": (0.5, 0.999), "schedule": "cosine"}),
+}
+
+TRIVIAL = {"copy_i_s": "I_s as it is", "d_s_prime": "D S', true D", "dr_s_prime": "(D + R) S', true D and R"}
+"""Untrained baselines, and their titles in tables."""
+
 
 TERMS = ("fr", "dssim", "lab", "l1")
 """Terms that table 2 takes in and leaves out; L_DR is always in."""
@@ -35,6 +73,30 @@ FACTORS = (0.0, 0.2, 5.0)
 """Times the paper's weight; 1 is the row that all sweeps share."""
 NO_WEIGHTS = "FR off: no weights"
 NO_NUMBERS = "the paper's numbers, which it shows in a figure alone, measured on a fifth of its dataset"
+
+
+def methods(base: TrainingSpec, *, own_optimisers: bool = True) -> Table:
+    """The four methods and the three that learn nothing. own_optimisers: False trains all with LighTNet's."""
+    trained = [*(_baseline(base, name, own_optimisers) for name in BASELINES),
+               TableRow(name="lightnet", title="LighTNet", spec=base, printed=paper.METHODS["lightnet"])]
+    trivial = [TableRow(name=name, title=title, spec=None, note="learns nothing") for name, title in TRIVIAL.items()]
+    return Table(name="methods", number="Table 1", question="Which method transfers light best?",
+                 rows=(*trained, *trivial), groups=(Group(title="methods", rows=names(trained)),), reference="lightnet",
+                 absent={"LighTNet, trained on NeRFs": (paper.LIGHTNET_ON_NERF, "I_s of the dataset is rendered")})
+
+
+def _baseline(base: TrainingSpec, name: str, own_optimiser: bool) -> TableRow:
+    baseline = BASELINES[name]
+    model = {"width": max(1, baseline.width * min(base.model.width, FULL_BASELINES) // FULL_BASELINES),
+             "downs": halvings(base, baseline.downs)}
+    spec = changed(base, method=name, model=model, optimiser=baseline.optimiser if own_optimiser else {})
+    return TableRow(name=name, title=baseline.title, spec=spec, printed=paper.METHODS[name])
+
+
+def halvings(base: TrainingSpec, most: int) -> int:
+    """How often a baseline halves the resolution: as often as it can without cutting the crop that LighTNet sees."""
+    crop = base.data.crop - base.data.crop % 2**base.model.downs
+    return max(downs for downs in range(1, most + 1) if downs == 1 or crop % 2**downs == 0)
 
 
 def objectives(base: TrainingSpec) -> Table:

@@ -1,0 +1,138 @@
+"""Questions 4 to 6: what short paths, coarse rough meshes and small textures do to a picture.
+
+Of paths, what is missing is a bias, far below the noise of any pixel; so means over all pixels are compared. Runs of
+one replicate share their random numbers at every depth, which lets most of the noise cancel in the difference; several
+replicates, independent of each other, tell how much is left.
+
+Vertex noise is drawn per vertex, so meshes of different edge lengths carry different noise and cannot be compared pixel
+by pixel. With sigma 0 they are the limit surface and nothing else. Samples of both pictures are independent, so that
+the noise of both is known and taken out: what is left is the difference of the surfaces.
+
+Pictures of two texture sizes follow the same random numbers, so that their difference is that of the textures; it has
+no noise in D and next to none in I_t.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from math import sqrt
+from time import perf_counter
+
+import numpy as np
+
+from dataset_builder.errors import UserError
+from dataset_builder.geometry.rough_base import rough_base
+from dataset_builder.label.example_plan import ExamplePlan
+from dataset_builder.planning.catalogue import ExampleRef
+from dataset_builder.planning.scene.assets_of_plan import asset_of
+from dataset_builder.rendering.examples import Rendered
+from dataset_builder.studies.accuracy.rows import AccuracyRow
+from dataset_builder.studies.accuracy.workbench import REFERENCE_DEPTH, Bench, compare, kept
+from dataset_builder.studies.image_errors import relative_variance
+from dataset_builder.studies.sampled import reseeded
+from dataset_builder.studies.timing import seconds_of, work_of
+
+DEPTH, EDGES, TEXTURES = "depth", "edge-length", "texture-size"
+EDGE_LAYER = "s_prime"
+TEXTURED = {"d": "object", "i_t": "object"}
+KNOWN = 0.2
+"""Share of the noise of both pictures that taking it out may leave: it is known from a few batches per pixel."""
+
+
+def measure_depth(bench: Bench, ref: ExampleRef) -> Iterator[AccuracyRow]:
+    """Bias of every depth against the deepest, in every layer."""
+    truth = _depth_runs(bench, ref, REFERENCE_DEPTH)
+    for depth in bench.budget.depths:
+        runs = _depth_runs(bench, ref, depth)
+        for layer in bench.extents:
+            yield _depth_row(layer, depth, runs, truth)
+
+
+def _depth_runs(bench: Bench, ref: ExampleRef, depth: int) -> list[Rendered]:
+    plan = bench.plan(ref, bench.spp(bench.budget.depth_spp), f"render.max_depth={depth}")
+    return [bench.timed(DEPTH, reseeded(plan, "replicate", k), repeats=1) for k in range(bench.budget.replicates)]
+
+
+def _depth_row(layer: str, depth: int, runs: list[Rendered], truth: list[Rendered]) -> AccuracyRow:
+    bias, error = mean_and_error([_bias(run, deep.layers, layer) for run, deep in zip(runs, truth, strict=True)])
+    return AccuracyRow(question=DEPTH, setting=f"depth {depth}", value=depth, example=runs[0].plan.key, layer=layer,
+                       seconds=min(seconds_of(layer, run) for run in runs), bias=bias, bias_se=error,
+                       **work_of(layer, runs[0].record))
+
+
+def _bias(found: Rendered, reference: Mapping[str, np.ndarray], layer: str) -> float:
+    return relative_difference(found.layers[layer], reference[layer], kept(found, reference, layer))
+
+
+def relative_difference(image: np.ndarray, reference: np.ndarray, keep: np.ndarray) -> float:
+    """mean(x - r) / mean(r) over the kept pixels of (H, W, C) images; 0 where the reference is black."""
+    mean = float(reference[keep].mean(dtype=np.float64)) if keep.any() else 0.0
+    return (float(image[keep].mean(dtype=np.float64)) - mean) / mean if mean else 0.0
+
+
+def mean_and_error(values: list[float]) -> tuple[float, float]:
+    """Mean of independent values and its standard error."""
+    return float(np.mean(values)), float(np.std(values, ddof=1)) / sqrt(len(values))
+
+
+def worst(rows: list[AccuracyRow]) -> Mapping[float, float]:
+    """By depth, the largest |bias| that two standard errors allow in any example and layer."""
+    found: dict[float, float] = {}
+    for row in rows:
+        found[row.value] = max(found.get(row.value, 0.0), abs(row.bias) + 2 * row.bias_se)
+    return found
+
+
+def measure_edges(bench: Bench, ref: ExampleRef) -> Iterator[AccuracyRow]:
+    """S' of every edge length against the finest, with the triangles and the seconds of mesh and pass."""
+    own = bench.spec.plan(ref).rough.edge_length
+    *factors, last = bench.budget.edges
+    finest = own * last
+    fine = _edge_plan(bench, ref, finest)
+    try:
+        reference = bench.timed(EDGES, reseeded(fine, "finest"), repeats=1).layers
+    except UserError as error:
+        # A finest mesh beyond all bounds is no reason to go without the other questions
+        yield AccuracyRow(question=EDGES, setting=f"{finest:g} m: {error}", value=finest, example=fine.key,
+                          layer=EDGE_LAYER)
+        return
+    for factor in factors:
+        plan = _edge_plan(bench, ref, length := own * factor)
+        seconds, triangles = mesh_cost(plan, bench)
+        found = bench.timed(EDGES, plan)
+        row = compare(EDGES, named(factor), length, found, reference, EDGE_LAYER)
+        keep = kept(found, reference, EDGE_LAYER)
+        own_noise = relative_variance(found.layers[f"{EDGE_LAYER}_se"], reference[EDGE_LAYER], keep)
+        noise = row.relmse_reference + own_noise
+        yield replace(row, relmse=max(row.relmse_measured - noise, 0.0), relmse_reference=noise,
+                      floor=KNOWN * noise, triangles=triangles, seconds=row.seconds + seconds, reached=float("nan"),
+                      bias=_bias(found, reference, EDGE_LAYER))
+
+
+def named(factor: float) -> str:
+    """The setting of an edge length, as a factor on the example's own."""
+    return f"{factor:g} x"
+
+
+def _edge_plan(bench: Bench, ref: ExampleRef, length: float) -> ExamplePlan:
+    levels = ", ".join("0" for _ in bench.spec.dataset.rough.levels)
+    return bench.plan(ref, bench.spp(bench.budget.passes), f"rough.sigma=[{levels}]", f"rough.edge_length={length!r}",
+                      "storage.standard_errors=true", layers={EDGE_LAYER: "object"})
+
+
+def mesh_cost(plan: ExamplePlan, bench: Bench) -> tuple[float, int]:
+    """Seconds to make the subdivided mesh of a plan, and its triangles."""
+    asset, rough = asset_of(plan.target.object, bench.spec.mesh_root), plan.rough
+    start = perf_counter()
+    base = rough_base(asset.mesh, edge_length=rough.edge_length, rounds=rough.rounds, crease_angle=rough.crease_angle)
+    return perf_counter() - start, len(base.mesh.faces)
+
+
+def measure_textures(bench: Bench, ref: ExampleRef) -> Iterator[AccuracyRow]:
+    """D and I_t of every texture size against the dataset's own."""
+    own = bench.spec.dataset.render.texture_size
+    full = bench.timed(TEXTURES, bench.plan(ref, bench.spp(bench.budget.passes), layers=TEXTURED))
+    for size in [size for size in bench.budget.textures if size < own]:
+        plan = bench.plan(ref, bench.spp(bench.budget.passes), f"render.texture_size={size}", layers=TEXTURED)
+        found = bench.timed(TEXTURES, plan)
+        for row in bench.compared(TEXTURES, f"{size} texels", size, found, full.layers, TEXTURED):
+            yield replace(row, bias=_bias(found, full.layers, row.layer), seconds=seconds_of(row.layer, found))
