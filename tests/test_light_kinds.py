@@ -14,7 +14,7 @@ from dataset_builder.planning.effects.materials_used import MaterialUse, SceneUs
 from dataset_builder.planning.effects.reach import reach
 from dataset_builder.planning.view.emission import direct_irradiance, facing_irradiance
 from dataset_builder.rendering.backend import activate
-from dataset_builder.report.schema import export_schema
+from dataset_builder.report.spec_help import export_schema
 from dataset_builder.spec.light import TargetSpec
 from tests.small_scenes import light, lit_by
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from dataset_builder.report.schema import write_schema
+from dataset_builder.report.spec_help import write_schema
 
 if __name__ == "__main__":
     write_schema(Path(__file__).resolve().parent.parent / "scene_specs" / "schema")

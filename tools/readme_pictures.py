@@ -16,7 +16,7 @@ from dataset_builder.planning.plan import Planner
 from dataset_builder.processes import cores
 from dataset_builder.rendering.backend import activate
 from dataset_builder.rendering.examples import render_view
-from dataset_builder.report.contact_sheet import cell_pixels
+from dataset_builder.report.dataset_summary import cell_pixels
 from dataset_builder.spec.load import load_dataset
 from dataset_builder.tonemap import exposure
 

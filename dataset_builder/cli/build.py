@@ -48,7 +48,7 @@ def _build(options: argparse.Namespace) -> int:
     from dataset_builder.engine.unit import Outcome
     from dataset_builder.rendering.backend import choose
     from dataset_builder.report.console import build_table, follow, rejected_lines
-    from dataset_builder.report.contact_sheet import write_contact_sheet
+    from dataset_builder.report.dataset_summary import write_contact_sheet
     from dataset_builder.spec.load import load_dataset
 
     console, start = plain_console(), perf_counter()

@@ -49,8 +49,14 @@ def _evaluate(options: argparse.Namespace) -> int:
     from dataset_builder.files import require_writable
     from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
     from dataset_builder.lightnet.results.evaluate import contender, evaluate, load_all, trivial
-    from dataset_builder.report.evaluation_examples import example_rows
-    from dataset_builder.report.evaluation_page import EXAMPLES, Evaluation, console_table, verdict_lines, write_page
+    from dataset_builder.report.evaluation_page import (
+        EXAMPLES,
+        Evaluation,
+        console_table,
+        example_rows,
+        verdict_lines,
+        write_page,
+    )
     from dataset_builder.report.example_sheet import write_sheet
     from dataset_builder.spread import spread_indices
 
@@ -86,7 +92,7 @@ def _shown(rows: Iterable["ScoreRow"], count: int, console: "Console") -> Iterat
 def _compose(options: argparse.Namespace) -> int:
     from dataset_builder.lightnet.methods.checkpoint import load_trained
     from dataset_builder.lightnet.results.compose import compose, panels
-    from dataset_builder.report.composite import write_composite
+    from dataset_builder.report.example_sheet import write_composite
 
     trained = load_trained(options.checkpoint, options.device)
     frame = _frame(options, options.split or trained.spec.data.held_out)

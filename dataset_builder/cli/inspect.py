@@ -32,8 +32,7 @@ def _doctor(options: argparse.Namespace) -> int:
 
 
 def _inspect(options: argparse.Namespace) -> int:
-    from dataset_builder.report.contact_sheet import write_contact_sheet
-    from dataset_builder.report.dataset_summary import summary_tables
+    from dataset_builder.report.dataset_summary import summary_tables, write_contact_sheet
 
     for table in summary_tables(options.folder):
         plain_console().print(table)
@@ -59,7 +58,7 @@ def _verify(options: argparse.Namespace) -> int:
 
 
 def _families(options: argparse.Namespace) -> int:
-    from dataset_builder.report.family_tables import family_tables
+    from dataset_builder.report.spec_help import family_tables
 
     for table in family_tables(options.family):
         plain_console().print(table)
@@ -68,7 +67,7 @@ def _families(options: argparse.Namespace) -> int:
 
 def _schema(options: argparse.Namespace) -> int:
     from dataset_builder.files import output_errors
-    from dataset_builder.report.schema import schema_files, write_schema
+    from dataset_builder.report.spec_help import schema_files, write_schema
 
     with output_errors(options.folder):
         write_schema(options.folder)

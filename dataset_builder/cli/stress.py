@@ -24,7 +24,7 @@ def _stress(options: argparse.Namespace) -> int:
     from dataset_builder.files import write_atomic
     from dataset_builder.rendering import plugins
     from dataset_builder.rendering.backend import activate
-    from dataset_builder.report.stress_lines import header, show
+    from dataset_builder.report.console import case_header, show_case
     from dataset_builder.studies.stress.case import SIZES, CaseResult
     from dataset_builder.studies.stress.cases import CASES, markdown, results_table, run_all, select, summary
 
@@ -36,11 +36,11 @@ def _stress(options: argparse.Namespace) -> int:
     backend = activate(options.backend)
     plugins.register()
     console.print(f"backend: {backend.summary}", highlight=False)
-    console.print(header())
+    console.print(case_header())
     results: list[CaseResult] = []
     for result in run_all(cases, SIZES[options.size]):
         results.append(result)
-        show(result, console)
+        show_case(result, console)
     if options.csv:
         write_atomic(options.csv, results_table(results, size=options.size, backend=backend.variant))
     console.print(summary(results, perf_counter() - start), highlight=False)

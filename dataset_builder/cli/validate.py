@@ -40,8 +40,7 @@ def add(verbs: Verbs) -> None:
 def _validate(options: argparse.Namespace) -> int:
     from dataset_builder.files import require_writable
     from dataset_builder.release.gate import Done, LeftOut, run
-    from dataset_builder.report.gate_lines import lines
-    from dataset_builder.report.gate_page import Report, refusals, write_report
+    from dataset_builder.report.gate_page import Report, lines, refusals, write_report
     from dataset_builder.report.training import follow
 
     console, gate = wide_console(), _gate(options)

@@ -24,7 +24,7 @@ MIN_LIGHT = 1e-2
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cells:
-    """Means over cells of one example, (C, 3) each. d_s: of the product d s_prime; i_t: less the fog before it."""
+    """Means over cells of one example, (C, 3) each."""
 
     key: str
     clear: bool
@@ -34,7 +34,9 @@ class Cells:
     r: np.ndarray
     s_prime: np.ndarray
     i_t: np.ndarray
+    """Less the fog before it."""
     d_s: np.ndarray
+    """Of the product d s_prime."""
 
     def __len__(self) -> int:
         return len(self.d)

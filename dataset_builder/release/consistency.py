@@ -55,16 +55,12 @@ def check_facts(found: Iterable[Facts]) -> list[Check]:
             *surface_checks.surface_checks([one.surface for one in found])]
 
 
-def consistency(folder: Path, examples: int = EXAMPLES) -> list[Check]:
-    """Every rule over at most `examples` examples of a finished dataset, spread evenly over its splits.
-
-    Raises ShardError where the dataset cannot be read or misses a layer of the paper's tuple.
-    """
-    return check_facts(read_facts(folder, examples))
-
-
 def read_facts(folder: Path, examples: int = EXAMPLES) -> Iterator[Facts]:
-    """Facts of examples, one after the other; no more than one example's pixels are in memory at a time."""
+    """Facts of at most `examples` examples of a finished dataset, spread evenly over its splits, one after the other.
+
+    No more than one example's pixels are in memory at a time. Raises ShardError where the dataset cannot be read or
+    misses a layer of the paper's tuple.
+    """
     known = {layer.name for layer in load_manifest(folder).layers}
     dataset = open_dataset(folder, layers=[*PAPER_LAYERS, *(name for name in HELPFUL if name in known)])
     keys = [key for split in dataset.splits.values() for key in split]

@@ -5,13 +5,15 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class Rule:
-    """What is asked of a statistic. low, high: closed bounds; why: where the bounds come from."""
+    """What is asked of a statistic."""
 
     name: str
     statement: str
     low: float = float("-inf")
+    """Closed bound, as is `high`."""
     high: float = float("inf")
     why: str
+    """Where the bounds come from."""
 
     def judge(self, value: float, detail: str = "") -> "Check":
         """The rule held against a value. detail: what helps to find the fault, such as keys of examples."""
@@ -31,10 +33,11 @@ class Rule:
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """A rule and what was found. value: None where the dataset has nothing to judge by, which `detail` explains."""
+    """A rule and what was found."""
 
     rule: Rule
     value: float | None
+    """None where the dataset has nothing to judge by, which `detail` explains."""
     detail: str = ""
 
     @property

@@ -15,10 +15,11 @@ from dataset_builder.errors import UserError
 from dataset_builder.lightnet.results.evaluate import ScoreRow
 from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.lightnet.training.events import Event
+from dataset_builder.lightnet.training.fit import TrainingJob
 from dataset_builder.release.consistency import EXAMPLES, Facts, check_facts, read_facts
 from dataset_builder.release.dataset_check import Check, Rule
 from dataset_builder.release.loader_checks import loader_checks
-from dataset_builder.release.training_checks import COPY_MARGIN, MARGIN, Contest, training_checks
+from dataset_builder.release.training_checks import COPY_MARGIN, MARGIN, training_checks
 from dataset_builder.shards.verify import verify
 
 LISTED = 3
@@ -32,29 +33,35 @@ READS = Rule(name="reads", high=0, why="what cannot be read cannot be trained on
 
 @dataclass(frozen=True, kw_only=True)
 class Gate:
-    """What to ask of which dataset. parts: some of `PARTS`; spec: of the training; margin, copy_margin: see
-    `training_checks`; examples: most that consistency looks at; stop: whether parts after one that failed are left out;
-    out: folder that the training may use."""
+    """What to ask of which dataset."""
 
     dataset: Path
     out: Path
+    """Folder that the training may use."""
     spec: TrainingSpec
+    """Of the training."""
     parts: tuple[str, ...]
+    """Some of `PARTS`."""
     margin: float = MARGIN
+    """See `training_checks`, as for `copy_margin`."""
     copy_margin: float = COPY_MARGIN
     examples: int = EXAMPLES
+    """Most that consistency looks at."""
     device: str = "auto"
     vgg_weights: Path | None = None
     stop: bool = True
+    """Whether parts after one that failed are left out."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PartResult:
-    """What a part found. problems: sentences, all of them; facts, rows: what figures are made from."""
+    """What a part found."""
 
     checks: tuple[Check, ...]
     problems: tuple[str, ...] = ()
+    """Sentences, all of them."""
     facts: tuple[Facts, ...] = ()
+    """What figures are made from, as are `rows`."""
     rows: tuple[ScoreRow, ...] = ()
 
 
@@ -129,9 +136,9 @@ def _loader(gate: Gate) -> Part:
 
 
 def _training(gate: Gate) -> Part:
-    contest = Contest(dataset=gate.dataset, out=gate.out / "training", spec=gate.spec, device=gate.device,
-                      vgg_weights=gate.vgg_weights, margin=gate.margin, copy_margin=gate.copy_margin)
-    checks, rows = yield from training_checks(contest)
+    job = TrainingJob(dataset=gate.dataset, out=gate.out / "training", spec=gate.spec, device=gate.device,
+                      vgg_weights=gate.vgg_weights)
+    checks, rows = yield from training_checks(job, margin=gate.margin, copy_margin=gate.copy_margin)
     return PartResult(checks=tuple(checks), rows=tuple(rows))
 
 

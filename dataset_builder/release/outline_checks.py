@@ -29,14 +29,16 @@ RULES = (SUPPORT, DRIFT, EDGES)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Outline:
-    """One example. bare: share of the mask's pixels without d and r; drift: (2,) rows and columns from the centre of
-    mask to that of mask_rough, NaN without one; edges: (25, 25) steepness of log i_s under the outline of a mask that
-    is shifted by -12 to 12 rows and columns, over its mean in the frame; 0 where frame or outline are too small."""
+    """What one example's layers say about its outline."""
 
     key: str
     bare: float
+    """Share of the mask's pixels without d and r."""
     drift: np.ndarray
+    """(2,) rows and columns from the centre of mask to that of mask_rough, NaN without one."""
     edges: np.ndarray
+    """(25, 25) steepness of log i_s under the outline of a mask that is shifted by -12 to 12 rows and columns, over its
+    mean in the frame; 0 where frame or outline are too small."""
 
 
 def outline_of(key: str, layers: Mapping[str, np.ndarray]) -> Outline:

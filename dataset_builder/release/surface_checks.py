@@ -28,11 +28,13 @@ RULES = (REACH, NORMALS)
 
 @dataclass(frozen=True, kw_only=True)
 class SurfaceFacts:
-    """One example. reach: see `REACH`; cosine: median, see `NORMALS`; NaN where layers or label do not tell."""
+    """What one example's surface is like; NaN where layers or label do not tell."""
 
     key: str
     reach: float
+    """See `REACH`."""
     cosine: float
+    """Median, see `NORMALS`."""
 
 
 def surface_of(layers: Mapping[str, np.ndarray], plan: ExamplePlan, record: RenderRecord) -> SurfaceFacts:

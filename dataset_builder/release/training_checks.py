@@ -7,7 +7,6 @@ proves little. The third copies I_s, which no fault of S' touches: the network m
 
 import shutil
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass
 from math import inf, isfinite
 from pathlib import Path
 
@@ -18,7 +17,6 @@ from dataset_builder.lightnet.methods.baselines.trivial import TRIVIAL
 from dataset_builder.lightnet.methods.checkpoint import load_trained
 from dataset_builder.lightnet.results.clustered_means import ClusteredMean, estimate
 from dataset_builder.lightnet.results.evaluate import ScoreRow, contender, evaluate, trivial
-from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.lightnet.training.events import Event
 from dataset_builder.lightnet.training.fit import LAST, SPEC, TrainingJob, fit
 from dataset_builder.release.dataset_check import Check, Rule
@@ -35,19 +33,6 @@ SIGMAS = 2.0
 """Standard errors that a difference must exceed."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Contest:
-    """What to train on what, and how far ahead it must be. out: emptied where it holds an earlier training."""
-
-    dataset: Path
-    out: Path
-    spec: TrainingSpec
-    device: str = "auto"
-    vgg_weights: Path | None = None
-    margin: float = MARGIN
-    copy_margin: float = COPY_MARGIN
-
-
 def ahead(name: str, margin: float) -> Rule:
     """The rule that a rival is beaten by a margin."""
     return Rule(name=f"beats_{name}", low=margin, why="set by --margin, and by --copy-margin for copy_i_s",
@@ -60,16 +45,19 @@ def clearly(name: str) -> Rule:
                 statement=f"the same over its standard error, example by example, clustered by view: {name}")
 
 
-def training_checks(contest: Contest) -> Generator[Event, None, tuple[list[Check], list[ScoreRow]]]:
-    """Train and compare; yields news of the training, returns checks and rows. Raises UserError as `fit` does."""
-    _start_afresh(contest.out)
-    yield from fit(TrainingJob(dataset=contest.dataset, out=contest.out, spec=contest.spec, device=contest.device,
-                               vgg_weights=contest.vgg_weights))
+def training_checks(job: TrainingJob, *, margin: float, copy_margin: float) \
+        -> Generator[Event, None, tuple[list[Check], list[ScoreRow]]]:
+    """Train and compare; yields news of the training, returns checks and rows. Raises UserError as `fit` does.
+
+    The job's folder is emptied where it holds an earlier training. The margins are in dB, see `compare`.
+    """
+    _start_afresh(job.out)
+    yield from fit(job)
     # The last weights, not the best: those were chosen on the split that decides
-    trained = load_trained(contest.out / LAST, contest.device)
-    held_out = LightingDataset(contest.dataset, contest.spec.data.held_out, contest.spec.data)
+    trained = load_trained(job.out / LAST, job.device)
+    held_out = LightingDataset(job.dataset, job.spec.data.held_out, job.spec.data)
     rows = list(evaluate([contender(trained.name, trained), *trivial()], held_out, range(len(held_out))))
-    return compare(rows, trained.name, margin=contest.margin, copy_margin=contest.copy_margin), rows
+    return compare(rows, trained.name, margin=margin, copy_margin=copy_margin), rows
 
 
 def compare(rows: Sequence[ScoreRow], method: str, *, margin: float, copy_margin: float) -> list[Check]:

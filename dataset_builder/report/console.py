@@ -1,4 +1,4 @@
-"""What the terminal shows: progress with rate and time left, tables, and errors without tracebacks."""
+"""What the terminal shows: progress with rate and time left, tables, and hard cases as they are done."""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
@@ -14,8 +14,11 @@ from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.planning.cost import CostEstimate
 from dataset_builder.report.doctor import Finding
 from dataset_builder.shards.manifest import Manifest, Rejected
+from dataset_builder.studies.stress.case import CaseResult
 
 MIB = 2**20
+NAME, NUMBER, VERDICT = 31, 10, 7
+"""Widths of columns; the expectation takes what is left."""
 
 
 def follow(events: Iterable[Event], console: Console) -> Iterator[Event]:
@@ -110,3 +113,33 @@ def duration(seconds: float) -> str:
 
 def _plus_minus(deviation: float, unit: str = "") -> str:
     return f" ± {deviation:,.2g}{unit}" if deviation else ""
+
+
+def case_header() -> Table:
+    """Names of the columns."""
+    return _case_row(*(Text(word, style="bold") for word in ("case", "expectation", "measured", "bound", "verdict")))
+
+
+def case_line(result: CaseResult) -> Table:
+    """One result."""
+    style = "green" if result.passed else "bold red"
+    verdict = Text("passed" if result.passed else "failed", style=style)
+    return _case_row(Text(result.case.name), Text(result.case.expectation), Text(f"{result.figure:.3g}"),
+                Text(f"{result.case.bound:g}"), verdict)
+
+
+def show_case(result: CaseResult, console: Console) -> None:
+    """Print a result and, where it failed, what was measured and which laws are broken."""
+    console.print(case_line(result))
+    if not result.passed:
+        for reason in result.wrong or (f"{result.case.figure}: expected at most {result.case.bound:g}, got "
+                                       f"{result.figure:g}",):
+            console.print(Text(f"  {reason}", style="red"), soft_wrap=True)
+
+
+def _case_row(*cells: Text) -> Table:
+    table = Table.grid(padding=(0, 1), expand=True)
+    for width in (NAME, None, NUMBER, NUMBER, VERDICT):
+        table.add_column(width=width, ratio=None if width else 1, justify="right" if width == NUMBER else "left")
+    table.add_row(*cells)
+    return table

@@ -1,4 +1,4 @@
-"""A finished dataset in tables: splits, layers, objects and rejected examples, from its manifest and labels."""
+"""A finished dataset at a glance: tables from its manifest and labels, and a contact sheet of examples and layers."""
 
 from collections import Counter
 from pathlib import Path
@@ -7,7 +7,18 @@ import numpy as np
 from rich.table import Table
 
 from dataset_builder.label.example_label import ExampleLabel
+from dataset_builder.label.example_plan import ExamplePlan
+from dataset_builder.layers import LAYERS
+from dataset_builder.report.example_sheet import SheetRow, write_sheet
 from dataset_builder.shards.reader import Dataset, open_dataset
+from dataset_builder.spread import runs, shares
+from dataset_builder.tonemap import exposure, to_8bit
+
+CELL = 128
+"""Width of a layer in pixels."""
+PALETTE = np.array([(0, 0, 0), (230, 120, 40), (150, 160, 170), (60, 130, 200), (90, 170, 90), (190, 90, 160),
+                    (220, 200, 70), (80, 180, 180), (140, 100, 70)], dtype=np.uint8)
+"""Colours of instances: none, target, room, furniture in turn."""
 
 
 def summary_tables(folder: Path) -> list[Table]:
@@ -52,3 +63,49 @@ def _rejected(dataset: Dataset) -> list[Table]:
     for item in dataset.manifest.rejected:
         table.add_row(item.key, item.view, item.gate, item.reason)
     return [table]
+
+
+def write_contact_sheet(folder: Path, target: Path, *, rows: int = 12) -> None:
+    """Write the sheet of the dataset in `folder` as a PNG file, whole or not at all. Raises OutputError."""
+    write_sheet(contact_rows(folder, rows), target, CELL)
+
+
+def contact_rows(folder: Path, rows: int) -> list[SheetRow]:
+    """Rows of up to `rows` examples, taken evenly from every split.
+
+    Radiometric layers share one exposure over the whole sheet, so that brightness can be compared; reflectances and
+    masks are shown as they are, depth is scaled per example, normals are mapped from [-1, 1].
+    """
+    dataset = open_dataset(folder)
+    names = [name for name in LAYERS if name in dataset.layers]
+    keys = spread(dataset, rows)
+    examples = [dataset[key] for key in keys]
+    factor = exposure(example[name] for example in examples for name in names if LAYERS[name].radiometric)
+    return [SheetRow(lines=_sheet_lines(dataset.label(key).plan), panels={
+        f"{name}  {LAYERS[name].symbol}": cell_pixels(name, example[name], factor) for name in names})
+        for key, example in zip(keys, examples, strict=True)]
+
+
+def spread(dataset: Dataset, count: int) -> list[str]:
+    """Keys of up to `count` examples: every split gets its share, at least one (be it more in all), spaced evenly."""
+    splits = list(dataset.splits.values())
+    found = zip(splits, shares([len(split) for split in splits], count), strict=True)
+    return [split[run.start] for split, share in found for run in runs(len(split), share)]
+
+
+def cell_pixels(name: str, array: np.ndarray, factor: float) -> np.ndarray:
+    """(H, W, 3) uint8 picture of one layer; `factor` is the exposure of radiometric ones."""
+    if name == "instance":
+        ids = array[..., 0].astype(int)
+        return PALETTE[np.where(ids < 3, ids, 3 + (ids - 3) % (len(PALETTE) - 3))]
+    if name.startswith("normal"):
+        shown = np.where(np.any(array != 0, axis=-1, keepdims=True), (array + 1) / 2, 0)
+        return np.rint(255 * np.clip(shown, 0, 1)).astype(np.uint8)
+    if name == "depth":
+        return to_8bit(array, 1 / max(float(array.max()), 1e-6))
+    return to_8bit(array, factor if LAYERS[name].radiometric else 1.0)
+
+
+def _sheet_lines(plan: ExamplePlan) -> list[str]:
+    lights = " + ".join(light.kind for light in plan.target_light.lights)
+    return [plan.key, plan.split, plan.target.object.name, plan.room.name, lights, f"sigma {plan.rough.sigma:.4f}"]

@@ -22,11 +22,12 @@ MIN_MEMORY, MIN_DISK = 4 * GIB, 2 * GIB
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """One line of the report. mend: command or advice where something is missing, else empty."""
+    """One line of the report."""
 
     what: str
     value: str
     mend: str = ""
+    """Command or advice where something is missing, else empty."""
 
 
 def examine(folder: Path) -> list[Finding]:

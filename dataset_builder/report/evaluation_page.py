@@ -1,4 +1,4 @@
-"""An evaluation as files: a table by example (CSV), one by method (Markdown), a figure, and pictures of examples."""
+"""An evaluation as files: tables by example (CSV) and by method (Markdown), a figure, and examples in pictures."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,10 +11,14 @@ from matplotlib.figure import Figure
 from rich.table import Table
 
 from dataset_builder.files import write_atomic
+from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
+from dataset_builder.lightnet.data.loader import whole_images
 from dataset_builder.lightnet.measures.metrics import METRICS, Metric
-from dataset_builder.lightnet.results.clustered_means import LEVEL, Paired, Summary, compare, summarise
-from dataset_builder.lightnet.results.evaluate import ScoreRow
+from dataset_builder.lightnet.results.clustered_means import LEVEL, Paired, Summary, chosen, compare, summarise
+from dataset_builder.lightnet.results.evaluate import Contender, ScoreRow
+from dataset_builder.lightnet.results.pictures import cropped, found, given
 from dataset_builder.report.estimates import heading, markdown_table, plus_minus, rounded
+from dataset_builder.report.example_sheet import SheetRow
 from dataset_builder.report.study_figures import COLOURS, PALE, panels, png
 from dataset_builder.studies.comma_separated import comma_separated
 
@@ -28,16 +32,19 @@ VERDICTS = {"better": "better", "worse": "worse", "open": "not told apart"}
 
 @dataclass(frozen=True, kw_only=True)
 class Evaluation:
-    """What was evaluated. notes: what each method is, by name; trained: those of checkpoints; remarks: what is to be
-    known of the examples; seen: whether this is the split that one of the methods was trained on."""
+    """What was evaluated."""
 
     dataset: str
     split: str
     rows: Sequence[ScoreRow]
     notes: Mapping[str, str]
+    """What each method is, by name."""
     trained: Sequence[str]
+    """Names of the methods of checkpoints."""
     remarks: Sequence[str] = ()
+    """What is to be known of the examples."""
     seen: bool = False
+    """Whether this is the split that one of the methods was trained on."""
 
     @property
     def pairs(self) -> list[tuple[str, str]]:
@@ -154,3 +161,23 @@ def _meaning() -> str:
             f"Intervals cover the mean over all such objects in {LEVEL:.0%} of all cases (Student's t); a method is "
             "told apart from another where the interval of their difference, taken on the same examples, does not "
             "contain 0. `table.csv` has every example.")
+
+
+def example_rows(rows: Sequence[ScoreRow], contenders: Sequence[Contender], dataset: LightingDataset) -> list[SheetRow]:
+    """A row of pictures for each chosen example and contender; the predictions are made again."""
+    measured = {(row.method, row.key): row for row in rows}
+    sheet = []
+    for place, row in chosen(rows, contenders[0].name).items():
+        for batch in whole_images(dataset, [dataset.keys.index(row.key)]):
+            for one in contenders:
+                moved = batch.to(one.device)
+                shown = {**given(moved), **found(moved, one.find(moved))}
+                sheet.append(SheetRow(lines=_example_lines(place, measured[one.name, row.key]),
+                                      panels=cropped(shown, moved.inputs.inside[0])))
+    return sheet
+
+
+def _example_lines(place: str, row: ScoreRow) -> list[str]:
+    figures = [f"{metric.symbol} {rounded(getattr(row.metrics, metric.name), metric.name)} {metric.unit}"
+               for metric in METRICS]
+    return [f"{place}: {row.key}", row.method, row.object, row.room, *figures]

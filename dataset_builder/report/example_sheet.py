@@ -1,26 +1,38 @@
-"""Pictures in rows under common headings, with a few lines of text before each row."""
+"""Pictures in rows under common headings, with a few lines of text before each row; and a composed frame as files."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from dataset_builder.files import write_atomic
+from dataset_builder.shards.exr import encode_picture
+
+if TYPE_CHECKING:
+    from dataset_builder.lightnet.results.compose import Composite
 
 MARGIN, GAP, HEADER, LINE = 12, 4, 24, 17
 LABEL_WIDTH = 200
 INK, PALE, PAPER = (32, 32, 32), (110, 110, 110), (250, 250, 250)
 
+LINEAR, PREVIEW, SIDES = "composite.exr", "composite.png", "side_by_side.png"
+RESULT = "I_R"
+"""Heading of the composed frame."""
+CELL = 320
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SheetRow:
-    """lines: text, the first in black; panels: (H, W, 3) uint8 pictures by heading; a heading may lack here."""
+    """A row of pictures."""
 
     lines: Sequence[str]
+    """Text, the first in black."""
     panels: Mapping[str, np.ndarray]
+    """(H, W, 3) uint8 pictures by heading; a heading may lack here."""
 
 
 def sheet(rows: Sequence[SheetRow], cell: int = 160) -> Image.Image:
@@ -83,3 +95,18 @@ def _left(column: int, cell: int) -> int:
 
 def _font(size: int) -> ImageFont.ImageFont | ImageFont.FreeTypeFont:
     return ImageFont.load_default(size)
+
+
+def write_composite(composite: "Composite", panels: Mapping[str, np.ndarray], out: Path, *, title: str) -> list[Path]:
+    """Write the frame as EXR and as PNG, and all panels side by side; the paths. Raises OutputError."""
+    write_atomic(out / LINEAR, encode_picture(composite.picture, name="composite"))
+    write_atomic(out / PREVIEW, png_of(panels[RESULT]))
+    lines = [*_wrapped(title), f"{composite.predicted.sum()} pixels predicted", f"{composite.filled.sum()} filled",
+             f"exposure {composite.exposure:.4g}"]
+    write_sheet([SheetRow(lines=lines, panels=panels)], out / SIDES, cell=CELL)
+    return [out / LINEAR, out / PREVIEW, out / SIDES]
+
+
+def _wrapped(title: str) -> list[str]:
+    """A path with its example on lines of their own, the end of each being what tells it from others."""
+    return [part[-28:] for part in title.split(", ")]

@@ -18,12 +18,14 @@ td { font-variant-numeric: tabular-nums } th { text-align: left } .answer { font
 
 @dataclass(frozen=True, kw_only=True)
 class Section:
-    """One question. figure: bytes of a PNG, or none. head, rows: a table, or none."""
+    """One question."""
 
     question: str
     answer: str
     figure: bytes = b""
+    """Bytes of a PNG, or none."""
     head: Sequence[str] = ()
+    """Of a table, or none."""
     rows: Sequence[Sequence[str]] = ()
 
 

@@ -28,7 +28,7 @@ from dataset_builder.report.console import (
     rejected_lines,
 )
 from dataset_builder.report.dataset_summary import summary_tables
-from dataset_builder.report.family_tables import family_tables
+from dataset_builder.report.spec_help import family_tables
 from dataset_builder.shards.manifest import Rejected
 from dataset_builder.shards.reader import load_manifest
 from dataset_builder.spec.families import FAMILIES

@@ -5,7 +5,7 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from dataset_builder.report.schema import export_schema, schema_files
+from dataset_builder.report.spec_help import export_schema, schema_files
 from dataset_builder.spec.families import FAMILIES
 from dataset_builder.spec.load import load_dataset, read_document
 from dataset_builder.spec.problems import dotted

@@ -20,7 +20,7 @@ from dataset_builder.lightnet.methods.predict import predict
 from dataset_builder.lightnet.results.evaluate import Contender, contender, evaluate, load_all, trivial
 from dataset_builder.lightnet.results.pictures import GAIN, cropped, difference, found, given, light, signed, square
 from dataset_builder.lightnet.settings import DataSpec
-from dataset_builder.report.evaluation_examples import example_rows
+from dataset_builder.report.evaluation_page import example_rows
 from dataset_builder.shards import exr
 from dataset_builder.shards.reader import open_dataset
 from tests.lightnet.formula_method import product, trained, write_checkpoint

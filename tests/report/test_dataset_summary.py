@@ -8,7 +8,7 @@ from PIL import Image
 
 from dataset_builder.errors import OutputError
 from dataset_builder.report import example_sheet
-from dataset_builder.report.contact_sheet import PALETTE, cell_pixels, contact_rows, spread, write_contact_sheet
+from dataset_builder.report.dataset_summary import PALETTE, cell_pixels, contact_rows, spread, write_contact_sheet
 from dataset_builder.report.example_sheet import GAP, HEADER, LABEL_WIDTH, MARGIN
 from dataset_builder.shards.reader import open_dataset
 

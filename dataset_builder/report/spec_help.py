@@ -1,17 +1,30 @@
-"""The embedded furniture, as tables of parameters and materials."""
+"""What specs may contain: the embedded furniture as tables, and JSON Schemas for editors that complete YAML."""
+
+import json
+from pathlib import Path
+from typing import Any
 
 from rich.table import Table
 
 from dataset_builder.assets.procedural.furniture import FINISHES, make_furniture
 from dataset_builder.errors import UserError
+from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.planning.scene.assets_of_plan import ROLE
 from dataset_builder.seeding import rng
+from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.families import FAMILIES, Family
 from dataset_builder.spec.model import Model
 from dataset_builder.spec.numbers import draw
+from dataset_builder.spec.scene import ObjectSpec, RoomSpec, SceneSpec
 
 DRAWS, SHOWN = 24, 6
 """Pieces that are drawn to list possible materials, and the number of materials listed."""
+
+KINDS: dict[str, type[Model]] = {"dataset": DatasetSpec, "object": ObjectSpec, "room": RoomSpec, "scene": SceneSpec,
+                                 "training": TrainingSpec}
+"""The kinds of file under `scene_specs/`, by the name of their schema."""
+
+DRAFT = "https://json-schema.org/draft/2020-12/schema"
 
 
 def family_tables(name: str | None) -> list[Table]:
@@ -47,3 +60,21 @@ def _drawn_names(family: Family, seed: int) -> list[tuple[str, str, str]]:
     params = {param.name: draw(param.default, rng(seed, family.name, param.name)) for param in family.params}
     asset = make_furniture(family=family.name, params=params, seed=seed, name=family.name)
     return [material.name.partition(ROLE) for material in asset.materials]
+
+
+def export_schema() -> dict[str, dict[str, Any]]:
+    """JSON Schema of each kind of file, by kind. Rules between keys and files are left to the loader."""
+    return {kind: {"$schema": DRAFT, **model.model_json_schema(mode="validation")} for kind, model in KINDS.items()}
+
+
+def schema_files() -> dict[str, str]:
+    """Text of each schema file, by file name."""
+    return {f"{kind}.schema.json": json.dumps(schema, indent=2, sort_keys=True) + "\n"
+            for kind, schema in export_schema().items()}
+
+
+def write_schema(folder: Path) -> None:
+    """Write every schema file into `folder`, which is made where it is missing."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, text in schema_files().items():
+        (folder / name).write_text(text, encoding="utf-8")
