@@ -115,9 +115,8 @@ def _effects(options: argparse.Namespace) -> int:
 
 def _noise(options: argparse.Namespace) -> int:
     from dataset_builder.lightnet.training.events import Finished
-    from dataset_builder.report.console import follow, rejected_lines
+    from dataset_builder.report.console import follow, lines_of, rejected_lines
     from dataset_builder.report.noise_page import NoiseResults, sentences, write_page
-    from dataset_builder.report.training import lines_of
     from dataset_builder.studies.noise.level_trainings import (
         held_out,
         measure,
@@ -126,8 +125,7 @@ def _noise(options: argparse.Namespace) -> int:
         training_counts,
     )
     from dataset_builder.studies.noise.levels import crops, levels_of, write_table
-    from dataset_builder.studies.noise.noise_study import make, require
-    from dataset_builder.studies.noise.pass_counts import count_passes, pass_lines
+    from dataset_builder.studies.noise.noise_study import count_passes, make, pass_lines, require
 
     study = _noise_study(options)
     require(study)

@@ -28,13 +28,13 @@ def add(verbs: Verbs) -> None:
 def _train(options: argparse.Namespace) -> int:
     from dataset_builder.lightnet.settings import load_training
     from dataset_builder.lightnet.training.fit import TrainingJob, fit
-    from dataset_builder.report.training import follow, lines_of
+    from dataset_builder.report.console import follow_training, lines_of
     from dataset_builder.shards.reader import load_manifest
 
     spec = load_training(options.config, options.overrides)
     out = options.out or TRAININGS / f"{load_manifest(options.folder).name}-{spec.method}"
     job = TrainingJob(dataset=options.folder, out=out, spec=spec, vgg_weights=options.vgg_weights,
                       device=options.device)
-    for _ in follow(fit(job), plain_console(), lines_of):
+    for _ in follow_training(fit(job), plain_console(), lines_of):
         pass
     return 0

@@ -40,13 +40,13 @@ def add(verbs: Verbs) -> None:
 def _validate(options: argparse.Namespace) -> int:
     from dataset_builder.files import require_writable
     from dataset_builder.release.gate import Done, LeftOut, run
+    from dataset_builder.report.console import follow_training
     from dataset_builder.report.gate_page import Report, lines, refusals, write_report
-    from dataset_builder.report.training import follow
 
     console, gate = wide_console(), _gate(options)
     require_writable(gate.out)
     done, left_out = list[Done](), tuple[str, ...]()
-    for news in follow(run(gate), console, lines):
+    for news in follow_training(run(gate), console, lines):
         if isinstance(news, Done):
             done.append(news)
         elif isinstance(news, LeftOut):

@@ -14,11 +14,10 @@ import numpy as np
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.label.record import RenderRecord
 from dataset_builder.layers import PAPER_LAYERS
-from dataset_builder.release import light_checks, outline_checks, surface_checks
+from dataset_builder.release import light_checks, shape_checks
 from dataset_builder.release.cells import Cells, cells_of
 from dataset_builder.release.dataset_check import Check, Rule
-from dataset_builder.release.outline_checks import Outline, outline_of
-from dataset_builder.release.surface_checks import SurfaceFacts, surface_of
+from dataset_builder.release.shape_checks import Outline, SurfaceFacts, outline_of, surface_of
 from dataset_builder.shards.reader import load_manifest, open_dataset
 from dataset_builder.spread import spread_indices
 
@@ -26,7 +25,7 @@ HELPFUL = ("mask_rough", "air", "depth", "normal")
 """Layers that checks use where a dataset has them."""
 EXAMPLES = 512
 """Most examples that statistics are taken over; more would not make them surer."""
-RULES: tuple[Rule, ...] = (*light_checks.RULES, *outline_checks.RULES, *surface_checks.RULES)
+RULES: tuple[Rule, ...] = (*light_checks.RULES, *shape_checks.RULES)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -51,8 +50,8 @@ def check_facts(found: Iterable[Facts]) -> list[Check]:
     """
     found = list(found)
     return [*light_checks.light_checks([one.cells for one in found]),
-            *outline_checks.outline_checks([one.outline for one in found]),
-            *surface_checks.surface_checks([one.surface for one in found])]
+            *shape_checks.outline_checks([one.outline for one in found]),
+            *shape_checks.surface_checks([one.surface for one in found])]
 
 
 def read_facts(folder: Path, examples: int = EXAMPLES) -> Iterator[Facts]:

@@ -9,8 +9,7 @@ from dataset_builder.studies.accuracy.accuracy_study import AccuracyStudy
 from dataset_builder.studies.accuracy.bounds import DEPTH, EDGES, TEXTURES
 from dataset_builder.studies.accuracy.curves import PRICE, Advice, curve
 from dataset_builder.studies.accuracy.precision import ACCUMULATION, CODECS, codec_means
-from dataset_builder.studies.accuracy.rows import AccuracyRow, layers_in
-from dataset_builder.studies.accuracy.sampling import ADAPTIVE, ADAPTIVE_DENOISED, DENOISED, UNIFORM
+from dataset_builder.studies.accuracy.rows import ADAPTIVE, ADAPTIVE_DENOISED, DENOISED, UNIFORM, AccuracyRow, layers_in
 from dataset_builder.studies.accuracy.workbench import BUDGETS, REFERENCE_DEPTH
 
 QUESTIONS = {

@@ -19,10 +19,10 @@ from dataset_builder.release.cells import Cells
 from dataset_builder.release.consistency import Facts
 from dataset_builder.release.dataset_check import Check
 from dataset_builder.release.gate import Begun, Done, Gate, LeftOut, News
-from dataset_builder.release.outline_checks import SEARCH
+from dataset_builder.release.shape_checks import SEARCH
+from dataset_builder.report.console import lines_of
 from dataset_builder.report.estimates import markdown_table
 from dataset_builder.report.study_figures import COLOURS, PALE, panels, png
-from dataset_builder.report.training import lines_of
 
 JSON, MARKDOWN, FIGURES = "report.json", "report.md", "figures"
 CAPTIONS = {

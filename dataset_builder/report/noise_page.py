@@ -16,8 +16,7 @@ from dataset_builder.report.study_figures import COLOURS, PALE, panels, png
 from dataset_builder.report.study_page import Section, write_study
 from dataset_builder.studies.noise.level_trainings import MIXED
 from dataset_builder.studies.noise.levels import OWN, TRIVIAL, Crop, Level
-from dataset_builder.studies.noise.noise_study import NoiseStudy, level_name
-from dataset_builder.studies.noise.pass_counts import PassCount, saving
+from dataset_builder.studies.noise.noise_study import NoiseStudy, PassCount, level_name, shared_passes
 
 LINES = {
     MIXED: ("LighTNet, trained on all levels", COLOURS[0], "o", "-"),
@@ -131,7 +130,8 @@ def _passes(found: NoiseResults) -> Section:
     rows = [[one.name, one.meaning, f"{one.ran}", f"{one.examples}", one.per, f"{one.seconds:.1f}"]
             for one in found.passes]
     return Section(question="What was rendered for this study?", answer=f"Counted from the seconds of every example: "
-                   f"{saving(found.passes)}.", head=("pass", "makes", "ran", "for examples", "", "seconds"), rows=rows)
+                   f"{shared_passes(found.passes)}.",
+                   head=("pass", "makes", "ran", "for examples", "", "seconds"), rows=rows)
 
 
 def _told(found: ClusteredMean) -> str:

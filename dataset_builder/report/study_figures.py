@@ -20,8 +20,15 @@ from dataset_builder.studies.accuracy.precision import (
     drift_means,
     half_errors,
 )
-from dataset_builder.studies.accuracy.rows import AccuracyRow, layers_in, of
-from dataset_builder.studies.accuracy.sampling import ADAPTIVE, ADAPTIVE_DENOISED, DENOISED, UNIFORM
+from dataset_builder.studies.accuracy.rows import (
+    ADAPTIVE,
+    ADAPTIVE_DENOISED,
+    DENOISED,
+    UNIFORM,
+    AccuracyRow,
+    layers_in,
+    of,
+)
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 """Okabe and Ito's, told apart by colour-blind readers, too."""

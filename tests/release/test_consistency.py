@@ -13,8 +13,7 @@ from dataset_builder.release.cells import Cells, cell_side, cells_of, eroded
 from dataset_builder.release.consistency import RULES, check_facts, facts
 from dataset_builder.release.dataset_check import Check, Rule
 from dataset_builder.release.light_checks import light_checks
-from dataset_builder.release.outline_checks import SEARCH, edge_scores
-from dataset_builder.release.surface_checks import surface_checks, surface_of
+from dataset_builder.release.shape_checks import SEARCH, edge_scores, surface_checks, surface_of
 from dataset_builder.seeding import rng
 from dataset_builder.shards.example import Example
 from tests.lightnet.synthetic import PAPER_AND_ROUGH, synthetic_example

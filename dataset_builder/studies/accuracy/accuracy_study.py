@@ -8,13 +8,12 @@ from time import perf_counter
 from dataset_builder.files import write_atomic
 from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.rendering.backend import activate
-from dataset_builder.studies.accuracy import advise_bounds, advise_sampling, bounds, precision, sampling
+from dataset_builder.studies.accuracy import bounds, precision, sampling
 from dataset_builder.studies.accuracy.curves import Advice
-from dataset_builder.studies.accuracy.rows import AccuracyRow, Steps, begin, kept_steps, write_table
+from dataset_builder.studies.accuracy.rows import QUESTIONS, AccuracyRow, Steps, begin, kept_steps, write_table
 from dataset_builder.studies.accuracy.workbench import BUDGETS, Bench
-from dataset_builder.studies.reference import References, pixel_versions
+from dataset_builder.studies.renders import REPEATS, References, pixel_versions
 from dataset_builder.studies.sampled import StudySpec, chosen_layers
-from dataset_builder.studies.timing import REPEATS
 
 MEASURES: dict[str, Callable[[Bench, ExampleRef], Iterator[AccuracyRow]]] = {
     "sampling": sampling.measure, "path depth": bounds.measure_depth, "edge length": bounds.measure_edges,
@@ -23,7 +22,7 @@ MEASURES: dict[str, Callable[[Bench, ExampleRef], Iterator[AccuracyRow]]] = {
 }
 """Groups of questions by what the terminal calls them."""
 
-GROUPS = {**dict.fromkeys(sampling.QUESTIONS, "sampling"), bounds.DEPTH: "path depth", bounds.EDGES: "edge length",
+GROUPS = {**dict.fromkeys(QUESTIONS, "sampling"), bounds.DEPTH: "path depth", bounds.EDGES: "edge length",
           bounds.TEXTURES: "texture size", precision.CODECS: "storage", precision.ACCUMULATION: "accumulation"}
 """The group of every question."""
 
@@ -101,8 +100,8 @@ def bench_of(study: AccuracyStudy) -> Bench:
 def conclude(study: AccuracyStudy, rows: Sequence[AccuracyRow]) -> Advice:
     """What all rows say; the settings are written to `recommended.txt`, one option of the command line per line."""
     advice, dataset = Advice(), study.spec.dataset
-    advise_sampling.advise(advice, rows, dataset, BUDGETS[study.budget])
-    advise_bounds.advise(advice, rows, dataset)
+    sampling.advise(advice, rows, dataset, BUDGETS[study.budget])
+    bounds.advise(advice, rows, dataset)
     precision.advise(advice, rows, dataset)
     write_atomic(study.out / "recommended.txt", advice.lines().encode())
     return advice

@@ -6,8 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dataset_builder.studies.accuracy.rows import AccuracyRow, of
-from dataset_builder.studies.accuracy.sampling import ADAPTIVE, UNIFORM
+from dataset_builder.studies.accuracy.rows import ADAPTIVE, UNIFORM, AccuracyRow, of
 from dataset_builder.studies.image_errors import geometric_mean
 
 TOLERABLE = 0.1

@@ -26,7 +26,7 @@ from dataset_builder.studies.accuracy.curves import Advice
 from dataset_builder.studies.accuracy.rows import WHOLE, AccuracyRow, of
 from dataset_builder.studies.accuracy.workbench import PLAIN, Bench
 from dataset_builder.studies.image_errors import relative_mse
-from dataset_builder.studies.timing import render
+from dataset_builder.studies.renders import render
 
 CODECS = "codecs"
 Result = TypeVar("Result")

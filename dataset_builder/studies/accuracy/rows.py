@@ -11,6 +11,11 @@ from dataset_builder.files import write_atomic
 from dataset_builder.studies.comma_separated import read_csv, write_csv
 
 NONE = math.nan
+UNIFORM, ADAPTIVE = "uniform", "adaptive"
+DENOISED, ADAPTIVE_DENOISED = "uniform-denoised", "adaptive-denoised"
+QUESTIONS = (UNIFORM, ADAPTIVE, DENOISED, ADAPTIVE_DENOISED)
+"""Questions 1 to 3, by the way of sampling."""
+
 WHOLE = "all"
 """The layer of a row that is about all layers of an example together."""
 

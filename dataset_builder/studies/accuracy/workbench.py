@@ -11,9 +11,8 @@ from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.rendering.examples import Rendered
 from dataset_builder.studies.accuracy.rows import AccuracyRow
 from dataset_builder.studies.image_errors import flip, psnr, relative_mse, relative_variance
-from dataset_builder.studies.reference import References
+from dataset_builder.studies.renders import References, Warm, reached_by, seconds_of, timed, work_of
 from dataset_builder.studies.sampled import StudySpec, layer_override, reseeded, spp_override
-from dataset_builder.studies.timing import Warm, reached_by, seconds_of, timed, work_of
 
 REFERENCE_DEPTH = 64
 

@@ -16,8 +16,8 @@ from dataset_builder.rendering.examples import Rendered
 from dataset_builder.studies.comma_separated import write_csv
 from dataset_builder.studies.effects.picture_differences import Difference, clear_difference, noisy_difference
 from dataset_builder.studies.image_errors import geometric_mean
+from dataset_builder.studies.renders import Warm, timed
 from dataset_builder.studies.sampled import StudySpec, reseeded
-from dataset_builder.studies.timing import Warm, timed
 
 COMMON = ("render.accuracy={}", "render.denoise={}", "storage.standard_errors=true")
 """Equal samples on both sides, and errors to judge by."""

@@ -17,8 +17,7 @@ from dataset_builder.lightnet.settings import load_training
 from dataset_builder.report.noise_page import sentences
 from dataset_builder.studies.noise.level_trainings import MIXED, HeldOut, held_out, jobs
 from dataset_builder.studies.noise.levels import OWN, Level, chosen, levels_of, trained_on
-from dataset_builder.studies.noise.noise_study import NoiseStudy, parse_levels, require
-from dataset_builder.studies.noise.pass_counts import count_passes, pass_lines
+from dataset_builder.studies.noise.noise_study import NoiseStudy, count_passes, parse_levels, pass_lines, require
 from dataset_builder.studies.trainings import base_of
 from tests.lightnet.synthetic import write_synthetic
 from tests.small_specs import write_spec

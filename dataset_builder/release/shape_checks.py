@@ -1,10 +1,14 @@
-"""Is the mask where the object is? Checks the layers under it, the rough mask, and the edges of the picture."""
+"""Do mask, depth, normals and the camera of the label describe one object, where the picture has it?"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from dataset_builder.geometry.pinhole import Pinhole
+from dataset_builder.label.example_plan import ExamplePlan
+from dataset_builder.label.record import RenderRecord
+from dataset_builder.release.cells import WHOLE, eroded
 from dataset_builder.release.dataset_check import Check, Rule
 
 SEARCH = 12
@@ -17,6 +21,13 @@ MIN_SIDE, MIN_EXAMPLES = 3 * SEARCH, 6
 STEEPEST = 1.0
 """Of a change of log I_s from pixel to pixel: beyond it an edge is an edge."""
 
+SMOOTH = 0.9
+"""Least length of a mean normal: below, the pixel sees several faces."""
+MIN_PIXELS = 20
+"""Of an example that has an angle or a reach of its own."""
+FAR = 0.98
+"""Quantile of pixels that an example's reach is taken at."""
+
 SUPPORT = Rule(name="support", high=0.01, why="0 by definition: D + R of what a ray meets is not 0",
                statement="share of pixels with mask > 0 where d and r are 0: maximum over examples, leaving out the "
                          "worst 5%")
@@ -24,7 +35,12 @@ DRIFT = Rule(name="drift", high=1.5, why="noise moves outlines equally to all si
              statement="median shift of mask_rough's centre against mask's, in pixels")
 EDGES = Rule(name="edges", high=1.5, why="0: most outlines are edges of the picture, and a shifted outline meets fewer",
              statement="shift of the mask at which its outline meets most edges of i_s, in pixels")
-RULES = (SUPPORT, DRIFT, EDGES)
+REACH = Rule(name="depth", high=2.0, why="the camera aims into the object's bounding sphere, and the object fills it",
+             statement="distance along the view axis from depth to the camera's aim in bounding radii, largest of all")
+NORMALS = Rule(name="normals", low=0.9, why="1 on flat faces; smooth shading and noise bring little below",
+               statement="cosine between normal and the normal of the surface that depth spans, 5% quantile of "
+                         "examples' medians")
+RULES = (SUPPORT, DRIFT, EDGES, REACH, NORMALS)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -99,3 +115,49 @@ def _centre(mask: np.ndarray) -> np.ndarray:
 
 def _steepness(image: np.ndarray) -> np.ndarray:
     return np.hypot(*np.gradient(image))
+
+
+@dataclass(frozen=True, kw_only=True)
+class SurfaceFacts:
+    """What one example's surface is like; NaN where layers or label do not tell."""
+
+    key: str
+    reach: float
+    """See `REACH`."""
+    cosine: float
+    """Median, see `NORMALS`."""
+
+
+def surface_of(layers: Mapping[str, np.ndarray], plan: ExamplePlan, record: RenderRecord) -> SurfaceFacts:
+    """What depth (H, W, 1), normal (H, W, 3), and the camera and bounding radius of the label say about each other."""
+    if "depth" not in layers:
+        return SurfaceFacts(key=plan.key, reach=float("nan"), cosine=float("nan"))
+    depth, radius = layers["depth"][..., 0], record.bounding_radius
+    camera = Pinhole.of(plan.camera, depth.shape[1], depth.shape[0])
+    whole = layers["mask"][..., 0] >= WHOLE
+    reach = cosine = float("nan")
+    if radius > 0 and whole.sum() >= MIN_PIXELS:
+        away = np.abs(depth[whole] - np.linalg.norm(camera.target - camera.position))
+        reach = float(np.quantile(away, FAR) / radius)
+    if "normal" in layers:
+        cosine = _median_cosine(camera.unproject(depth), layers["normal"], whole)
+    return SurfaceFacts(key=plan.key, reach=reach, cosine=cosine)
+
+
+def surface_checks(found: Sequence[SurfaceFacts]) -> list[Check]:
+    """Every rule of surfaces over a dataset's examples."""
+    reach = {one.key: one.reach for one in found if np.isfinite(one.reach)}
+    cosine = [one.cosine for one in found if np.isfinite(one.cosine)]
+    far = max(reach, key=lambda key: reach[key], default="")
+    return [REACH.judge(reach[far], f"example {far}") if reach else REACH.pass_over("there is no depth"),
+            NORMALS.judge(float(np.quantile(cosine, 0.05))) if cosine else NORMALS.pass_over("no depth with normals")]
+
+
+def _median_cosine(points: np.ndarray, normal: np.ndarray, whole: np.ndarray) -> float:
+    down, across = (np.gradient(points, axis=axis) for axis in (0, 1))
+    spanned = np.cross(down, across)
+    length, spread = np.linalg.norm(normal, axis=2), np.linalg.norm(spanned, axis=2)
+    usable = eroded(whole, 1) & (length > SMOOTH) & (spread > 0)
+    if usable.sum() < MIN_PIXELS:
+        return float("nan")
+    return float(np.median((spanned * normal).sum(axis=2)[usable] / (length * spread)[usable]))

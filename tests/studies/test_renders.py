@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dataset_builder.studies import reference
-from dataset_builder.studies.reference import References, pixel_versions
+from dataset_builder.studies import renders as module
+from dataset_builder.studies.renders import References, pixel_versions
 from dataset_builder.studies.sampled import reseeded
 from tests.plans import example_plan
 
@@ -25,7 +25,7 @@ def renders(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         seeds.append(plan.render.seed)
         return SimpleNamespace(layers=LAYERS)
 
-    monkeypatch.setattr(reference, "render", render)
+    monkeypatch.setattr(module, "render", render)
     return seeds
 
 
