@@ -1,11 +1,21 @@
-"""The verbs `evaluate` and `compose`: how good a checkpoint is, and what its object looks like in the scene."""
+"""The verbs `train`, `evaluate` and `compose`: networks on the shards of a dataset, and what they make of objects."""
 
 import argparse
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dataset_builder.cli.options import Verbs, add_folder, add_networks, add_verb, positive, wide_console
+from dataset_builder.cli.options import (
+    TRAININGS,
+    Verbs,
+    add_folder,
+    add_networks,
+    add_overrides,
+    add_verb,
+    plain_console,
+    positive,
+    wide_console,
+)
 from dataset_builder.errors import UserError
 
 if TYPE_CHECKING:
@@ -22,7 +32,14 @@ HELP = {"i_s": "the object under plain light, I_s", "s_prime": "raw lighting of 
 
 
 def add(verbs: Verbs) -> None:
-    """Add both verbs."""
+    """Add the three verbs."""
+    text = "train LighTNet, or a baseline, on a dataset; resumes an earlier run"
+    train = add_verb(verbs, "train", _train, text)
+    add_folder(train)
+    train.add_argument("--config", type=Path, help="how to train, a YAML file (default: LighTNet at its small size)")
+    add_overrides(train, "the configuration")
+    train.add_argument("--out", type=Path, help=f"folder for checkpoints (default: {TRAININGS}/DATASET-METHOD)")
+    add_networks(train)
     text = "measure checkpoints on held-out examples and compare them with three untrained baselines"
     verb = add_verb(verbs, "evaluate", _evaluate, text)
     add_folder(verb)
@@ -42,6 +59,21 @@ def add(verbs: Verbs) -> None:
         verb.add_argument(option, type=Path, metavar="FILE", dest=name, help=HELP[name])
     verb.add_argument("--out", type=Path, help="folder for the results (default: composite, beside the checkpoint)")
     add_networks(verb, trains=False)
+
+
+def _train(options: argparse.Namespace) -> int:
+    from dataset_builder.lightnet.settings import load_training
+    from dataset_builder.lightnet.training.fit import TrainingJob, fit
+    from dataset_builder.report.console import follow_training, lines_of
+    from dataset_builder.shards.reader import load_manifest
+
+    spec = load_training(options.config, options.overrides)
+    out = options.out or TRAININGS / f"{load_manifest(options.folder).name}-{spec.method}"
+    job = TrainingJob(dataset=options.folder, out=out, spec=spec, vgg_weights=options.vgg_weights,
+                      device=options.device)
+    for _ in follow_training(fit(job), plain_console(), lines_of):
+        pass
+    return 0
 
 
 def _evaluate(options: argparse.Namespace) -> int:

@@ -1,8 +1,9 @@
-"""The verb `study`: cost of accuracy, time saved by leaving effects out, and how smooth rough meshes must be."""
+"""The verbs `study` and `stress`: what settings cost and bring, and hard cases, each with a bound that can fail."""
 
 import argparse
 from collections.abc import Callable
 from pathlib import Path
+from time import perf_counter
 from typing import TYPE_CHECKING
 
 from dataset_builder.cli.options import (
@@ -15,6 +16,7 @@ from dataset_builder.cli.options import (
     add_verb,
     plain_console,
     positive,
+    wide_console,
     with_steps,
 )
 
@@ -23,11 +25,12 @@ if TYPE_CHECKING:
     from dataset_builder.studies.sampled import StudySpec
 
 LAYERS = ("i_t", "s_prime", "i_s")
+SIZES = ("small", "full")
 LEVELS = "0,0.002,0.004,0.008,0.016"
 
 
 def add(verbs: Verbs) -> None:
-    """Add the verb and its studies."""
+    """Add both verbs and the studies."""
     text = "measure the cost and benefit of settings on examples of a dataset"
     kinds = verbs.add_parser("study", help=text, description=text).add_subparsers(required=True, metavar="STUDY")
     accuracy = _study(kinds, "accuracy", _accuracy, "error against seconds for every setting, and recommended settings")
@@ -42,6 +45,13 @@ def add(verbs: Verbs) -> None:
     noise = _study(kinds, "noise", _noise,
                    "LighTNet at several noise levels of a dataset, trained on all of them and on each")
     _noise_options(noise)
+    text = "render hard cases and compare them with known laws and formulas; exit code 1 if one fails"
+    verb = add_verb(verbs, "stress", _stress, text)
+    verb.add_argument("--only", default="", metavar="PATTERN", help="only cases whose name contains or matches PATTERN")
+    verb.add_argument("--size", choices=SIZES, default="full", help="small: fewer pixels, samples and faces")
+    add_backend(verb)
+    verb.add_argument("--csv", type=Path, metavar="FILE", help="also write the table to this file")
+    verb.add_argument("--list", action="store_true", help="print the catalogue as a Markdown table, without running it")
 
 
 def _study(kinds: Verbs, name: str, run: Callable[[argparse.Namespace], int], text: str) -> argparse.ArgumentParser:
@@ -158,3 +168,30 @@ def _noise_study(options: argparse.Namespace) -> "NoiseStudy":
                       training=training, per_level_steps=options.per_level_steps or training.steps,
                       out=options.out or STUDIES / f"{_spec(options).dataset.name}-noise", backend=options.backend,
                       workers=options.workers, vgg_weights=options.vgg_weights, device=options.device)
+
+
+def _stress(options: argparse.Namespace) -> int:
+    from dataset_builder.files import write_atomic
+    from dataset_builder.rendering import plugins
+    from dataset_builder.rendering.backend import activate
+    from dataset_builder.report.console import case_header, show_case
+    from dataset_builder.studies.stress.case import SIZES, CaseResult
+    from dataset_builder.studies.stress.cases import CASES, markdown, results_table, run_all, select, summary
+
+    cases = select(CASES, options.only)
+    if options.list:
+        print(markdown(cases), end="")
+        return 0
+    console, start = wide_console(), perf_counter()
+    backend = activate(options.backend)
+    plugins.register()
+    console.print(f"backend: {backend.summary}", highlight=False)
+    console.print(case_header())
+    results: list[CaseResult] = []
+    for result in run_all(cases, SIZES[options.size]):
+        results.append(result)
+        show_case(result, console)
+    if options.csv:
+        write_atomic(options.csv, results_table(results, size=options.size, backend=backend.variant))
+    console.print(summary(results, perf_counter() - start), highlight=False)
+    return 0 if all(result.passed for result in results) else 1

@@ -52,8 +52,7 @@ def _options(table: argparse.ArgumentParser, name: str) -> None:
 def _table(options: argparse.Namespace) -> int:
     from dataset_builder.report.table_page import order_lines, row_line, write_page
     from dataset_builder.shards.reader import load_manifest
-    from dataset_builder.studies.tables.rank_order import verdict
-    from dataset_builder.studies.tables.result import orders, write_files
+    from dataset_builder.studies.tables.result import orders, verdict, write_files
     from dataset_builder.studies.tables.table_study import RowMeasured, TableStudy, results, run
 
     base = _base(options)

@@ -2,7 +2,7 @@
 
 files        every file, hash, label and identity (`shards.verify`)
 consistency  layers that agree with each other (`release.consistency`)
-loader       what training reads of it (`release.loader_checks`)
+loader       what training reads of it (`release.training_checks`)
 training     LighTNet from scratch against untrained baselines (`release.training_checks`)
 """
 
@@ -18,8 +18,7 @@ from dataset_builder.lightnet.training.events import Event
 from dataset_builder.lightnet.training.fit import TrainingJob
 from dataset_builder.release.consistency import EXAMPLES, Facts, check_facts, read_facts
 from dataset_builder.release.dataset_check import Check, Rule
-from dataset_builder.release.loader_checks import loader_checks
-from dataset_builder.release.training_checks import COPY_MARGIN, MARGIN, training_checks
+from dataset_builder.release.training_checks import COPY_MARGIN, MARGIN, loader_checks, training_checks
 from dataset_builder.shards.verify import verify
 
 LISTED = 3

@@ -14,8 +14,7 @@ from dataset_builder.lightnet.settings_differences import differences
 from dataset_builder.report.estimates import heading, markdown_table, plus_minus, rounded
 from dataset_builder.report.study_figures import COLOURS, panels, png
 from dataset_builder.studies.tables.paper import SOURCE, Printed, Table
-from dataset_builder.studies.tables.rank_order import Order, Pair, summary, verdict
-from dataset_builder.studies.tables.result import RowResult, orders
+from dataset_builder.studies.tables.result import Order, Pair, RowResult, orders, summary, verdict
 from dataset_builder.studies.tables.table_study import TableStudy
 
 HOW_TO_READ = """A pair is told apart where the interval of its difference, of 95% confidence and clustered by object,

@@ -18,8 +18,7 @@ from dataset_builder.lightnet.measures.metrics import Metrics
 from dataset_builder.lightnet.results.evaluate import ScoreRow
 from dataset_builder.lightnet.settings import DataSpec, load_training
 from dataset_builder.release.gate import PARTS, Begun, Done, Gate, LeftOut, run
-from dataset_builder.release.loader_checks import loader_checks, read
-from dataset_builder.release.training_checks import SETTINGS, STEPS, compare
+from dataset_builder.release.training_checks import SETTINGS, STEPS, compare, loader_checks, read
 from dataset_builder.shards.manifest import Manifest, from_json, to_json
 from tests.lightnet.synthetic import write_synthetic
 from tools.sabotage import sabotage

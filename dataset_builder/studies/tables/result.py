@@ -1,24 +1,119 @@
-"""The result of a row: means over examples and seeds, how it compares with the published numbers, and both as CSV."""
+"""The result of a row, and whether the published order is reproduced: pair by pair, with the error of each difference.
 
-from collections.abc import Sequence
+Of every two rows that the paper compares, the one that it prints as better should be the better one here. A pair is
+*told apart* where the interval of its difference, example by example and clustered by object
+(`lightnet.results.clustered_means`), does not contain 0; only such pairs can agree with the paper's order or contradict
+it. With one seed the interval does not include the spread between trainings. All pairs together give Kendall's tau.
+"""
+
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from math import hypot, nan, sqrt
 from pathlib import Path
 from statistics import fmean, stdev
-from typing import Any
+from typing import Any, Literal
 
 from dataset_builder.lightnet.measures.metrics import METRICS, Metric
 from dataset_builder.lightnet.results.clustered_means import ClusteredMean, estimate, reach
 from dataset_builder.lightnet.results.evaluate import ScoreRow
 from dataset_builder.studies.comma_separated import write_csv
-from dataset_builder.studies.tables.paper import Group, Table, TableRow
-from dataset_builder.studies.tables.rank_order import Order, Pair, printed_pairs
+from dataset_builder.studies.tables.paper import Group, Printed, Table, TableRow
 from dataset_builder.studies.tables.table_kinds import NO_WEIGHTS
 
+Better = Literal["low", "high"]
+Verdict = Literal["as printed", "against", "not told apart"]
 TABLE_COLUMNS = ("row", "title", "note", "seeds", "examples", "objects", "steps", "parameters", "seconds_per_step",
                  *(f"{metric.name}{end}" for metric in METRICS for end in ("", "_error", "_sd_over_seeds", "_paper")))
 PAIR_COLUMNS = ("group", "metric", "better_in_paper", "worse_in_paper", "printed_gain", "gain", "gain_error",
                 "half_width", "verdict", "altered")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pair:
+    """Two rows by name."""
+
+    group: str
+    metric: str
+    better: str
+    """The one that the paper prints as better."""
+    worse: str
+    printed: float
+    gain: ClusteredMean
+    """Mean over examples of how much better it is here, so that > 0 is the printed order."""
+    altered: bool
+    """One of them is not quite what the paper's is."""
+
+    @property
+    def as_printed(self) -> bool:
+        """Whether the means stand in the printed order, told apart or not."""
+        return self.gain.mean > 0
+
+    @property
+    def verdict(self) -> Verdict:
+        """What can be said of it."""
+        if not self.gain.told_apart:
+            return "not told apart"
+        return "as printed" if self.as_printed else "against"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Order:
+    """All pairs of one metric."""
+
+    metric: str
+    pairs: tuple[Pair, ...]
+
+    @property
+    def kendall(self) -> float:
+        """Kendall's tau-a: pairs in the printed order less the others, over all; ties of the paper are no pairs."""
+        signs = [(pair.gain.mean > 0) - (pair.gain.mean < 0) for pair in self.pairs]
+        return sum(signs) / len(signs)
+
+    def count(self, verdict: Verdict) -> int:
+        """Pairs of which that can be said."""
+        return sum(pair.verdict == verdict for pair in self.pairs)
+
+
+def printed_pairs(printed: Mapping[str, Printed], metric: str, better: Better) \
+        -> list[tuple[str, str, float]]:
+    """(better row, worse row, how much better) of every two rows that the paper does not print as equal."""
+    sign = 1 if better == "high" else -1
+    found = []
+    for one, two in combinations(printed, 2):
+        gain = sign * (printed[one].of(metric) - printed[two].of(metric))
+        if gain:
+            found.append((one, two, gain) if gain > 0 else (two, one, -gain))
+    return found
+
+
+def summary(order: Order, symbol: str) -> str:
+    """One sentence on one metric."""
+    pairs = order.pairs
+    right = sum(pair.as_printed for pair in pairs)
+    return (f"{symbol}: {right} of {len(pairs)} pairs in the paper's order (Kendall's tau {order.kendall:+.2f}); told "
+            f"apart: {order.count('as printed')} as printed, {order.count('against')} against it")
+
+
+def verdict(orders: Sequence[Order]) -> str:
+    """What all metrics together say; that of rows which are not quite the paper's is said, too."""
+    pairs = [pair for order in orders for pair in order.pairs]
+    altered = sum(pair.altered for pair in pairs)
+    caveat = f" In {altered} of {len(pairs)} pairs a row has losses off that the paper's had on." if altered else ""
+    return _verdict(pairs) + caveat
+
+
+def _verdict(pairs: Sequence[Pair]) -> str:
+    told = [pair for pair in pairs if pair.verdict != "not told apart"]
+    against = sum(pair.verdict == "against" for pair in told)
+    if not told:
+        return "No two rows are told apart: this run neither reproduces the paper's order nor contradicts it."
+    if against:
+        return (f"The paper's order is not reproduced: {len(told)} of {len(pairs)} pairs are told apart, {against} of "
+                "them against it.")
+    if len(told) == len(pairs):
+        return "The paper's order is reproduced, by all metrics and pairs."
+    return f"Nothing contradicts the paper's order: {len(told)} of {len(pairs)} pairs are told apart, all as printed."
 
 
 @dataclass(frozen=True, kw_only=True)

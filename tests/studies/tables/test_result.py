@@ -12,8 +12,7 @@ from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.report.table_page import markdown, table_figure
 from dataset_builder.seeding import rng
 from dataset_builder.studies.tables import paper, table_kinds
-from dataset_builder.studies.tables.rank_order import Order, printed_pairs, verdict
-from dataset_builder.studies.tables.result import RowResult, orders, over_seeds
+from dataset_builder.studies.tables.result import Order, RowResult, orders, over_seeds, printed_pairs, verdict
 from dataset_builder.studies.trainings import base_of, read_scores, write_scores
 
 BASE = base_of(TrainingSpec())
