@@ -3,8 +3,8 @@
 import math
 from collections.abc import Sequence
 
-from dataset_builder.report.study_figures import accuracy_figures
-from dataset_builder.report.study_page import Section, write_study
+from dataset_builder.report.accuracy_figures import accuracy_figures
+from dataset_builder.report.page_parts import Section, write_study
 from dataset_builder.studies.accuracy.accuracy_study import AccuracyStudy
 from dataset_builder.studies.accuracy.bounds import DEPTH, EDGES, TEXTURES
 from dataset_builder.studies.accuracy.curves import PRICE, Advice, curve

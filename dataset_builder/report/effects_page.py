@@ -5,8 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from dataset_builder.report.study_figures import COLOURS, PALE, panels, png
-from dataset_builder.report.study_page import Section, write_study
+from dataset_builder.report.page_parts import COLOURS, PALE, Section, panels, png, write_study
 from dataset_builder.studies.effects.effects_study import Compared, EffectsStudy, decisions, saving, seconds_by_pass
 from dataset_builder.studies.effects.picture_differences import FACTOR, SIGMAS, Difference
 

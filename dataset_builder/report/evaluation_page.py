@@ -17,9 +17,8 @@ from dataset_builder.lightnet.measures.metrics import METRICS, Metric
 from dataset_builder.lightnet.results.clustered_means import LEVEL, Paired, Summary, chosen, compare, summarise
 from dataset_builder.lightnet.results.evaluate import Contender, ScoreRow
 from dataset_builder.lightnet.results.pictures import cropped, found, given
-from dataset_builder.report.estimates import heading, markdown_table, plus_minus, rounded
 from dataset_builder.report.example_sheet import SheetRow
-from dataset_builder.report.study_figures import COLOURS, PALE, panels, png
+from dataset_builder.report.page_parts import COLOURS, PALE, heading, markdown_table, panels, plus_minus, png, rounded
 from dataset_builder.studies.comma_separated import comma_separated
 
 TABLE, SUMMARY, FIGURE, EXAMPLES = "table.csv", "summary.md", "summary.png", "examples.png"

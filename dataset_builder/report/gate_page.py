@@ -21,8 +21,7 @@ from dataset_builder.release.dataset_check import Check
 from dataset_builder.release.gate import Begun, Done, Gate, LeftOut, News
 from dataset_builder.release.shape_checks import SEARCH
 from dataset_builder.report.console import lines_of
-from dataset_builder.report.estimates import markdown_table
-from dataset_builder.report.study_figures import COLOURS, PALE, panels, png
+from dataset_builder.report.page_parts import COLOURS, PALE, markdown_table, panels, png
 
 JSON, MARKDOWN, FIGURES = "report.json", "report.md", "figures"
 CAPTIONS = {

@@ -10,10 +10,8 @@ from matplotlib.figure import Figure
 
 from dataset_builder.lightnet.measures.metrics import METRICS
 from dataset_builder.lightnet.results.clustered_means import ClusteredMean
-from dataset_builder.report.estimates import heading, plus_minus
 from dataset_builder.report.example_sheet import SheetRow, png_of, sheet
-from dataset_builder.report.study_figures import COLOURS, PALE, panels, png
-from dataset_builder.report.study_page import Section, write_study
+from dataset_builder.report.page_parts import COLOURS, PALE, Section, heading, panels, plus_minus, png, write_study
 from dataset_builder.studies.noise.level_trainings import MIXED
 from dataset_builder.studies.noise.levels import OWN, TRIVIAL, Crop, Level
 from dataset_builder.studies.noise.noise_study import NoiseStudy, PassCount, level_name, shared_passes

@@ -11,8 +11,7 @@ from dataset_builder.files import write_atomic
 from dataset_builder.lightnet.measures.metrics import METRICS, Metric
 from dataset_builder.lightnet.results.clustered_means import ClusteredMean
 from dataset_builder.lightnet.settings_differences import differences
-from dataset_builder.report.estimates import heading, markdown_table, plus_minus, rounded
-from dataset_builder.report.study_figures import COLOURS, panels, png
+from dataset_builder.report.page_parts import COLOURS, heading, markdown_table, panels, plus_minus, png, rounded
 from dataset_builder.studies.tables.paper import SOURCE, Printed, Table
 from dataset_builder.studies.tables.result import Order, Pair, RowResult, orders, summary, verdict
 from dataset_builder.studies.tables.table_study import TableStudy

@@ -24,7 +24,7 @@ from dataset_builder.report.evaluation_page import (
     verdict_lines,
     write_page,
 )
-from dataset_builder.report.study_figures import png
+from dataset_builder.report.page_parts import png
 from dataset_builder.seeding import rng
 
 NAMES = ("net", "other", "copy_i_s")

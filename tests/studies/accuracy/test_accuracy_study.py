@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from dataset_builder.cli.main import main
-from dataset_builder.report.study_figures import sampling_figure
+from dataset_builder.report.accuracy_figures import sampling_figure
 from dataset_builder.spec.load import load_dataset
 from dataset_builder.studies.accuracy import accuracy_study
 from dataset_builder.studies.accuracy.curves import Advice, curve

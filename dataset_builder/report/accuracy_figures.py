@@ -1,25 +1,16 @@
-"""Figures of the accuracy study: for every question error against what it costs, PNG bytes, legible at full size."""
+"""Figures of the accuracy study: for every question error against what it costs, legible at full size."""
 
 from collections.abc import Callable, Sequence
-from io import BytesIO
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from dataset_builder.report.page_parts import COLOURS, panels, png
+from dataset_builder.studies.accuracy import precision
 from dataset_builder.studies.accuracy.bounds import DEPTH, EDGE_LAYER, EDGES, TEXTURES
 from dataset_builder.studies.accuracy.curves import Advice, Point, curve
-from dataset_builder.studies.accuracy.precision import (
-    ACCUMULATION,
-    BATCHED,
-    CODECS,
-    NOISE,
-    RUNNING,
-    codec_means,
-    drift_means,
-    half_errors,
-)
 from dataset_builder.studies.accuracy.rows import (
     ADAPTIVE,
     ADAPTIVE_DENOISED,
@@ -30,32 +21,9 @@ from dataset_builder.studies.accuracy.rows import (
     of,
 )
 
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
-"""Okabe and Ito's, told apart by colour-blind readers, too."""
-
-PALE, DPI, PANEL = "#b8b8b8", 110, (5.2, 4.6)
 STYLES = {UNIFORM: (COLOURS[0], "o"), ADAPTIVE: (COLOURS[1], "s"), DENOISED: (COLOURS[2], "^"),
           ADAPTIVE_DENOISED: (COLOURS[3], "D")}
 ERROR, SECONDS = "relative error, sqrt(relMSE)", "seconds per example"
-
-
-def png(figure: Figure) -> bytes:
-    """The figure as the bytes of a PNG file."""
-    stream = BytesIO()
-    figure.savefig(stream, format="png", dpi=DPI)
-    return stream.getvalue()
-
-
-def panels(count: int, title: str) -> tuple[Figure, list[Axes]]:
-    """A figure of `count` panels side by side."""
-    figure = Figure(figsize=(PANEL[0] * count, PANEL[1]), layout="constrained")
-    figure.suptitle(title)
-    axes = np.atleast_1d(figure.subplots(1, count, squeeze=False)[0])
-    for one in axes:
-        one.grid(visible=True, which="major", color="#e4e4e4", linewidth=0.8)
-        one.set_axisbelow(True)
-        one.spines[["top", "right"]].set_visible(False)
-    return figure, list(axes)
 
 
 def accuracy_figures(rows: Sequence[AccuracyRow], advice: Advice, bias: float) -> dict[str, bytes]:
@@ -67,8 +35,8 @@ def accuracy_figures(rows: Sequence[AccuracyRow], advice: Advice, bias: float) -
         DEPTH: lambda: depth_figure(rows, bias),
         EDGES: lambda: edge_figure(rows, advice),
         TEXTURES: lambda: texture_figure(rows, advice),
-        CODECS: lambda: codec_figure(rows),
-        ACCUMULATION: lambda: accumulation_figure(rows),
+        precision.CODECS: lambda: codec_figure(rows),
+        precision.ACCUMULATION: lambda: accumulation_figure(rows),
     }
     return {question: png(make()) for question, make in makers.items() if of(rows, question)}
 
@@ -86,7 +54,6 @@ def sampling_figure(rows: Sequence[AccuracyRow], advice: Advice, questions: Sequ
                 _mark(one, advice.marked.get((question, layer)), "knee" if smooth else "recommended")
         _slope(one, curve(rows, UNIFORM, layer))
         _dressed(one, layer, SECONDS, ERROR)
-        one.legend(fontsize=8)
     return figure
 
 
@@ -124,11 +91,13 @@ def _slope(axes: Axes, points: Sequence[Point]) -> None:
 
 
 def _dressed(axes: Axes, title: str, across: str, up: str) -> None:
+    """Titles, logarithmic axes, and a legend of what was drawn."""
     axes.set(title=title, xlabel=across, ylabel=up, xscale="log", yscale="log")
     for axis, limits in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
         axis.set_major_locator(LogLocator(subs=_steps(np.log10(limits[1] / limits[0]))))
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axis.set_minor_formatter(NullFormatter())
+    axes.legend(fontsize=8)
 
 
 def _steps(decades: float) -> tuple[float, ...]:
@@ -158,7 +127,6 @@ def depth_figure(rows: Sequence[AccuracyRow], bias: float) -> Figure:
                              fontsize=7, color=colour)
         one.axhline(bias, color="black", linestyle="--", linewidth=1, label=f"allowed: {bias:g}")
         _dressed(one, layer, SECONDS, "|mean of the difference| / mean")
-        one.legend(fontsize=8)
     return figure
 
 
@@ -169,13 +137,11 @@ def edge_figure(rows: Sequence[AccuracyRow], advice: Advice) -> Figure:
     _plain(left, points, [point.seconds for point in points], EDGE_LAYER, COLOURS[0])
     _mark(left, advice.marked.get((EDGES, EDGE_LAYER)))
     _dressed(left, "error", "seconds per example, mesh and pass", ERROR)
-    left.legend(fontsize=8)
     for number, example in enumerate(dict.fromkeys(row.example for row in of(rows, EDGES))):
         own = [row for row in of(rows, EDGES) if row.example == example and np.isfinite(row.triangles)]
         right.plot([row.value for row in own], [row.triangles for row in own], marker="o", markersize=4,
                    color=COLOURS[number % len(COLOURS)], label=example)
     _dressed(right, "triangles", "edge length, metres", "triangles of the object")
-    right.legend(fontsize=8)
     return figure
 
 
@@ -194,17 +160,14 @@ def texture_figure(rows: Sequence[AccuracyRow], advice: Advice) -> Figure:
     figure, (left, right) = panels(2, "Texture size: error against the dataset's own")
     for number, layer in enumerate(layers_in(rows, TEXTURES)):
         points = [point for point in curve(rows, TEXTURES, layer) if point.error > 0]
-        left.plot([point.value for point in points], [point.error for point in points], marker="o",
-                  color=COLOURS[number], label=layer)
-        right.plot([point.seconds for point in points], [point.error for point in points], marker="o",
-                   color=COLOURS[number], label=layer)
+        errors = [point.error for point in points]
+        left.plot([point.value for point in points], errors, marker="o", color=COLOURS[number], label=layer)
+        right.plot([point.seconds for point in points], errors, marker="o", color=COLOURS[number], label=layer)
         if best := advice.marked.get((TEXTURES, layer)):
             left.plot([best.value], [best.error], marker="*", markersize=17, color="black", markerfacecolor="#F0E442",
                       linestyle="none", label=f"recommended for {layer}: {best.value:.0f}")
     _dressed(left, "error", "texels per side", ERROR)
     _dressed(right, "error against seconds", SECONDS, ERROR)
-    left.legend(fontsize=8)
-    right.legend(fontsize=8)
     return figure
 
 
@@ -212,7 +175,7 @@ def codec_figure(rows: Sequence[AccuracyRow]) -> Figure:
     """Bytes against time of every codec and type, and what half loses."""
     figure, (left, right) = panels(2, "Storage: lossless codecs of OpenEXR, and half against float")
     for number, dtype in enumerate(("float32", "float16")):
-        own = {name: mean for name, mean in codec_means(rows).items() if name.startswith(dtype)}
+        own = {name: mean for name, mean in precision.codec_means(rows).items() if name.startswith(dtype)}
         for place, (across, marker) in enumerate((("encode_seconds", "o"), ("decode_seconds", "^"))):
             left.plot([1e3 * mean[across] for mean in own.values()], [mean["bytes"] / 1e3 for mean in own.values()],
                       linestyle="none", marker=marker, color=COLOURS[number],
@@ -221,8 +184,7 @@ def codec_figure(rows: Sequence[AccuracyRow]) -> Figure:
                 left.annotate(name.split()[1], (1e3 * mean[across], mean["bytes"] / 1e3), xytext=(5, 4),
                               textcoords="offset points", fontsize=7)
     _dressed(left, "bytes against time", "milliseconds per example", "kB per example")
-    left.legend(fontsize=8)
-    errors = half_errors(rows)
+    errors = precision.half_errors(rows)
     right.barh(list(errors), [1e4 * error for error in errors.values()], color=COLOURS[1])
     right.set(title="error of half", xlabel=f"1e-4 {ERROR}, worst example")
     right.invert_yaxis()
@@ -232,9 +194,8 @@ def codec_figure(rows: Sequence[AccuracyRow]) -> Figure:
 def accumulation_figure(rows: Sequence[AccuracyRow]) -> Figure:
     """Drift of both kinds of sum, and the noise of the mean, against the number of samples."""
     figure, (axes,) = panels(1, "Sums of real samples")
-    for number, (name, style) in enumerate(((RUNNING, "-"), (BATCHED, "-"), (NOISE, ":"))):
-        found = drift_means(rows, name)
+    for number, (name, style) in enumerate(((precision.RUNNING, "-"), (precision.BATCHED, "-"), (precision.NOISE, ":"))):
+        found = precision.drift_means(rows, name)
         axes.plot(list(found), list(found.values()), marker="o", linestyle=style, color=COLOURS[number], label=name)
     _dressed(axes, "", "samples", "relative difference from float64")
-    axes.legend(fontsize=8)
     return figure

@@ -3,7 +3,7 @@
 from math import inf, nan
 
 from dataset_builder.lightnet.results.clustered_means import ClusteredMean
-from dataset_builder.report.estimates import markdown_table, plus_minus, rounded
+from dataset_builder.report.page_parts import markdown_table, plus_minus, rounded
 
 
 def made(mean: float, error: float) -> ClusteredMean:

@@ -1,12 +1,23 @@
-"""Studies as one page of HTML: question, figure, answer. Nothing is loaded from elsewhere: figures are in the page."""
+"""What pages share: sections of HTML with figures inside, panels of figures, estimates in words, Markdown tables."""
 
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
+from io import BytesIO
+from math import isfinite
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from dataset_builder.files import write_atomic
+
+if TYPE_CHECKING:
+    from dataset_builder.lightnet.measures.metrics import Metric
+    from dataset_builder.lightnet.results.clustered_means import ClusteredMean
 
 STYLE = """body { font: 16px/1.5 system-ui, sans-serif; max-width: 72rem; margin: 2rem auto; padding: 0 1rem;
   color: #202020 }
@@ -14,6 +25,14 @@ h1 { line-height: 1.2 } h2 { margin: 2.5rem 0 .5rem; font-size: 1.2rem }
 img { max-width: 100%; height: auto } pre { background: #f4f4f4; padding: .8rem; overflow-x: auto }
 table { border-collapse: collapse; font-size: .85rem } th, td { padding: .2rem .7rem; border-bottom: 1px solid #ddd }
 td { font-variant-numeric: tabular-nums } th { text-align: left } .answer { font-weight: 600 }"""
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
+"""Okabe and Ito's, told apart by colour-blind readers, too."""
+
+PALE, DPI, PANEL = "#b8b8b8", 110, (5.2, 4.6)
+DIGITS = {"psnr": 2}
+"""After the point by metric, `OTHERWISE` where not stated."""
+OTHERWISE = 4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,3 +78,44 @@ def _section(section: Section) -> str:
         body = "".join("<tr>" + "".join(f"<td>{escape(text)}</td>" for text in row) + "</tr>" for row in section.rows)
         parts.append(f"<table><tr>{head}</tr>{body}</table>")
     return "\n".join(parts)
+
+
+def rounded(value: float, metric: str, sign: str = "") -> str:
+    """A value of a metric. sign: "+" to show it where it is above 0, too."""
+    return f"{value:{sign}.{DIGITS.get(metric, OTHERWISE)}f}"
+
+
+def plus_minus(found: "ClusteredMean", metric: str, sign: str = "") -> str:
+    """A mean and its standard error, which one object does not have."""
+    error = f" ± {rounded(found.error, metric)}" if isfinite(found.error) else ""
+    return rounded(found.mean, metric, sign) + error
+
+
+def heading(metric: "Metric") -> str:
+    """Symbol and unit of a metric, and which way is better."""
+    return f"{metric.symbol}{f', {metric.unit}' if metric.unit else ''} ({metric.better} is better)"
+
+
+def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """The lines of a table."""
+    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+                     for cells in (head, ["---"] * len(head), *rows))
+
+
+def png(figure: Figure) -> bytes:
+    """The figure as the bytes of a PNG file."""
+    stream = BytesIO()
+    figure.savefig(stream, format="png", dpi=DPI)
+    return stream.getvalue()
+
+
+def panels(count: int, title: str) -> tuple[Figure, list[Axes]]:
+    """A figure of `count` panels side by side."""
+    figure = Figure(figsize=(PANEL[0] * count, PANEL[1]), layout="constrained")
+    figure.suptitle(title)
+    axes = np.atleast_1d(figure.subplots(1, count, squeeze=False)[0])
+    for one in axes:
+        one.grid(visible=True, which="major", color="#e4e4e4", linewidth=0.8)
+        one.set_axisbelow(True)
+        one.spines[["top", "right"]].set_visible(False)
+    return figure, list(axes)
