@@ -194,7 +194,8 @@ def codec_figure(rows: Sequence[AccuracyRow]) -> Figure:
 def accumulation_figure(rows: Sequence[AccuracyRow]) -> Figure:
     """Drift of both kinds of sum, and the noise of the mean, against the number of samples."""
     figure, (axes,) = panels(1, "Sums of real samples")
-    for number, (name, style) in enumerate(((precision.RUNNING, "-"), (precision.BATCHED, "-"), (precision.NOISE, ":"))):
+    kinds = ((precision.RUNNING, "-"), (precision.BATCHED, "-"), (precision.NOISE, ":"))
+    for number, (name, style) in enumerate(kinds):
         found = precision.drift_means(rows, name)
         axes.plot(list(found), list(found.values()), marker="o", linestyle=style, color=COLOURS[number], label=name)
     _dressed(axes, "", "samples", "relative difference from float64")
