@@ -7,7 +7,7 @@ import pytest
 from dataset_builder.engine.source import imports_of, inside, read_sources
 
 ORDER = (
-    ("__main__",), ("cli.main",), ("cli",), ("cli.options",), ("report",),
+    ("__main__",), ("cli.main",), ("cli",), ("cli.common",), ("report",),
     ("studies.accuracy", "studies.effects", "studies.noise", "studies.stress", "studies.tables"), ("studies",),
     ("release",),
     ("lightnet.results", "lightnet.training"), ("lightnet.methods",), ("lightnet.measures",), ("lightnet.data",),

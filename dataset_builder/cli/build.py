@@ -6,7 +6,7 @@ from pathlib import Path
 from time import perf_counter
 
 from dataset_builder.api import DATASETS
-from dataset_builder.cli.options import Verbs, add_backend, add_spec, add_verb, plain_console, positive
+from dataset_builder.cli.common import Verbs, add_backend, add_spec, add_verb, plain_console, positive
 from dataset_builder.processes import cores
 
 

@@ -5,17 +5,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dataset_builder.cli.options import (
-    TRAININGS,
-    Verbs,
-    add_folder,
-    add_networks,
-    add_overrides,
-    add_verb,
-    plain_console,
-    positive,
-    wide_console,
-)
+from dataset_builder.cli import common
 from dataset_builder.errors import UserError
 
 if TYPE_CHECKING:
@@ -31,25 +21,25 @@ HELP = {"i_s": "the object under plain light, I_s", "s_prime": "raw lighting of 
         "mask_rough": "mask of the rough mesh, to find where S' does not show the object"}
 
 
-def add(verbs: Verbs) -> None:
+def add(verbs: common.Verbs) -> None:
     """Add the three verbs."""
     text = "train LighTNet, or a baseline, on a dataset; resumes an earlier run"
-    train = add_verb(verbs, "train", _train, text)
-    add_folder(train)
+    train = common.add_verb(verbs, "train", _train, text)
+    common.add_folder(train)
     train.add_argument("--config", type=Path, help="how to train, a YAML file (default: LighTNet at its small size)")
-    add_overrides(train, "the configuration")
-    train.add_argument("--out", type=Path, help=f"folder for checkpoints (default: {TRAININGS}/DATASET-METHOD)")
-    add_networks(train)
+    common.add_overrides(train, "the configuration")
+    train.add_argument("--out", type=Path, help=f"folder for checkpoints (default: {common.TRAININGS}/DATASET-METHOD)")
+    common.add_networks(train)
     text = "measure checkpoints on held-out examples and compare them with three untrained baselines"
-    verb = add_verb(verbs, "evaluate", _evaluate, text)
-    add_folder(verb)
+    verb = common.add_verb(verbs, "evaluate", _evaluate, text)
+    common.add_folder(verb)
     verb.add_argument("--checkpoint", type=Path, action="append", required=True, help="repeat to compare several")
     verb.add_argument("--split", help="split to measure on (default: the one held out in training)")
-    verb.add_argument("--examples", type=positive, help="spread evenly over the split (default: all)")
+    verb.add_argument("--examples", type=common.positive, help="spread evenly over the split (default: all)")
     verb.add_argument("--out", type=Path, help="folder for the results (default: evaluation, beside the checkpoint)")
-    add_networks(verb, trains=False)
+    common.add_networks(verb, trains=False)
     text = "put a predicted object back into a frame of its scene, for an example of a dataset or your own EXR files"
-    verb = add_verb(verbs, "compose", _compose, text)
+    verb = common.add_verb(verbs, "compose", _compose, text)
     verb.add_argument("folder", type=Path, nargs="?", help="finished dataset; omit it if files are given")
     verb.add_argument("--checkpoint", type=Path, required=True)
     verb.add_argument("--example", default="", metavar="KEY", help="example to compose, by its key")
@@ -58,7 +48,7 @@ def add(verbs: Verbs) -> None:
     for name, option in {**FILES, **OPTIONAL}.items():
         verb.add_argument(option, type=Path, metavar="FILE", dest=name, help=HELP[name])
     verb.add_argument("--out", type=Path, help="folder for the results (default: composite, beside the checkpoint)")
-    add_networks(verb, trains=False)
+    common.add_networks(verb, trains=False)
 
 
 def _train(options: argparse.Namespace) -> int:
@@ -68,10 +58,10 @@ def _train(options: argparse.Namespace) -> int:
     from dataset_builder.shards.reader import load_manifest
 
     spec = load_training(options.config, options.overrides)
-    out = options.out or TRAININGS / f"{load_manifest(options.folder).name}-{spec.method}"
+    out = options.out or common.TRAININGS / f"{load_manifest(options.folder).name}-{spec.method}"
     job = TrainingJob(dataset=options.folder, out=out, spec=spec, vgg_weights=options.vgg_weights,
                       device=options.device)
-    for _ in follow_training(fit(job), plain_console(), lines_of):
+    for _ in follow_training(fit(job), common.plain_console(), lines_of):
         pass
     return 0
 
@@ -92,7 +82,7 @@ def _evaluate(options: argparse.Namespace) -> int:
     from dataset_builder.report.example_sheet import write_sheet
     from dataset_builder.spread import spread_indices
 
-    console, loaded = wide_console(), load_all(options.checkpoint, options.device)
+    console, loaded = common.wide_console(), load_all(options.checkpoint, options.device)
     data = next(iter(loaded.values())).spec.data
     dataset = LightingDataset(options.folder, options.split or data.held_out, data)
     out = options.out or options.checkpoint[0].parent / "evaluation"

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from dataset_builder.api import DATASETS
-from dataset_builder.cli.options import Verbs, add_folder, add_verb, plain_console, positive
+from dataset_builder.cli.common import Verbs, add_folder, add_verb, plain_console, positive
 
 
 def add(verbs: Verbs) -> None:

@@ -6,19 +6,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from dataset_builder.cli.options import (
-    STUDIES,
-    Verbs,
-    add_backend,
-    add_networks,
-    add_overrides,
-    add_spec,
-    add_verb,
-    plain_console,
-    positive,
-    wide_console,
-    with_steps,
-)
+from dataset_builder.cli import common
 
 if TYPE_CHECKING:
     from dataset_builder.studies.noise.noise_study import NoiseStudy
@@ -29,36 +17,37 @@ SIZES = ("small", "full")
 LEVELS = "0,0.002,0.004,0.008,0.016"
 
 
-def add(verbs: Verbs) -> None:
+def add(verbs: common.Verbs) -> None:
     """Add both verbs and the studies."""
     text = "measure the cost and benefit of settings on examples of a dataset"
     kinds = verbs.add_parser("study", help=text, description=text).add_subparsers(required=True, metavar="STUDY")
     accuracy = _study(kinds, "accuracy", _accuracy, "error against seconds for every setting, and recommended settings")
-    accuracy.add_argument("--examples", type=positive, default=4, help="examples to measure on (default: 4)")
+    accuracy.add_argument("--examples", type=common.positive, default=4, help="examples to measure on (default: 4)")
     accuracy.add_argument("--budget", choices=("full", "small"), default="full",
                           help="small: coarse references and few settings, for a quick trial")
     accuracy.add_argument("--layers", nargs="+", default=LAYERS, metavar="LAYER",
                           help=f"layers with light to measure (default: those of {' '.join(LAYERS)} in the dataset)")
     effects = _study(kinds, "effects", _effects,
                      "compare examples as planned with all effects simulated; exit code 1 if they differ")
-    effects.add_argument("--examples", type=positive, default=6, help="examples to measure on (default: 6)")
+    effects.add_argument("--examples", type=common.positive, default=6, help="examples to measure on (default: 6)")
     noise = _study(kinds, "noise", _noise,
                    "LighTNet at several noise levels of a dataset, trained on all of them and on each")
     _noise_options(noise)
     text = "render hard cases and compare them with known laws and formulas; exit code 1 if one fails"
-    verb = add_verb(verbs, "stress", _stress, text)
+    verb = common.add_verb(verbs, "stress", _stress, text)
     verb.add_argument("--only", default="", metavar="PATTERN", help="only cases whose name contains or matches PATTERN")
     verb.add_argument("--size", choices=SIZES, default="full", help="small: fewer pixels, samples and faces")
-    add_backend(verb)
+    common.add_backend(verb)
     verb.add_argument("--csv", type=Path, metavar="FILE", help="also write the table to this file")
     verb.add_argument("--list", action="store_true", help="print the catalogue as a Markdown table, without running it")
 
 
-def _study(kinds: Verbs, name: str, run: Callable[[argparse.Namespace], int], text: str) -> argparse.ArgumentParser:
-    study = add_verb(kinds, name, run, text)
-    add_spec(study)
-    study.add_argument("--out", type=Path, help=f"folder for the results (default: {STUDIES}/NAME-{name})")
-    add_backend(study)
+def _study(kinds: common.Verbs, name: str, run: Callable[[argparse.Namespace], int],
+           text: str) -> argparse.ArgumentParser:
+    study = common.add_verb(kinds, name, run, text)
+    common.add_spec(study)
+    study.add_argument("--out", type=Path, help=f"folder for the results (default: {common.STUDIES}/NAME-{name})")
+    common.add_backend(study)
     return study
 
 
@@ -66,12 +55,12 @@ def _noise_options(noise: argparse.ArgumentParser) -> None:
     noise.add_argument("--levels", default=LEVELS, metavar="A,B,..",
                        help=f"deviations of vertex noise, in bounding radii, rising (default: {LEVELS})")
     noise.add_argument("--config", type=Path, help="how LighTNet is trained, a YAML file (default: its small size)")
-    add_overrides(noise, "that configuration", "--train-set", "train_set")
-    noise.add_argument("--steps", type=positive, help="batches to train on; short for --train-set steps=N")
-    noise.add_argument("--per-level-steps", type=positive, metavar="N",
+    common.add_overrides(noise, "that configuration", "--train-set", "train_set")
+    noise.add_argument("--steps", type=common.positive, help="batches to train on; short for --train-set steps=N")
+    noise.add_argument("--per-level-steps", type=common.positive, metavar="N",
                        help="batches of each training on one level (default: as many as on all of them)")
-    noise.add_argument("--workers", type=positive, help="processes that render (default: one per core)")
-    add_networks(noise)
+    noise.add_argument("--workers", type=common.positive, help="processes that render (default: one per core)")
+    common.add_networks(noise)
 
 
 def _spec(options: argparse.Namespace) -> "StudySpec":
@@ -87,7 +76,7 @@ def _accuracy(options: argparse.Namespace) -> int:
     from dataset_builder.studies.accuracy.rows import AccuracyRow
 
     spec, rows = _spec(options), list[AccuracyRow]()
-    study = AccuracyStudy(spec=spec, out=options.out or STUDIES / f"{spec.dataset.name}-accuracy",
+    study = AccuracyStudy(spec=spec, out=options.out or common.STUDIES / f"{spec.dataset.name}-accuracy",
                           examples=options.examples, layers=tuple(options.layers), budget=options.budget,
                           backend=options.backend)
     for step in run(study):
@@ -109,7 +98,7 @@ def _effects(options: argparse.Namespace) -> int:
     from dataset_builder.studies.effects.effects_study import Compared, EffectsStudy, run, write_tables
 
     spec, found = _spec(options), list[Compared]()
-    study = EffectsStudy(spec=spec, out=options.out or STUDIES / f"{spec.dataset.name}-effects",
+    study = EffectsStudy(spec=spec, out=options.out or common.STUDIES / f"{spec.dataset.name}-effects",
                          examples=options.examples, backend=options.backend)
     for compared in run(study):
         found.append(compared)
@@ -127,47 +116,41 @@ def _noise(options: argparse.Namespace) -> int:
     from dataset_builder.lightnet.training.events import Finished
     from dataset_builder.report.console import follow, lines_of, rejected_lines
     from dataset_builder.report.noise_page import NoiseResults, sentences, write_page
-    from dataset_builder.studies.noise.level_trainings import (
-        held_out,
-        measure,
-        rejected_by_level,
-        train_all,
-        training_counts,
-    )
+    from dataset_builder.studies.noise import level_trainings
     from dataset_builder.studies.noise.levels import crops, levels_of, write_table
     from dataset_builder.studies.noise.noise_study import count_passes, make, pass_lines, require
 
     study = _noise_study(options)
     require(study)
     print(study.sentence, flush=True)
-    for built in follow(make(study), plain_console()):
+    for built in follow(make(study), common.plain_console()):
         for line in rejected_lines(built.manifest.rejected if built.manifest else ()):
             print(line)
     passes = count_passes(study)
     print("\n".join(pass_lines(passes)), flush=True)
-    for news in train_all(study):
+    for news in level_trainings.train_all(study):
         for line in () if isinstance(news.event, Finished) else lines_of(news.event):
             print(f"{news.number}/{news.count} {news.name}: {line}", flush=True)
-    split = held_out(study)
-    levels = levels_of(study, split, list(measure(study, split)))
+    split = level_trainings.held_out(study)
+    levels = levels_of(study, split, list(level_trainings.measure(study, split)))
     write_table(levels, study.out / "levels.csv")
-    write_page(NoiseResults(study=study, levels=levels, passes=passes, crops=list(crops(study, split, levels)),
-                            left_out=split.left_out, rejected=rejected_by_level(study), learnt=training_counts(study)))
+    write_page(NoiseResults(
+        study=study, levels=levels, passes=passes, crops=list(crops(study, split, levels)), left_out=split.left_out,
+        rejected=level_trainings.rejected_by_level(study), learnt=level_trainings.training_counts(study)))
     print("\n".join([*sentences(levels), f"table: {study.out / 'levels.csv'}",
                      f"report: {study.out / 'report.html'}"]))
     return 0
 
 
 def _noise_study(options: argparse.Namespace) -> "NoiseStudy":
-    from dataset_builder.lightnet.settings import load_training
     from dataset_builder.studies.noise.noise_study import NoiseStudy, parse_levels
-    from dataset_builder.studies.trainings import base_of
 
-    training = base_of(load_training(options.config, with_steps(options.train_set, options.steps)))
+    training = common.lightnet(options.config, options.train_set, options.steps)
+    out = options.out or common.STUDIES / f"{_spec(options).dataset.name}-noise"
     return NoiseStudy(spec=options.spec, overrides=tuple(options.overrides), levels=parse_levels(options.levels),
-                      training=training, per_level_steps=options.per_level_steps or training.steps,
-                      out=options.out or STUDIES / f"{_spec(options).dataset.name}-noise", backend=options.backend,
-                      workers=options.workers, vgg_weights=options.vgg_weights, device=options.device)
+                      training=training, per_level_steps=options.per_level_steps or training.steps, out=out,
+                      backend=options.backend, workers=options.workers, vgg_weights=options.vgg_weights,
+                      device=options.device)
 
 
 def _stress(options: argparse.Namespace) -> int:
@@ -182,7 +165,7 @@ def _stress(options: argparse.Namespace) -> int:
     if options.list:
         print(markdown(cases), end="")
         return 0
-    console, start = wide_console(), perf_counter()
+    console, start = common.wide_console(), perf_counter()
     backend = activate(options.backend)
     plugins.register()
     console.print(f"backend: {backend.summary}", highlight=False)

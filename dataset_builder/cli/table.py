@@ -4,15 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dataset_builder.cli.options import (
-    STUDIES,
-    Verbs,
-    add_folder,
-    add_networks,
-    add_overrides,
-    positive,
-    with_steps,
-)
+from dataset_builder.cli import common
 
 if TYPE_CHECKING:
     from dataset_builder.lightnet.settings import TrainingSpec
@@ -27,7 +19,7 @@ KINDS = {
 }
 
 
-def add(verbs: Verbs) -> None:
+def add(verbs: common.Verbs) -> None:
     """Add the verb and its tables."""
     text = "train the rows of a table of the paper; print measured and published figures, and if their order agrees"
     kinds = verbs.add_parser("table", help=text, description=text).add_subparsers(required=True, metavar="TABLE")
@@ -40,13 +32,14 @@ def add(verbs: Verbs) -> None:
 
 
 def _options(table: argparse.ArgumentParser, name: str) -> None:
-    add_folder(table)
+    common.add_folder(table)
     table.add_argument("--config", type=Path, help="how LighTNet is trained, a YAML file; rows are derived from it")
-    add_overrides(table, "the configuration")
-    table.add_argument("--steps", type=positive, help="batches to train every row on; short for --set steps=N")
-    table.add_argument("--seeds", type=positive, default=1, help="trainings of every row (default: 1)")
-    table.add_argument("--out", type=Path, help=f"folder for the results (default: {STUDIES}/DATASET-table-{name})")
-    add_networks(table)
+    common.add_overrides(table, "the configuration")
+    table.add_argument("--steps", type=common.positive, help="batches to train every row on; short for --set steps=N")
+    table.add_argument("--seeds", type=common.positive, default=1, help="trainings of every row (default: 1)")
+    table.add_argument("--out", type=Path,
+                       help=f"folder for the results (default: {common.STUDIES}/DATASET-table-{name})")
+    common.add_networks(table)
 
 
 def _table(options: argparse.Namespace) -> int:
@@ -55,9 +48,9 @@ def _table(options: argparse.Namespace) -> int:
     from dataset_builder.studies.tables.result import orders, verdict, write_files
     from dataset_builder.studies.tables.table_study import RowMeasured, TableStudy, results, run
 
-    base = _base(options)
+    base = common.lightnet(options.config, options.overrides, options.steps)
     table = _made(options, base)
-    out = options.out or STUDIES / f"{load_manifest(options.folder).name}-table-{table.name}"
+    out = options.out or common.STUDIES / f"{load_manifest(options.folder).name}-table-{table.name}"
     study = TableStudy(table=table, base=base, dataset=options.folder, out=out, seeds=options.seeds,
                        vgg_weights=options.vgg_weights, device=options.device)
     print(f"{table.number}: {table.question}\n{study.sentence}", flush=True)
@@ -76,13 +69,6 @@ def _table(options: argparse.Namespace) -> int:
         print("\n".join([*order_lines(order), verdict(order)]))
     print(f"table: {out / 'table.md'}\nfigure: {out / 'table.png'}")
     return 0
-
-
-def _base(options: argparse.Namespace) -> "TrainingSpec":
-    from dataset_builder.lightnet.settings import load_training
-    from dataset_builder.studies.trainings import base_of
-
-    return base_of(load_training(options.config, with_steps(options.overrides, options.steps)))
 
 
 def _made(options: argparse.Namespace, base: "TrainingSpec") -> "Table":

@@ -4,16 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dataset_builder.cli.options import (
-    STUDIES,
-    Verbs,
-    add_folder,
-    add_networks,
-    add_overrides,
-    add_verb,
-    positive,
-    wide_console,
-)
+from dataset_builder.cli import common
 from dataset_builder.errors import UserError
 
 if TYPE_CHECKING:
@@ -21,20 +12,20 @@ if TYPE_CHECKING:
 
 PARTS = ("files", "consistency", "loader", "training")
 
-def add(verbs: Verbs) -> None:
+def add(verbs: common.Verbs) -> None:
     """Add the verb."""
     text = "release gate: check files and consistency, and train briefly; exit code 1 and the reason on failure"
-    verb = add_verb(verbs, "validate", _validate, text)
-    add_folder(verb)
+    verb = common.add_verb(verbs, "validate", _validate, text)
+    common.add_folder(verb)
     verb.add_argument("--only", default=",".join(PARTS), metavar="A,B", help="parts to run (default: %(default)s)")
     verb.add_argument("--all", action="store_true", help="continue after a part that fails")
-    verb.add_argument("--examples", type=positive, help="examples used by the consistency checks (default: 512)")
-    verb.add_argument("--steps", type=positive, help="batches to train on")
-    add_overrides(verb, "the training")
+    verb.add_argument("--examples", type=common.positive, help="examples used by the consistency checks (default: 512)")
+    verb.add_argument("--steps", type=common.positive, help="batches to train on")
+    common.add_overrides(verb, "the training")
     verb.add_argument("--margin", type=float, help="required lead of LighTNet over each baseline, in dB (default: 0.5)")
     verb.add_argument("--copy-margin", type=float, help="required lead over the copy of I_s, in dB (default: 3)")
-    add_networks(verb)
-    verb.add_argument("--out", type=Path, help=f"folder for the report (default: {STUDIES}/DATASET-validate)")
+    common.add_networks(verb)
+    verb.add_argument("--out", type=Path, help=f"folder for the report (default: {common.STUDIES}/DATASET-validate)")
 
 
 def _validate(options: argparse.Namespace) -> int:
@@ -43,7 +34,7 @@ def _validate(options: argparse.Namespace) -> int:
     from dataset_builder.report.console import follow_training
     from dataset_builder.report.gate_page import Report, lines, refusals, write_report
 
-    console, gate = wide_console(), _gate(options)
+    console, gate = common.wide_console(), _gate(options)
     require_writable(gate.out)
     done, left_out = list[Done](), tuple[str, ...]()
     for news in follow_training(run(gate), console, lines):
@@ -68,7 +59,7 @@ def _gate(options: argparse.Namespace) -> "Gate":
     if not parts or set(parts) - set(PARTS):
         raise UserError(f"--only: expected some of {', '.join(PARTS)}, got {options.only or 'none'}")
     spec = load_training(None, [f"steps={options.steps or STEPS}", *SETTINGS, *options.overrides])
-    out = options.out or STUDIES / f"{options.folder.resolve().name}-validate"
+    out = options.out or common.STUDIES / f"{options.folder.resolve().name}-validate"
     return Gate(dataset=options.folder, out=out, spec=spec, parts=parts, device=options.device,
                 margin=MARGIN if options.margin is None else options.margin,
                 copy_margin=COPY_MARGIN if options.copy_margin is None else options.copy_margin,

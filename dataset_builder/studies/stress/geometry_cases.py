@@ -37,9 +37,7 @@ from dataset_builder.studies.stress.scenes import (
 SUN = lit_by(light("sun", math.pi, direction=(0.3, 0.5, -1)))
 SUN_AND_SKY = lit_by(*SUN.lights, light("dome", 0.5))
 SEEN = Shot(camera=camera(), replicas=4)
-DIRECT = Shot(camera=camera(), max_depth=2, replicas=4)
 DEVIATION = "largest deviation, relative"
-SPECKLED = "share of pixels more than 1% off"
 
 
 def same_as(size: Size, soup: Soup, plain: Soup, shot: Shot = SEEN) -> CaseMeasured:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from dataset_builder.lightnet.settings import TrainingSpec
+
 STUDIES, TRAININGS = Path("studies"), Path("trainings")
 """Where results go unless `--out` says otherwise."""
 
@@ -59,9 +61,12 @@ def add_networks(verb: argparse.ArgumentParser, *, trains: bool = True) -> None:
     verb.add_argument("--device", choices=DEVICES, default="auto", help="where networks run (default: the GPU, if any)")
 
 
-def with_steps(overrides: list[str], steps: int | None) -> list[str]:
-    """Overrides of a training with `--steps N`, which is short for `--set steps=N`."""
-    return [*overrides, *([f"steps={steps}"] if steps else [])]
+def lightnet(config: Path | None, overrides: list[str], steps: int | None) -> "TrainingSpec":
+    """LighTNet's configuration, from which a study derives its trainings; `--steps N` is short for `--set steps=N`."""
+    from dataset_builder.lightnet.settings import load_training
+    from dataset_builder.studies.trainings import base_of
+
+    return base_of(load_training(config, [*overrides, *([f"steps={steps}"] if steps else [])]))
 
 
 def positive(text: str) -> int:
