@@ -43,7 +43,7 @@ def sheet(rows: Sequence[SheetRow], cell: int = 160) -> Image.Image:
     page = Image.new("RGB", (width, 2 * MARGIN + HEADER + sum(heights) + GAP * len(rows)), PAPER)
     draw = ImageDraw.Draw(page)
     for column, heading in enumerate(headings):
-        draw.text((_left(column, cell), MARGIN), heading, fill=INK, font=_font(13))
+        draw.text((_left(column, cell), MARGIN), heading, fill=INK, font=ImageFont.load_default(13))
     top = MARGIN + HEADER
     for row, height in zip(rows, heights, strict=True):
         page.paste(_label(row.lines, height), (MARGIN, top))
@@ -70,7 +70,7 @@ def _label(lines: Sequence[str], height: int) -> Image.Image:
     label = Image.new("RGB", (LABEL_WIDTH - GAP, height), PAPER)
     draw = ImageDraw.Draw(label)
     for number, line in enumerate(lines):
-        draw.text((0, LINE * number), line, fill=PALE if number else INK, font=_font(12))
+        draw.text((0, LINE * number), line, fill=PALE if number else INK, font=ImageFont.load_default(12))
     return label
 
 
@@ -91,10 +91,6 @@ def _height(row: SheetRow, cell: int) -> int:
 
 def _left(column: int, cell: int) -> int:
     return MARGIN + LABEL_WIDTH + column * (cell + GAP)
-
-
-def _font(size: int) -> ImageFont.ImageFont | ImageFont.FreeTypeFont:
-    return ImageFont.load_default(size)
 
 
 def write_composite(composite: "Composite", panels: Mapping[str, np.ndarray], out: Path, *, title: str) -> list[Path]:

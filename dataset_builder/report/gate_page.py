@@ -120,7 +120,10 @@ def _table(done: Done) -> str:
 
 
 def _value(check: Check) -> str:
-    return figure(check.value) if check.value is not None else "not judged"
+    """Whole numbers whole, others with three significant digits."""
+    if check.value is None:
+        return "not judged"
+    return f"{check.value:.0f}" if check.value.is_integer() else f"{check.value:.3g}"
 
 
 def _check_data(check: Check) -> dict[str, Any]:
@@ -144,14 +147,8 @@ def lines(news: News) -> list[str]:
 
 def check_line(check: Check) -> str:
     """Verdict, name, value, bounds, and what helps."""
-    value = figure(check.value) if check.value is not None else "not judged"
     detail = f"  {check.detail}" if check.detail else ""
-    return f"  {MARKS[check.verdict]} {check.name:<{NAME}} {value:>10}  ({check.rule.bounds}){detail}"
-
-
-def figure(value: float) -> str:
-    """Whole numbers whole, others with three significant digits."""
-    return f"{value:.0f}" if float(value).is_integer() else f"{value:.3g}"
+    return f"  {MARKS[check.verdict]} {check.name:<{NAME}} {_value(check):>10}  ({check.rule.bounds}){detail}"
 
 
 def gate_figures(done: Sequence[Done]) -> dict[str, bytes]:

@@ -87,16 +87,6 @@ def reached_by(layer: str, record: RenderRecord) -> float:
     return next((entry.relative_error for entry in record.layers if entry.name == layer), 0.0)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Reference:
-    """A rendered reference."""
-
-    layers: dict[str, np.ndarray]
-    """Name -> (H, W, C) float32, with the standard error of each that has noise as `<name>_se`."""
-    cached: bool
-    """It was there already."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class References:
     """References below `folder`, one file for each plan and whatever turns it into pixels."""
@@ -104,16 +94,17 @@ class References:
     folder: Path
     made_by: dict[str, str]
 
-    def get(self, plan: ExamplePlan, mesh_root: Path) -> Reference:
-        """The layers of `plan`, from the cache or rendered now. Raises OutputError where the disk refuses."""
+    def get(self, plan: ExamplePlan, mesh_root: Path) -> dict[str, np.ndarray]:
+        """The layers of `plan`, from the cache or rendered now: name -> (H, W, C) float32, with the standard error of
+        each that has noise as `<name>_se`. Raises OutputError where the disk refuses."""
         path = self.path(plan)
         if (found := _cached(path)) is not None:
-            return Reference(layers=found, cached=True)
+            return found
         layers = render(plan, mesh_root).layers
         stream = BytesIO()
         np.savez(stream, allow_pickle=False, **layers)
         write_atomic(path, stream.getvalue())
-        return Reference(layers=layers, cached=False)
+        return layers
 
     def path(self, plan: ExamplePlan) -> Path:
         """Where the reference of a plan lies."""

@@ -89,17 +89,6 @@ def reseeded(plan: ExamplePlan, *path: str | int) -> ExamplePlan:
     return plan.model_copy(update={"render": plan.render.model_copy(update={"seed": seed})})
 
 
-def layer_override(extents: dict[str, str]) -> str:
-    """The override that asks for these layers and no other: what is not studied is not rendered."""
-    return "layers={" + ", ".join(f"{name}: {extent}" for name, extent in extents.items()) + "}"
-
-
-def spp_override(spec: DatasetSpec, spp: int) -> str:
-    """The override that gives every pass with light `spp`, a multiple of batches; the light-free ones keep theirs, so
-    that the object's pixels stay the same."""
-    return f"render.spp={{first_hit: {spec.render.spp.first_hit}, source: {spp}, target: {spp}, rough: {spp}}}"
-
-
 def chosen_layers(spec: DatasetSpec, wanted: Sequence[str]) -> dict[str, str]:
     """Those of the layers `wanted` that the dataset holds, with their extents. Raises UserError where it holds none."""
     found = {name: spec.layers[name] for name in wanted if name in spec.layers}

@@ -32,9 +32,10 @@ def renders(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 def test_the_second_time_it_is_read(tmp_path: Path, renders: list[str]) -> None:
     cache, plan = References(folder=tmp_path, made_by={"mitsuba": "3"}), example_plan()
     first, second = cache.get(plan, tmp_path), cache.get(plan, tmp_path)
-    assert len(renders) == 1 and not first.cached and second.cached
-    assert {name: image.tolist() for name, image in second.layers.items()} == {
-        name: image.tolist() for name, image in LAYERS.items()}
+    assert len(renders) == 1
+    for found in (first, second):
+        assert {name: image.tolist() for name, image in found.items()} == {
+            name: image.tolist() for name, image in LAYERS.items()}
 
 
 def test_other_versions_plans_and_damage_are_rendered_anew(tmp_path: Path, renders: list[str]) -> None:
@@ -44,7 +45,7 @@ def test_other_versions_plans_and_damage_are_rendered_anew(tmp_path: Path, rende
     cache.get(reseeded(plan, "other"), tmp_path)
     assert len(renders) == 3
     cache.path(plan).write_bytes(cache.path(plan).read_bytes()[:100])
-    assert not cache.get(plan, tmp_path).cached and cache.get(plan, tmp_path).cached
+    assert [len(renders) for _ in range(2) if cache.get(plan, tmp_path)] == [4, 4]
 
 
 def test_other_samples_change_nothing_but_the_seed() -> None:

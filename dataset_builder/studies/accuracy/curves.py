@@ -77,9 +77,6 @@ def price(point: Point, later: Point) -> float:
 class Ratio:
     """Cost of one setting over that of uniform spp with the same error, in one example and layer."""
 
-    example: str
-    layer: str
-    setting: str
     seconds: float
     paths: float
 
@@ -96,8 +93,7 @@ def equal_error(rows: Sequence[AccuracyRow], question: str = ADAPTIVE) -> list[R
         seconds, paths = (_cost_at(row.relmse, uniform, name) for name in ("seconds", "paths"))
         ended_at_once = question == ADAPTIVE and row.spp_min == row.spp_max
         if not row.at_floor and not ended_at_once and math.isfinite(seconds):
-            found.append(Ratio(example=row.example, layer=row.layer, setting=row.setting, paths=row.paths / paths,
-                               seconds=row.seconds / seconds))
+            found.append(Ratio(paths=row.paths / paths, seconds=row.seconds / seconds))
     return found
 
 

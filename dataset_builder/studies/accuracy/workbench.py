@@ -12,7 +12,7 @@ from dataset_builder.rendering.examples import Rendered
 from dataset_builder.studies.accuracy.rows import AccuracyRow
 from dataset_builder.studies.image_errors import flip, psnr, relative_mse, relative_variance
 from dataset_builder.studies.renders import References, Warm, reached_by, seconds_of, timed, work_of
-from dataset_builder.studies.sampled import StudySpec, layer_override, reseeded, spp_override
+from dataset_builder.studies.sampled import StudySpec, reseeded
 
 REFERENCE_DEPTH = 64
 
@@ -50,21 +50,17 @@ class Budget:
     """Lengths of sums; the longest is the number of pixels of the picture that its samples come from."""
 
 
-FULL = Budget(
-    reference_spp=4096, uniform=(4, 8, 16, 32, 64, 128, 256, 512, 1024), first=16, goals=(0.2, 0.1, 0.05, 0.025),
-    cap=4096, denoised_spp=(4, 16, 64, 256), denoised_goals=(0.2, 0.1, 0.05), depths=(2, 3, 4, 6, 8, 12, 16),
-    depth_spp=64, replicates=4, edges=(4.0, 2.0, 1.0, 0.5, 0.25), textures=(8, 16, 32, 64, 128, 256, 512), passes=256,
-    codec_repeats=5, counts=(1_000, 10_000, 100_000, 1_000_000),
-)
-
-SMALL = Budget(
-    reference_spp=1024, uniform=(4, 16, 64), first=16, goals=(0.4, 0.2), cap=256, denoised_spp=(16,),
-    denoised_goals=(0.4,), depths=(2, 4, 8), depth_spp=16, replicates=2, edges=(4.0, 2.0, 1.0), textures=(8, 64),
-    passes=16, codec_repeats=1, counts=(100, 1_000, 10_000),
-)
-
-BUDGETS = {"full": FULL, "small": SMALL}
-
+BUDGETS = {
+    "full": Budget(
+        reference_spp=4096, uniform=(4, 8, 16, 32, 64, 128, 256, 512, 1024), first=16, goals=(0.2, 0.1, 0.05, 0.025),
+        cap=4096, denoised_spp=(4, 16, 64, 256), denoised_goals=(0.2, 0.1, 0.05), depths=(2, 3, 4, 6, 8, 12, 16),
+        depth_spp=64, replicates=4, edges=(4.0, 2.0, 1.0, 0.5, 0.25), textures=(8, 16, 32, 64, 128, 256, 512),
+        passes=256, codec_repeats=5, counts=(1_000, 10_000, 100_000, 1_000_000)),
+    "small": Budget(
+        reference_spp=1024, uniform=(4, 16, 64), first=16, goals=(0.4, 0.2), cap=256, denoised_spp=(16,),
+        denoised_goals=(0.4,), depths=(2, 4, 8), depth_spp=16, replicates=2, edges=(4.0, 2.0, 1.0), textures=(8, 64),
+        passes=16, codec_repeats=1, counts=(100, 1_000, 10_000)),
+}
 
 PLAIN = ("render.accuracy={}", "render.denoise={}", "storage.standard_errors=false")
 """Fixed spp, nothing denoised: what every setting starts from."""
@@ -86,12 +82,15 @@ class Bench:
     def plan(self, ref: ExampleRef, *settings: str, layers: Mapping[str, str] | None = None) -> ExamplePlan:
         """One example under `settings`, with these layers (default: those under study) and the mask."""
         wanted = {**(self.extents if layers is None else layers), "mask": "object"}
-        return self.spec.plan(ref, *PLAIN, layer_override(wanted), *settings)
+        only = "layers={" + ", ".join(f"{name}: {extent}" for name, extent in wanted.items()) + "}"
+        return self.spec.plan(ref, *PLAIN, only, *settings)
 
     def spp(self, spp: int) -> str:
-        """The override for `spp`, or the next multiple of batches, in every pass with light."""
-        dataset = self.spec.dataset
-        return spp_override(dataset, math.ceil(spp / dataset.render.batches) * dataset.render.batches)
+        """The override for `spp`, or the next multiple of batches, in every pass with light; the light-free ones keep
+        theirs, so that the object's pixels stay the same."""
+        own = self.spec.dataset.render
+        spp = math.ceil(spp / own.batches) * own.batches
+        return f"render.spp={{first_hit: {own.spp.first_hit}, source: {spp}, target: {spp}, rough: {spp}}}"
 
     def timed(self, setting: str, plan: ExamplePlan, repeats: int | None = None) -> Rendered:
         """One example, timed with its kernels compiled before."""
@@ -103,7 +102,7 @@ class Bench:
         own."""
         plan = self.plan(ref, self.spp(self.budget.reference_spp), f"render.max_depth={REFERENCE_DEPTH}",
                          "storage.standard_errors=true")
-        return self.references.get(reseeded(plan, "reference"), self.spec.mesh_root).layers
+        return self.references.get(reseeded(plan, "reference"), self.spec.mesh_root)
 
     def compared(self, question: str, setting: str, value: float, found: Rendered,
                  reference: Mapping[str, np.ndarray], layers: Iterable[str]) -> list[AccuracyRow]:

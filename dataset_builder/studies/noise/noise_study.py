@@ -18,6 +18,14 @@ from dataset_builder.spec.loaded import LoadedSpec
 from dataset_builder.studies.comma_separated import read_csv
 from dataset_builder.studies.trainings import changed, settings_of
 
+NO_PASSES = ("plan", "encode", "denoise")
+"""Stages that trace nothing."""
+MEANINGS = {
+    "first_hit": "light-free layers", "source": "I_s", "target": "I_t", "rough": "S'",
+    "first_hit_rough": "where the rough mesh is seen", "lighting": "spherical harmonics of the target light",
+    "instance": "instances",
+}
+
 
 @dataclass(frozen=True, kw_only=True)
 class NoiseStudy:
@@ -45,14 +53,10 @@ class NoiseStudy:
         return self.out / "dataset"
 
     @cached_property
-    def settings(self) -> tuple[str, ...]:
-        """All overrides of the spec."""
-        return (*self.overrides, f"rough.sigma=[{', '.join(f'{level!r}' for level in self.levels)}]")
-
-    @cached_property
     def loaded(self) -> LoadedSpec:
         """The spec at all levels. Raises SpecError."""
-        return load_dataset(self.spec, self.settings)
+        sigmas = ", ".join(f"{level!r}" for level in self.levels)
+        return load_dataset(self.spec, (*self.overrides, f"rough.sigma=[{sigmas}]"))
 
     @property
     def per_level(self) -> TrainingSpec:
@@ -69,15 +73,15 @@ def require(study: NoiseStudy) -> None:
     """Raise UserError where the study could not be done once the dataset is built, which may take hours."""
     problems, splits = [], [split.name for split in study.loaded.dataset.splits]
     if list(study.levels) != sorted(set(study.levels)) or len(study.levels) < 2 or study.levels[0] < 0:
-        problems.append(_problem("--levels", "expected at least two numbers >= 0, each larger than the one before, got "
-                                 f"{', '.join(f'{level:g}' for level in study.levels)}"))
+        problems.append(("--levels", "expected at least two numbers >= 0, each larger than the one before, got "
+                         f"{', '.join(f'{level:g}' for level in study.levels)}"))
     if lacking := [name for name in PAPER_LAYERS if name not in study.loaded.dataset.layers]:
-        problems.append(_problem("layers", f"expected what training reads, got no {', '.join(lacking)}"))
+        problems.append(("layers", f"expected what training reads, got no {', '.join(lacking)}"))
     for name in (study.training.data.train, study.training.data.held_out):
         if name not in splits:
-            problems.append(_problem("splits", f"expected a split {name}, got {', '.join(splits)}"))
+            problems.append(("splits", f"expected a split {name}, got {', '.join(splits)}"))
     if problems:
-        raise UserError(problems)
+        raise UserError([Problem(where="", path=path, rule=rule) for path, rule in problems])
     if study.vgg_weights and study.training.objective.fr:
         check_file(study.vgg_weights)
 
@@ -107,19 +111,6 @@ def parse_levels(text: str) -> tuple[float, ...]:
 def level_name(level: int) -> str:
     """What the training on one level is called."""
     return f"level {level}"
-
-
-def _problem(path: str, rule: str) -> Problem:
-    return Problem(where="", path=path, rule=rule)
-
-
-NO_PASSES = ("plan", "encode", "denoise")
-"""Stages that trace nothing."""
-MEANINGS = {
-    "first_hit": "light-free layers", "source": "I_s", "target": "I_t", "rough": "S'",
-    "first_hit_rough": "where the rough mesh is seen", "lighting": "spherical harmonics of the target light",
-    "instance": "instances",
-}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,16 +8,7 @@ from dataset_builder.geometry.edges import corner_normals, unit
 from dataset_builder.geometry.rough_base import bounding_radius, displace, rough_base
 from dataset_builder.rendering.scene.triangle_soup import Soup, merge
 from dataset_builder.seeding import rng
-from dataset_builder.studies.stress.bench import (
-    HOMOGENEOUS,
-    Shot,
-    at,
-    judged,
-    off_by,
-    over_pixels,
-    render,
-    sigmas,
-)
+from dataset_builder.studies.stress.bench import HOMOGENEOUS, Shot, at, judged, off_by, over_pixels, render, sigmas
 from dataset_builder.studies.stress.case import SIGMAS, CaseMeasured, Size, hard_case
 from dataset_builder.studies.stress.scenes import (
     ball,

@@ -8,18 +8,7 @@ from dataset_builder.planning.scene.arrangement import TARGET_INSTANCE
 from dataset_builder.rendering.scene.triangle_soup import merge
 from dataset_builder.studies.stress.bench import Shot, at, clear_of, judged, on_floor, render, sigmas
 from dataset_builder.studies.stress.case import SIGMAS, Case, CaseMeasured, Size, hard_case
-from dataset_builder.studies.stress.scenes import (
-    WIDE,
-    Triple,
-    ball,
-    box,
-    camera,
-    floor,
-    light,
-    lit_by,
-    matte,
-    quad,
-)
+from dataset_builder.studies.stress.scenes import WIDE, Triple, ball, box, camera, floor, light, lit_by, matte, quad
 
 HIGH = 7.0
 """Height of walls, in metres."""

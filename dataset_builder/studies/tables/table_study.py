@@ -14,19 +14,9 @@ from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.lightnet.training.events import Event
 from dataset_builder.lightnet.training.fit import LAST, TrainingJob
 from dataset_builder.shards.reader import load_manifest
+from dataset_builder.studies import trainings
 from dataset_builder.studies.tables.paper import Table, TableRow
 from dataset_builder.studies.tables.result import RowResult
-from dataset_builder.studies.trainings import (
-    SCORES,
-    about,
-    changed,
-    claim,
-    read_facts,
-    read_scores,
-    settings_of,
-    train,
-    write_scores,
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +38,7 @@ class TableStudy:
     @property
     def sentence(self) -> str:
         """How the rows are trained, to stand on everything that shows them."""
-        return settings_of(self.base, self.device, self.seeds)
+        return trainings.settings_of(self.base, self.device, self.seeds)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,14 +77,14 @@ def run(study: TableStudy) -> Iterator[RowNews | RowMeasured]:
     work = [(row, seed) for row in study.table.rows for seed in seeds_of(study, row)]
     for number, (row, seed) in enumerate(work, start=1):
         job = _job(study, row, seed)
-        identity = _identity(study, row, job)
-        if not (kept := about(job.out, identity) and bool(read_scores(job.out / SCORES))):
-            claim(job.out, identity)
-            for event in () if row.spec is None else train(job):
+        identity, scores = _identity(study, row, job), job.out / trainings.SCORES
+        if not (kept := trainings.about(job.out, identity) and bool(trainings.read_scores(scores))):
+            trainings.claim(job.out, identity)
+            for event in () if row.spec is None else trainings.train(job):
                 yield RowNews(row=row, seed=seed, number=number, count=len(work), event=event)
-            write_scores(_measure(study, row, job), job.out / SCORES)
-        yield RowMeasured(row=row, seed=seed, number=number, count=len(work), scores=read_scores(job.out / SCORES),
-                          facts=read_facts(job.out), kept=kept)
+            trainings.write_scores(_measure(study, row, job), scores)
+        yield RowMeasured(row=row, seed=seed, number=number, count=len(work), kept=kept,
+                          scores=trainings.read_scores(scores), facts=trainings.read_facts(job.out))
 
 
 def seeds_of(study: TableStudy, row: TableRow) -> tuple[int, ...]:
@@ -110,7 +100,7 @@ def results(table: Table, measured: list[RowMeasured]) -> list[RowResult]:
 
 
 def _job(study: TableStudy, row: TableRow, seed: int) -> TrainingJob:
-    spec = changed(row.spec or study.base, seed=seed)
+    spec = trainings.changed(row.spec or study.base, seed=seed)
     return TrainingJob(dataset=study.dataset, out=study.out / row.name / f"seed-{seed}", spec=spec,
                        vgg_weights=study.vgg_weights, device=study.device)
 
