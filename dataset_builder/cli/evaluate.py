@@ -67,18 +67,10 @@ def _train(options: argparse.Namespace) -> int:
 
 
 def _evaluate(options: argparse.Namespace) -> int:
-
     from dataset_builder.files import require_writable
     from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
     from dataset_builder.lightnet.results.evaluate import contender, evaluate, load_all, trivial
-    from dataset_builder.report.evaluation_page import (
-        EXAMPLES,
-        Evaluation,
-        console_table,
-        example_rows,
-        verdict_lines,
-        write_page,
-    )
+    from dataset_builder.report import evaluation_page as page
     from dataset_builder.report.example_sheet import write_sheet
     from dataset_builder.spread import spread_indices
 
@@ -92,14 +84,14 @@ def _evaluate(options: argparse.Namespace) -> int:
     contenders = [*trained, *trivial()]
     rows = list(_shown(evaluate(contenders, dataset, indices), len(indices) * len(contenders), console))
     here = (dataset.name, dataset.split)
-    evaluation = Evaluation(
+    evaluation = page.Evaluation(
         dataset=dataset.name, split=dataset.split, rows=rows, notes={one.name: one.note for one in contenders},
         trained=tuple(loaded), remarks=dataset.notes,
         seen=any((one.dataset, one.spec.data.train) == here for one in loaded.values()))
-    write_page(evaluation, out)
-    write_sheet(example_rows(rows, trained, dataset), out / EXAMPLES)
-    console.print(console_table(evaluation))
-    for line in verdict_lines(evaluation):
+    page.write_page(evaluation, out)
+    write_sheet(page.example_rows(rows, trained, dataset), out / page.EXAMPLES)
+    console.print(page.console_table(evaluation))
+    for line in page.verdict_lines(evaluation):
         console.print(line, highlight=False, soft_wrap=True)
     console.print(f"results: {out}", highlight=False, soft_wrap=True)
     return 0

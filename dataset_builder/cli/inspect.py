@@ -1,25 +1,44 @@
-"""The verbs that look at a machine, at a finished dataset, and at what specs may contain."""
+"""The verbs that look at a machine, at a finished dataset and at what specs may contain, and the release gate."""
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from dataset_builder.api import DATASETS
-from dataset_builder.cli.common import Verbs, add_folder, add_verb, plain_console, positive
+from dataset_builder.cli import common
+from dataset_builder.errors import UserError
+
+if TYPE_CHECKING:
+    from dataset_builder.release.gate import Gate
+
+PARTS = ("files", "consistency", "loader", "training")
 
 
-def add(verbs: Verbs) -> None:
-    """Add `doctor`, `inspect`, `verify`, `families` and `schema`."""
-    doctor = add_verb(verbs, "doctor", _doctor, "check this machine, and say how to install what is missing")
+def add(verbs: common.Verbs) -> None:
+    """Add `doctor`, `inspect`, `verify`, `families`, `schema` and `validate`."""
+    doctor = common.add_verb(verbs, "doctor", _doctor, "check this machine, and say how to install what is missing")
     doctor.add_argument("--out", type=Path, default=DATASETS, help="where datasets will be written")
-    inspect = add_verb(verbs, "inspect", _inspect, "summary and contact sheet of a dataset")
-    add_folder(inspect)
+    inspect = common.add_verb(verbs, "inspect", _inspect, "summary and contact sheet of a dataset")
+    common.add_folder(inspect)
     inspect.add_argument("--sheet", type=Path, help="where to write the contact sheet (default: in the dataset)")
-    inspect.add_argument("--rows", type=positive, default=12, help="examples on the contact sheet (default: 12)")
-    add_folder(add_verb(verbs, "verify", _verify, "check every file, example and identity of a dataset"))
-    families = add_verb(verbs, "families", _families, "embedded furniture and its parameters")
+    inspect.add_argument("--rows", type=common.positive, default=12, help="examples on the contact sheet (default: 12)")
+    common.add_folder(common.add_verb(verbs, "verify", _verify, "check every file, example and identity of a dataset"))
+    families = common.add_verb(verbs, "families", _families, "embedded furniture and its parameters")
     families.add_argument("family", nargs="?")
-    schema = add_verb(verbs, "schema", _schema, "write the JSON Schemas of specs")
+    schema = common.add_verb(verbs, "schema", _schema, "write the JSON Schemas of specs")
     schema.add_argument("folder", type=Path)
+    text = "release gate: check files and consistency, and train briefly; exit code 1 and the reason on failure"
+    verb = common.add_verb(verbs, "validate", _validate, text)
+    common.add_folder(verb)
+    verb.add_argument("--only", default=",".join(PARTS), metavar="A,B", help="parts to run (default: %(default)s)")
+    verb.add_argument("--all", action="store_true", help="continue after a part that fails")
+    verb.add_argument("--examples", type=common.positive, help="examples used by the consistency checks (default: 512)")
+    verb.add_argument("--steps", type=common.positive, help="batches to train on")
+    common.add_overrides(verb, "the training")
+    verb.add_argument("--margin", type=float, help="required lead of LighTNet over each baseline, in dB (default: 0.5)")
+    verb.add_argument("--copy-margin", type=float, help="required lead over the copy of I_s, in dB (default: 3)")
+    common.add_networks(verb)
+    verb.add_argument("--out", type=Path, help=f"folder for the report (default: {common.STUDIES}/DATASET-validate)")
 
 
 def _doctor(options: argparse.Namespace) -> int:
@@ -27,7 +46,7 @@ def _doctor(options: argparse.Namespace) -> int:
     from dataset_builder.report.doctor import examine
 
     findings = examine(options.out)
-    plain_console().print(finding_table(findings))
+    common.plain_console().print(finding_table(findings))
     return 1 if any(finding.mend for finding in findings) else 0
 
 
@@ -35,7 +54,7 @@ def _inspect(options: argparse.Namespace) -> int:
     from dataset_builder.report.dataset_summary import summary_tables, write_contact_sheet
 
     for table in summary_tables(options.folder):
-        plain_console().print(table)
+        common.plain_console().print(table)
     sheet = options.sheet or options.folder / "previews" / "contact_sheet.png"
     write_contact_sheet(options.folder, sheet, rows=options.rows)
     print(f"contact sheet: {sheet}")
@@ -61,7 +80,7 @@ def _families(options: argparse.Namespace) -> int:
     from dataset_builder.report.spec_help import family_tables
 
     for table in family_tables(options.family):
-        plain_console().print(table)
+        common.plain_console().print(table)
     return 0
 
 
@@ -74,3 +93,41 @@ def _schema(options: argparse.Namespace) -> int:
     for name in schema_files():
         print(options.folder / name)
     return 0
+
+
+def _validate(options: argparse.Namespace) -> int:
+    from dataset_builder.files import require_writable
+    from dataset_builder.release.gate import Done, LeftOut, run
+    from dataset_builder.report.console import follow_training
+    from dataset_builder.report.gate_page import Report, lines, refusals, write_report
+
+    console, gate = common.wide_console(), _gate(options)
+    require_writable(gate.out)
+    done, left_out = list[Done](), tuple[str, ...]()
+    for news in follow_training(run(gate), console, lines):
+        if isinstance(news, Done):
+            done.append(news)
+        elif isinstance(news, LeftOut):
+            left_out = news.parts
+    report = Report(dataset=str(options.folder), gate=gate, done=tuple(done), left_out=left_out)
+    write_report(report)
+    for line in (*refusals(report), report.verdict, f"report: {gate.out / 'report.md'}"):
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
+    return 0 if report.holds else 1
+
+
+def _gate(options: argparse.Namespace) -> "Gate":
+    from dataset_builder.lightnet.settings import load_training
+    from dataset_builder.release.consistency import EXAMPLES
+    from dataset_builder.release.gate import Gate
+    from dataset_builder.release.training_checks import COPY_MARGIN, MARGIN, SETTINGS, STEPS
+
+    parts = tuple(filter(None, options.only.split(",")))
+    if not parts or set(parts) - set(PARTS):
+        raise UserError(f"--only: expected some of {', '.join(PARTS)}, got {options.only or 'none'}")
+    spec = load_training(None, [f"steps={options.steps or STEPS}", *SETTINGS, *options.overrides])
+    out = options.out or common.STUDIES / f"{options.folder.resolve().name}-validate"
+    return Gate(dataset=options.folder, out=out, spec=spec, parts=parts, device=options.device,
+                margin=MARGIN if options.margin is None else options.margin,
+                copy_margin=COPY_MARGIN if options.copy_margin is None else options.copy_margin,
+                examples=options.examples or EXAMPLES, vgg_weights=options.vgg_weights, stop=not options.all)

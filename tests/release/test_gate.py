@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from dataset_builder.cli import validate
+from dataset_builder.cli import inspect
 from dataset_builder.cli.main import main
 from dataset_builder.lightnet.data.batch import Batch, Inputs, Truth
 from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
@@ -174,7 +174,7 @@ def test_a_whole_run_with_a_training_has_its_figure(dataset: Path, tmp_path: Pat
 
 
 def test_parts_are_known_by_name(dataset: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert tuple(PARTS) == validate.PARTS
+    assert tuple(PARTS) == inspect.PARTS
     for only in ("files,nonsense", ""):
         assert main(["validate", str(dataset), "--only", only]) == 2
         assert "--only: expected some of files, consistency" in capsys.readouterr().err
