@@ -66,20 +66,22 @@ def render_example(spec: "LoadedSpec", example: "int | ExamplePlan", *, backend:
 
 @missing_named()
 def build(spec: "LoadedSpec", out: Path | str | None = None, *, workers: int | None = None, backend: str = "auto",
-          examples: Sequence[int] = (), progress: Callable[[int, int], None] | None = None) -> "Manifest | None":
+          examples: Sequence[int] = (), replace: bool = False,
+          progress: Callable[[int, int], None] | None = None) -> "Manifest | None":
     """Build a dataset, or go on with an interrupted build; its manifest, in which rejected examples are named.
 
     out: folder, `datasets/NAME` where none is given. workers: processes that render, None for one per core, or a single
     one on a GPU; a script that asks for several needs the usual `if __name__ == "__main__":`. backend: auto | cuda |
-    llvm. examples: indices of those to stage, without publishing anything; the result is None then. progress: called
-    with how many examples are done, and of how many. Raises UserError where the spec, the folder or the disk refuses;
-    what was finished before is kept.
+    llvm. examples: indices of those to stage, without publishing anything; the result is None then. replace:
+    another dataset or major version in the folder may go. progress: called with how many examples are done, and of how
+    many. Raises UserError where the spec, the folder or the disk refuses; what was finished before is kept, and the
+    dataset that was there stays until the new one is whole.
     """
     from dataset_builder.builder import build as events
 
     manifest, done, wanted = None, 0, 0
     folder = DATASETS / spec.dataset.name if out is None else Path(out)
-    for event in events(spec, folder, backend=backend, workers=workers, only=examples):
+    for event in events(spec, folder, backend=backend, workers=workers, only=examples, replace_other=replace):
         wanted, done = wanted if event.wanted is None else event.wanted, done + len(event.outcomes)
         manifest = event.manifest or manifest
         if progress and (event.outcomes or event.wanted is not None):

@@ -23,11 +23,11 @@ from dataset_builder.planning.precheck import probe
 from dataset_builder.processes import cores
 from dataset_builder.rendering import oidn
 from dataset_builder.rendering.backend import choose
-from dataset_builder.shards.folder import build_lock
-from dataset_builder.shards.manifest import Manifest, Rejected, ShardIndex, make_manifest, shard_stem
-from dataset_builder.shards.publish import publish_dataset
+from dataset_builder.shards.folder import Claim, build_lock, require_ours
+from dataset_builder.shards.manifest import Manifest, Rejected, ShardIndex, make_manifest, shard_slot
+from dataset_builder.shards.publish import publish_dataset, whole_shards
 from dataset_builder.shards.staging import Staging
-from dataset_builder.shards.writer import publish_shard, published, remove_others, remove_shard
+from dataset_builder.shards.writer import publish_shard
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.loaded import LoadedSpec
 
@@ -37,9 +37,9 @@ MAX_REASONS = 5
 
 @dataclass(frozen=True, kw_only=True)
 class ShardTask:
-    """One shard, and what the plan wants in it. keep: it is published already, from this spec by these versions."""
+    """One shard, and what the plan wants in it. keep: it is there and whole, from this spec by these versions."""
 
-    stem: str
+    slot: str
     split: str
     examples: tuple[ExampleRef, ...]
     keep: ShardIndex | None
@@ -59,7 +59,7 @@ class Event:
 
 @dataclass(kw_only=True)
 class _Progress:
-    """What is known so far: examples by key, published shards by stem."""
+    """What is known so far: examples by key, finished shards by slot."""
 
     digests: dict[str, str] = field(default_factory=dict)
     rejected: dict[str, Rejected] = field(default_factory=dict)
@@ -75,35 +75,34 @@ def shard_tasks(examples: Sequence[ExampleRef], spec: DatasetSpec) -> list[Shard
     for ref in examples:
         by_split[ref.view.pair.split].append(ref)
     size = spec.storage.examples_per_shard
-    return [ShardTask(stem=shard_stem(spec, split, first // size), split=split, keep=None,
+    return [ShardTask(slot=shard_slot(spec, split, first // size), split=split, keep=None,
                       examples=tuple(refs[first:first + size]))
             for split, refs in by_split.items() for first in range(0, len(refs), size)]
 
 
-def decide(tasks: Sequence[ShardTask], folder: Path, spec_digest: str, made_by: dict[str, str],
-           rejected: dict[str, Rejected]) -> list[ShardTask]:
-    """Which published shards stay: same spec, same versions, and every example in it or known to be rejected."""
-    return [ShardTask(stem=task.stem, split=task.split, examples=task.examples,
-                      keep=_kept(task, published(folder, task.stem), spec_digest, made_by, rejected)) for task in tasks]
+def decide(tasks: Sequence[ShardTask], whole: Sequence[ShardIndex], spec_digest: str, made_by: dict[str, str],
+           rejected: Mapping[str, Rejected]) -> list[ShardTask]:
+    """Which of the whole shards stay: same spec, same versions, and every example in it or known to be rejected."""
+    def fits(task: ShardTask, index: ShardIndex) -> bool:
+        there = {example.key for example in index.examples}
+        return (index.shard.slot, index.spec_digest, index.versions) == (task.slot, spec_digest, made_by) \
+            and all(ref.key in there or ref.key in rejected for ref in task.examples)
 
-
-def _kept(task: ShardTask, index: ShardIndex | None, spec_digest: str, made_by: dict[str, str],
-          rejected: dict[str, Rejected]) -> ShardIndex | None:
-    if index is None or index.spec_digest != spec_digest or index.versions != made_by:
-        return None
-    there = {example.key for example in index.examples}
-    return index if all(ref.key in there or ref.key in rejected for ref in task.examples) else None
+    return [replace(task, keep=next((index for index in whole if fits(task, index)), None)) for task in tasks]
 
 
 def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: int | None = None,
-          only: Sequence[int] = ()) -> Iterator[Event]:
+          only: Sequence[int] = (), replace_other: bool = False) -> Iterator[Event]:
     """Build `loaded` into `folder`, yielding news, first of all how many examples there are to make.
 
     backend: auto | cuda | llvm. workers: processes that render, None for one per core, or a single one on a GPU.
-    `only`: indices of examples to stage, without publishing anything. Raises PlanError where nothing can be planned or
-    an index is none, OutputError where the folder or the disk refuses; in both cases what was finished before is kept,
-    and a second run goes on from there.
+    `only`: indices of examples to stage, without publishing anything. `replace_other`: another dataset or major version
+    in `folder` may go. What was there before stays until this dataset is whole. Raises PlanError where nothing can be
+    planned or an index is none, OutputError where the folder or the disk refuses; in both cases what was finished is
+    kept, and a second run goes on from there.
     """
+    claim = Claim(name=loaded.dataset.name, version=loaded.dataset.version)
+    require_ours(folder, claim, replace=replace_other)
     workers = workers or (1 if choose(backend).variant.startswith("cuda") else cores())
     job = BuildJob.of(loaded, folder, backend=backend, threads=max(1, cores() // workers))
     denoise = bool(loaded.dataset.render.denoise.layers)
@@ -116,12 +115,12 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
     if not folder.exists():
         # Refused before anything is made
         _require_space(folder, loaded.dataset, len(chosen))
-    with build_lock(folder):
+    with build_lock(folder, claim, replace=replace_other):
         rejections, timings = Rejections(folder, loaded.spec_digest, made_by), Timings(folder)
-        tasks = decide(shard_tasks(planner.examples, loaded.dataset), folder, loaded.spec_digest, made_by,
-                       rejections.known)
+        tasks = decide(shard_tasks(planner.examples, loaded.dataset), list(whole_shards(folder)), loaded.spec_digest,
+                       made_by, rejections.known)
         progress = _Progress(rejected=dict(rejections.known),
-                             shards={task.stem: task.keep for task in tasks if task.keep})
+                             shards={task.slot: task.keep for task in tasks if task.keep})
         missing = [task for task in tasks if not task.keep]
         wanted = [ref for task in missing for ref in task.examples if ref in chosen]
         _require_space(folder, loaded.dataset, len(wanted))
@@ -178,33 +177,32 @@ def _note(outcomes: Sequence[Outcome], progress: _Progress, rejections: Rejectio
 
 def _publish(task: ShardTask, folder: Path, loaded: LoadedSpec, made_by: dict[str, str],
              progress: _Progress) -> Iterator[Event]:
-    """Publish one shard and let its staged examples go; a shard whose examples were all rejected is none."""
+    """Make one shard and let its staged examples go; a shard whose examples were all rejected is none."""
     examples = [(ref.key, progress.digests[ref.key]) for ref in task.examples if ref.key in progress.digests]
     if not examples:
-        remove_shard(folder, task.stem)
         return
-    index = publish_shard(folder, stem=task.stem, split=task.split, examples=examples, spec_digest=loaded.spec_digest,
+    index = publish_shard(folder, slot=task.slot, split=task.split, examples=examples, spec_digest=loaded.spec_digest,
                           versions=made_by)
     for key, _ in examples:
         Staging(folder).drop(key)
-    progress.shards[task.stem] = index
+    progress.shards[task.slot] = index
     yield Event(shard=index)
 
 
 def _finish(tasks: Sequence[ShardTask], folder: Path, loaded: LoadedSpec, progress: _Progress,
             denoised: Sequence[Denoised]) -> Manifest:
-    """Take away what no plan asks for, and write the manifest. Raises PlanError where a split has no examples left."""
-    indices = [progress.shards[task.stem] for task in tasks if task.stem in progress.shards]
+    """Publish the shards as a dataset in the place of the old one. Raises PlanError where a split has no examples
+    left."""
+    indices = [progress.shards[task.slot] for task in tasks if task.slot in progress.shards]
     for split in loaded.dataset.splits:
         if not any(index.shard.split == split.name for index in indices):
             keys = [ref.key for task in tasks if task.split == split.name for ref in task.examples]
             raise _nothing_left(split.name, keys, progress.rejected)
-    remove_others(folder, [index.shard.stem for index in indices])
     manifest = make_manifest(loaded.dataset, layers=dict(layers_asked(loaded.dataset)), shards=indices,
                              rejected=progress.rejected.values(), spec_digest=loaded.spec_digest,
                              generator=f"dataset-builder {__version__}", denoised=denoised)
-    Staging(folder).clear()
     publish_dataset(folder, manifest)
+    Staging(folder).clear()
     return manifest
 
 

@@ -45,7 +45,9 @@ def write_partial(path: Path, chunks: Iterable[bytes]) -> tuple[int, str]:
     with output_errors(path):
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            with partial.open("wb") as stream:
+            discard_partial(path)
+            # Never through a link, or into what somebody else put there
+            with open(os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o666), "wb") as stream:
                 for chunk in chunks:
                     stream.write(chunk)
                     hasher.update(chunk)
@@ -59,17 +61,18 @@ def write_partial(path: Path, chunks: Iterable[bytes]) -> tuple[int, str]:
 
 
 def discard_partial(path: Path) -> None:
-    """Remove `path`'s partial file, if there is one that can be removed."""
+    """Remove `path`'s partial file, if there is one that can be removed; a link stays."""
     partial = partial_of(path)
-    if partial.is_file():
+    if partial.is_file() and not partial.is_symlink():
         partial.unlink()
 
 
-def commit(path: Path) -> None:
-    """Give `path`'s partial file its name, and flush the folder. Raises OutputError where that fails."""
+def commit(path: Path, final: Path | None = None) -> None:
+    """Give `path`'s partial file its name, or that of `final` beside it, and flush the folder. Raises OutputError where
+    that fails."""
     with output_errors(path):
         try:
-            os.replace(partial_of(path), path)
+            os.replace(partial_of(path), final or path)
         except OSError:
             discard_partial(path)
             raise

@@ -21,15 +21,18 @@ def locked(path: Path, *, folder: Path, work: str) -> Iterator[None]:
         yield
     finally:
         # Unlink before release: whoever waits for the old file sees that it lost its name
-        path.unlink(missing_ok=True)
-        os.close(descriptor)
+        try:
+            with output_errors(folder):
+                path.unlink(missing_ok=True)
+        finally:
+            os.close(descriptor)
 
 
 def _acquire(path: Path, folder: Path, work: str) -> int:
     while True:
         with output_errors(folder):
             path.parent.mkdir(parents=True, exist_ok=True)
-            descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+            descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
@@ -37,8 +40,16 @@ def _acquire(path: Path, folder: Path, work: str) -> int:
             os.close(descriptor)
             raise OutputError([Problem(where=str(folder), path="", hint="wait for it, or choose another output folder",
                                        rule=f"another {work} is running in this folder (process {holder})")]) from error
-        if path.exists() and os.path.samestat(os.fstat(descriptor), path.stat()):
+        if _names(path, descriptor):
             os.ftruncate(descriptor, 0)
             os.pwrite(descriptor, f"{os.getpid()}\n".encode(), 0)
             return descriptor
         os.close(descriptor)
+
+
+def _names(path: Path, descriptor: int) -> bool:
+    """Whether the file that is open still has this name."""
+    try:
+        return os.path.samestat(os.fstat(descriptor), path.lstat())
+    except FileNotFoundError:
+        return False

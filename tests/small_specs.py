@@ -6,8 +6,8 @@ from pathlib import Path
 from dataset_builder.builder import Event, build
 from dataset_builder.engine.unit import Outcome
 from dataset_builder.shards.manifest import ExampleRecord, Manifest
+from dataset_builder.shards.publish import published
 from dataset_builder.shards.reader import load_manifest
-from dataset_builder.shards.writer import published
 from dataset_builder.spec.load import load_dataset
 
 FILES = {
@@ -74,3 +74,8 @@ def records(folder: Path, manifest: Manifest | None = None) -> dict[str, Example
     """Entries of all examples of a finished dataset, by key."""
     indexes = [published(folder, shard.stem) for shard in (manifest or load_manifest(folder)).shards]
     return {example.key: example for index in indexes if index for example in index.examples}
+
+
+def slots(folder: Path) -> list[str]:
+    """Names of all shards in a folder without their tags, sorted."""
+    return sorted(path.stem.rpartition("-")[0] for path in (folder / "shards").iterdir())

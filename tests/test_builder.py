@@ -10,8 +10,9 @@ from dataset_builder.digest import digest
 from dataset_builder.planning.catalogue import ExampleRef, PairRef, ViewRef
 from dataset_builder.planning.cost import expected_bytes
 from dataset_builder.shards.manifest import Rejected
-from dataset_builder.shards.writer import index_path, shard_path, writer_versions
-from tests.shards.tiny_dataset import VERSIONS, build, make_spec
+from dataset_builder.shards.publish import whole_shards
+from dataset_builder.shards.writer import writer_versions
+from tests.shards.tiny_dataset import VERSIONS, build, index_path, make_spec, shard_path
 
 MADE_BY = {**writer_versions(), **VERSIONS}
 
@@ -31,7 +32,7 @@ def indices(task: ShardTask) -> tuple[int, ...]:
 
 
 def test_neighbours_share_a_shard_and_splits_do_not() -> None:
-    assert [(task.stem, task.split, indices(task)) for task in TASKS] == [
+    assert [(task.slot, task.split, indices(task)) for task in TASKS] == [
         ("tiny-v1-train-000000", "train", (0, 1)), ("tiny-v1-train-000001", "train", (2,)),
         ("tiny-v1-test-000000", "test", (3,))]
     assert all(task.keep is None for task in TASKS)
@@ -45,28 +46,29 @@ def test_example_i_of_a_split_lies_in_shard_i_over_size(size: int, shards: list[
     spec = make_spec().model_copy(update={"storage": storage})
     tasks = shard_tasks(refs(*["train"] * 5), spec)
     assert [indices(task) for task in tasks] == shards
-    assert [int(task.stem[-6:]) for task in tasks] == list(range(len(shards)))
+    assert [int(task.slot[-6:]) for task in tasks] == list(range(len(shards)))
 
 
 def kept(folder: Path, tasks: list[ShardTask] = TASKS, spec: str = "tiny", made_by: dict[str, str] = MADE_BY,
          rejected: dict[str, Rejected] | None = None) -> list[str]:
-    """Stems of the shards that stay."""
-    return [task.stem for task in decide(tasks, folder, digest(spec), made_by, rejected or {}) if task.keep]
+    """Slots of the shards that stay."""
+    whole = list(whole_shards(folder))
+    return [task.slot for task in decide(tasks, whole, digest(spec), made_by, rejected or {}) if task.keep]
 
 
 def test_finished_shards_of_the_same_spec_and_versions_stay(tmp_path: Path) -> None:
     assert kept(tmp_path) == []
     build(tmp_path)
-    assert kept(tmp_path) == [task.stem for task in TASKS]
+    assert kept(tmp_path) == [task.slot for task in TASKS]
     assert kept(tmp_path, spec="another") == kept(tmp_path, made_by={**MADE_BY, "renderer": "other"}) == []
 
 
 def test_damaged_and_missing_shards_do_not(tmp_path: Path) -> None:
     build(tmp_path)
-    index_path(tmp_path, TASKS[0].stem).unlink()
-    path = shard_path(tmp_path, TASKS[2].stem)
+    index_path(tmp_path, TASKS[0].slot).unlink()
+    path = shard_path(tmp_path, TASKS[2].slot)
     path.write_bytes(path.read_bytes()[:-1] + b"\1")
-    assert kept(tmp_path) == [TASKS[1].stem]
+    assert kept(tmp_path) == [TASKS[1].slot]
 
 
 def test_a_shard_stays_without_an_example_only_where_that_is_known_to_be_rejected(tmp_path: Path) -> None:
@@ -74,7 +76,7 @@ def test_a_shard_stays_without_an_example_only_where_that_is_known_to_be_rejecte
     wider = [replace(TASKS[1], examples=(*TASKS[1].examples, *refs(*["train"] * 6)[5:]))]
     assert kept(tmp_path, wider) == []
     rejected = Rejected(key="00000005", view="train/000005", gate="coverage", reason="expected more")
-    assert kept(tmp_path, wider, rejected={rejected.key: rejected}) == [TASKS[1].stem]
+    assert kept(tmp_path, wider, rejected={rejected.key: rejected}) == [TASKS[1].slot]
 
 
 def test_room_for_examples_grows_with_what_is_stored() -> None:

@@ -163,7 +163,7 @@ def test_the_tree_of_the_reading_page_is_whole(site: Path) -> None:
     columns = [re.split(r"\s{3,}", line.strip())[0].split() for line in tree.splitlines()[1:]]
     assert {name.partition("/")[0] for names in columns for name in names} == {path.name for path in folder.iterdir()}
     for name in re.findall(rf"(?:shards|index)/{MINI}[\w.-]+", tree):
-        assert (folder / name).is_file()
+        assert len(list(folder.glob(name.replace("TAG", "????????")))) == 1
 
 
 @pytest.mark.parametrize("page", [*PAGES, *OTHERS], ids=lambda page: page.stem)

@@ -18,8 +18,8 @@ from dataset_builder.errors import UserError
 from dataset_builder.layers import LAYERS
 from dataset_builder.seeding import rng
 from dataset_builder.shards.example import Example, encode_members, preview
-from dataset_builder.shards.folder import build_lock
-from dataset_builder.shards.manifest import Manifest, ShardIndex, ShardRecord, from_json
+from dataset_builder.shards.folder import Claim, build_lock
+from dataset_builder.shards.manifest import Manifest, ShardIndex, ShardRecord, from_json, with_shards
 from dataset_builder.shards.publish import publish_dataset
 from dataset_builder.shards.reader import Dataset, open_dataset
 from dataset_builder.shards.segment import segment
@@ -142,10 +142,9 @@ def sabotage(folder: Path, out: Path, kind: str) -> Manifest:
     dataset = open_dataset(folder)
     keys = [key for split in dataset.splits.values() for key in split]
     source = Source(dataset=dataset, partner=partners(keys))
-    with build_lock(out):
-        shards = tuple(_shard(source, out, shard, KINDS[kind]) for shard in dataset.manifest.shards)
-        totals = dataset.manifest.totals.model_copy(update={"bytes": sum(shard.bytes for shard in shards)})
-        manifest = dataset.manifest.model_copy(update={"shards": shards, "totals": totals})
+    with build_lock(out, Claim(name=dataset.manifest.name, version=dataset.manifest.version)):
+        shards = [_shard(source, out, shard, KINDS[kind]) for shard in dataset.manifest.shards]
+        manifest = with_shards(dataset.manifest, shards)
         publish_dataset(out, manifest)
         Staging(out).clear()
     return manifest
@@ -161,7 +160,7 @@ def _shard(source: Source, out: Path, shard: ShardRecord, spoil: Spoil) -> Shard
         Staging(out).put(example.key, record.digest, segment(members),
                          entry(key=example.key, view=record.view, members=members))
     examples = [(key, record.digest) for key, record in records.items()]
-    return publish_shard(out, stem=shard.stem, split=shard.split, examples=examples, spec_digest=index.spec_digest,
+    return publish_shard(out, slot=shard.slot, split=shard.split, examples=examples, spec_digest=index.spec_digest,
                          versions=index.versions).shard
 
 

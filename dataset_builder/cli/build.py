@@ -7,6 +7,7 @@ from time import perf_counter
 
 from dataset_builder.api import DATASETS
 from dataset_builder.cli.common import Verbs, add_backend, add_spec, add_verb, plain_console, positive
+from dataset_builder.errors import UserError
 from dataset_builder.processes import cores
 
 
@@ -20,6 +21,8 @@ def add(verbs: Verbs) -> None:
     build = add_verb(verbs, "build", _build, "build a dataset, or resume an interrupted build")
     add_spec(build)
     build.add_argument("--out", type=Path, help=f"output folder (default: {DATASETS}/NAME)")
+    build.add_argument("--replace", action="store_true",
+                       help="let the other dataset or major version go that the output folder holds")
     build.add_argument("--workers", type=positive, help="processes (default: one per core, one with a GPU)")
     add_backend(build)
     build.add_argument("--example", type=int, action="append", default=[],
@@ -48,21 +51,21 @@ def _build(options: argparse.Namespace) -> int:
     from dataset_builder.engine.unit import Outcome
     from dataset_builder.rendering.backend import choose
     from dataset_builder.report.console import build_table, follow, rejected_lines
-    from dataset_builder.report.dataset_summary import write_contact_sheet
     from dataset_builder.spec.load import load_dataset
 
     console, start = plain_console(), perf_counter()
     loaded = load_dataset(options.spec, options.overrides)
     console.print(f"backend: {choose(options.backend).summary}", highlight=False)
     folder = options.out or DATASETS / loaded.dataset.name
-    news = build(loaded, folder, backend=options.backend, workers=options.workers, only=options.example)
+    news = build(loaded, folder, backend=options.backend, workers=options.workers, only=options.example,
+                 replace_other=options.replace)
     outcomes: list[Outcome] = []
     manifest = None
     for event in follow(news, console):
         outcomes += event.outcomes
         manifest = event.manifest or manifest
     rejected = manifest.rejected if manifest else [outcome.rejected for outcome in outcomes if outcome.rejected]
-    for line in rejected_lines(rejected):
+    for line in rejected_lines(rejected, folder):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     if not manifest:
         staged, before = len(outcomes) - len(rejected), len(set(options.example)) - len(outcomes)
@@ -70,7 +73,17 @@ def _build(options: argparse.Namespace) -> int:
                       "finish", highlight=False, soft_wrap=True)
     else:
         console.print(build_table(manifest, outcomes, perf_counter() - start))
-        sheet = folder / "previews" / "contact_sheet.png"
-        write_contact_sheet(folder, sheet)
-        console.print(f"dataset: {folder}\ncontact sheet: {sheet}", highlight=False, soft_wrap=True)
+        console.print(f"dataset: {folder}\n{_sheet(folder)}", highlight=False, markup=False, soft_wrap=True)
     return 0
+
+
+def _sheet(folder: Path) -> str:
+    """Make the contact sheet of a finished dataset; where it is, or a warning, since the dataset does not need it."""
+    from dataset_builder.report.dataset_summary import write_contact_sheet
+    from dataset_builder.shards.folder import SHEET
+
+    try:
+        write_contact_sheet(folder, folder / SHEET)
+    except (UserError, OSError, ValueError, RuntimeError, ArithmeticError, MemoryError) as error:
+        return f"warning: no contact sheet ({error})"
+    return f"contact sheet: {folder / SHEET}"

@@ -124,7 +124,7 @@ def _noise(options: argparse.Namespace) -> int:
     require(study)
     print(study.sentence, flush=True)
     for built in follow(make(study), common.plain_console()):
-        for line in rejected_lines(built.manifest.rejected if built.manifest else ()):
+        for line in rejected_lines(built.manifest.rejected if built.manifest else (), study.dataset):
             print(line)
     passes = count_passes(study)
     print("\n".join(pass_lines(passes)), flush=True)

@@ -9,18 +9,19 @@ from pathlib import Path
 
 from dataset_builder.engine.unit import Outcome
 from dataset_builder.files import write_atomic
-from dataset_builder.shards.folder import SECONDS
+from dataset_builder.shards.folder import SECONDS, next_of
 
 HEADER = ("key", "step", "seconds")
 
 
 class Timings:
     """Seconds by example and step: `plan`, a pass, `denoise`, `encode`. What a step made for several examples of a
-    view counts for the first of them. An earlier run's figures stay where nothing was rendered again."""
+    view counts for the first of them. An earlier run's figures stay where nothing was rendered again. The file waits
+    for the dataset to be published."""
 
     def __init__(self, folder: Path):
-        self._path = folder / SECONDS
-        self._known: dict[tuple[str, str], str] = self._load()
+        self._path = next_of(folder) / SECONDS
+        self._known = _load(self._path if self._path.is_file() else folder / SECONDS)
 
     def add(self, outcomes: Iterable[Outcome]) -> None:
         """Take the figures of what was rendered."""
@@ -37,9 +38,10 @@ class Timings:
         rows.writerows((key, step, value) for (key, step), value in sorted(self._known.items()))
         write_atomic(self._path, text.getvalue().encode())
 
-    def _load(self) -> dict[tuple[str, str], str]:
-        try:
-            lines = self._path.read_text(encoding="utf-8").splitlines()
-        except (FileNotFoundError, UnicodeDecodeError):
-            return {}
-        return {(row[0], row[1]): row[2] for row in csv.reader(lines[1:]) if len(row) == len(HEADER)}
+
+def _load(path: Path) -> dict[tuple[str, str], str]:
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (FileNotFoundError, UnicodeDecodeError):
+        return {}
+    return {(row[0], row[1]): row[2] for row in csv.reader(lines[1:]) if len(row) == len(HEADER)}

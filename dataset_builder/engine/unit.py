@@ -12,6 +12,7 @@ import numpy as np
 
 from dataset_builder.digest import digest
 from dataset_builder.engine import source
+from dataset_builder.engine.rejections import keep_pixels
 from dataset_builder.errors import OutputError, PlanError, Problem, SpecError, UserError
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.label.record import Denoised
@@ -135,12 +136,11 @@ def _make(planned: Sequence[tuple[ExampleRef, ExamplePlan]], loaded: LoadedSpec,
     yield from (_outcome(ref, digest=digests[ref.key], kept=True) for ref, _ in planned if ref.key in there)
     if missing:
         rendered = render_view([plan for _, plan in missing], loaded.path.parent)
-        yield from _finished(missing, rendered, digests, loaded.dataset, job.denoised, staging)
+        yield from _finished(missing, rendered, digests, loaded.dataset, job)
 
 
 def _finished(missing: Sequence[tuple[ExampleRef, ExamplePlan]], rendered: Iterator["Rendered"],
-              digests: Mapping[str, str], spec: DatasetSpec, denoised: Sequence[Denoised],
-              staging: Staging) -> Iterator[Outcome]:
+              digests: Mapping[str, str], spec: DatasetSpec, job: BuildJob) -> Iterator[Outcome]:
     """Outcomes of the examples of one view as they are rendered; where a plan cannot be made, of all that are left."""
     for position, (ref, _) in enumerate(missing):
         try:
@@ -151,7 +151,7 @@ def _finished(missing: Sequence[tuple[ExampleRef, ExamplePlan]], rendered: Itera
             for left, _ in missing[position:]:
                 yield _outcome(left, rejected=_rejected(left, RENDERING, str(error)))
             return
-        yield _finish(ref, example, digests[ref.key], spec, denoised, staging)
+        yield _finish(ref, example, digests[ref.key], spec, job)
 
 
 def example_of(rendered: "Rendered", denoised: Sequence[Denoised] = ()) -> Example:
@@ -160,18 +160,19 @@ def example_of(rendered: "Rendered", denoised: Sequence[Denoised] = ()) -> Examp
                    record=rendered.record.model_copy(update={"denoised": tuple(denoised)}))
 
 
-def _finish(ref: ExampleRef, rendered: "Rendered", key_digest: str, spec: DatasetSpec, denoised: Sequence[Denoised],
-            staging: Staging) -> Outcome:
+def _finish(ref: ExampleRef, rendered: "Rendered", key_digest: str, spec: DatasetSpec, job: BuildJob) -> Outcome:
     """Gate, encode and stage one rendered example."""
     start = perf_counter()
     paths = sum(entry.paths for entry in rendered.record.passes if entry.name in rendered.seconds)
     if violations := _violations(rendered, spec):
         reason = "; ".join(violation.reason for violation in violations)
+        keep_pixels(job.folder, ref.key, rendered.layers)
         return _outcome(ref, rejected=_rejected(ref, violations[0].identity, reason), digest=key_digest, paths=paths,
                         seconds=rendered.seconds)
-    members = encode_members(example_of(rendered, denoised), dtype=spec.storage.dtype,
+    members = encode_members(example_of(rendered, job.denoised), dtype=spec.storage.dtype,
                              preview_png=preview(rendered.layers))
-    staging.put(ref.key, key_digest, segment(members), entry(key=ref.key, view=rendered.plan.view, members=members))
+    Staging(job.folder).put(ref.key, key_digest, segment(members),
+                            entry(key=ref.key, view=rendered.plan.view, members=members))
     return _outcome(ref, digest=key_digest, paths=paths, seconds=rendered.seconds | {"encode": perf_counter() - start})
 
 

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain, islice
+from pathlib import Path
 from typing import TypeVar
 
 from rich.console import Console, RenderableType
@@ -11,6 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from dataset_builder.builder import Event
+from dataset_builder.engine.rejections import pixels_of
 from dataset_builder.engine.unit import Outcome
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.lightnet.training.events import Checked, Finished, Started, Stepped
@@ -42,9 +44,11 @@ def follow(events: Iterable[Event], console: Console) -> Iterator[Event]:
             yield event
 
 
-def rejected_lines(rejected: Iterable[Rejected]) -> list[str]:
-    """One line per example that is not shipped: its key, the gate that it failed, and the figures."""
-    return [f"rejected {item.key} ({item.gate}): {item.reason}" for item in rejected]
+def rejected_lines(rejected: Iterable[Rejected], folder: Path) -> list[str]:
+    """One line per example that is not shipped: its key, the gate that it failed, the figures, and where its pixels
+    are."""
+    return [f"rejected {item.key} ({item.gate}): {item.reason}" + (f" (pixels: {pixels})" if pixels else "")
+            for item in rejected for pixels in [pixels_of(folder, item.key)]]
 
 
 def finding_table(findings: Sequence[Finding]) -> Table:

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Sequence
 
 from dataset_builder.shards.manifest import Manifest
 
-NUMBERED = "NNNNNN.tar"
-"""How the name of a shard ends; the first of a split need not have number 0."""
+NUMBERED = "NNNNNN-TTTTTTTT.tar"
+"""How the name of a shard ends, with its number and its tag; the first of a split need not have number 0."""
 _MARKUP = re.compile(r"[\\`*_\[\]<>#&~]|^[-+=:]|^[0-9]+[.)](?= )")
 _SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
 

@@ -1,66 +1,228 @@
-"""The output folder: whether it is ours, and whether another build is using it.
+"""The output folder: whose it is, what in it is ours, and how one set of files takes the place of another.
 
-`.build` inside it marks it as ours before there is a `dataset.json`, and holds the lock and the staged examples.
+`.build/claim.json` says it before there is a `dataset.json`: which dataset is built here, and which files outside
+`.build` builds put there. Everything is written below `.build/next` first; `swap` lets it take its place.
 """
 
-import json
-from collections.abc import Iterator
+import os
+import shutil
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Annotated, Literal, TypeVar
 
+from pydantic import Field, ValidationError
+
+from dataset_builder.digest import canonical_json, read_regular
 from dataset_builder.errors import OutputError, Problem
-from dataset_builder.files import flush_folder, output_errors
+from dataset_builder.files import flush_folder, output_errors, partial_of, write_atomic
 from dataset_builder.lock import locked
+from dataset_builder.spec.model import Model
 
 WORK = ".build"
-LOCK = "lock"
-STAGING = "staging"
-MANIFEST = "dataset.json"
+CLAIM, LOCK, STAGING, NEXT = "claim.json", "lock", "staging", "next"
+SHARDS, INDEX, PREVIEWS = "shards", "index", "previews"
+MANIFEST, CARD, CROISSANT, SUMS = "dataset.json", "README.md", "croissant.json", "SHA256SUMS"
 SECONDS = "seconds.csv"
 """What examples took; of one machine, so no part of the dataset proper."""
-FORMAT = "3df-lighting"
+SHEET = f"{PREVIEWS}/contact_sheet.png"
+FORMAT: Literal["3df-lighting"] = "3df-lighting"
+NAMED = 8
+"""Files of others that are named; of the rest only how many there are."""
+
+MOST_BYTES = 2**26
+"""What a dataset's files of text may hold: some 250,000 shards, or 8,000 examples of one shard."""
+
+M = TypeVar("M", bound=Model)
+_STEM = "[a-z0-9][a-z0-9._-]*"
+_FILE = rf"^({SHARDS}/{_STEM}\.tar|{INDEX}/{_STEM}\.manifest|README\.md|croissant\.json|SHA256SUMS|dataset\.json)$"
 
 
-def claim(folder: Path) -> None:
-    """Make `folder` ours, or find that it is; nothing in it changes but the marker.
+class Claim(Model):
+    """Which dataset a folder is for, and the files outside `.build` that are ours, relative.
 
-    Raises OutputError where it is a file, cannot be written, or holds something that is not a dataset of this builder.
+    publishing: whether a new set is taking the place of the old one; `files` are those of both then.
+    """
+
+    format: Literal["3df-lighting"] = FORMAT
+    name: str
+    version: str
+    files: tuple[Annotated[str, Field(pattern=_FILE)], ...] = ()
+    publishing: bool = False
+
+    @property
+    def title(self) -> str:
+        """Name and major version: what makes a dataset another one."""
+        return f"{self.name} v{self.version.partition('.')[0]}"
+
+
+class _Shard(Model, extra="ignore"):
+    name: str
+
+
+class _Published(Model, extra="ignore"):
+    """What is needed of `dataset.json`, of whatever version of the builder."""
+
+    format: Literal["3df-lighting"]
+    name: str
+    version: str
+    shards: tuple[_Shard, ...]
+
+
+def files_of(shards: Iterable[str]) -> tuple[str, ...]:
+    """Every file of a whole dataset of shards with these names, relative, sorted."""
+    both = [(f"{SHARDS}/{name}", f"{INDEX}/{name.removesuffix('.tar')}.manifest") for name in shards]
+    return tuple(sorted([*(name for pair in both for name in pair), MANIFEST, CARD, CROISSANT, SUMS]))
+
+
+def next_of(folder: Path) -> Path:
+    """Where the files of the next set wait until all are there."""
+    return folder / WORK / NEXT
+
+
+def read_claim(folder: Path) -> Claim | None:
+    """The claim on `folder`; None where there is none that this builder wrote."""
+    return _read(Claim, folder / WORK / CLAIM)
+
+
+def require_ours(folder: Path, wanted: Claim, *, replace: bool = False) -> Claim:
+    """What is wanted with all files in `folder` that are ours; nothing is touched.
+
+    Raises OutputError where it is a file, cannot be read, holds a file that this builder did not write, or, unless
+    `replace`, another dataset or another major version.
     """
     if folder.exists() and not folder.is_dir():
         raise _refused(folder, "expected a folder, got a file", "choose another output folder")
     with output_errors(folder):
-        strange = folder.is_dir() and any(folder.iterdir()) and not (folder / WORK).is_dir() and not _is_dataset(folder)
-        if strange:
-            raise _refused(folder, "expected a new or empty folder, or a dataset of this builder, got other files",
-                           "choose another output folder; no file was changed")
-        (folder / WORK).mkdir(parents=True, exist_ok=True)
+        found = [claim for claim in (_published(folder), read_claim(folder)) if claim]
+        ours = {file for claim in found for file in claim.files}
+        strange = list(_strange(folder, ours, known=bool(found))) if folder.is_dir() else []
+    if strange:
+        more = f" and {len(strange) - NAMED} more" if len(strange) > NAMED else ""
+        raise _refused(folder, "expected a new or empty folder, or a dataset of this builder, got other files: "
+                       f"{', '.join(strange[:NAMED])}{more}",
+                       "move them away, or choose another output folder; no file was changed")
+    if found and not replace and found[0].title != wanted.title:
+        raise _refused(folder, f"expected a new or empty folder, or {wanted.title}, got the dataset {found[0].title}",
+                       "choose another output folder, or say --replace; no file was changed")
+    return wanted.model_copy(update={"files": tuple(sorted(ours))})
 
 
 @contextmanager
-def build_lock(folder: Path) -> Iterator[None]:
-    """Claim `folder` and keep every other build out of it meanwhile; the lock file is gone afterwards.
+def build_lock(folder: Path, wanted: Claim, *, replace: bool = False) -> Iterator[None]:
+    """Claim `folder` for a dataset and keep every other build out of it meanwhile; the lock file is gone afterwards.
 
-    Raises OutputError as `claim` does, and, naming the process, where another build is at work in it.
+    Raises OutputError as `require_ours` does, and, naming the process, where another build is at work in it.
     """
-    claim(folder)
+    require_ours(folder, wanted, replace=replace)
+    with output_errors(folder):
+        (folder / WORK).mkdir(parents=True, exist_ok=True)
     with locked(folder / WORK / LOCK, folder=folder, work="build"):
+        finish_swap(folder)
+        # Again, since another build may have been at work
+        _write_claim(folder, require_ours(folder, wanted, replace=replace))
         yield
 
 
-def retract(folder: Path) -> None:
-    """Take `dataset.json` away before anything that it vouches for changes: without it the dataset is not finished."""
-    with output_errors(folder):
-        if (folder / MANIFEST).exists():
-            (folder / MANIFEST).unlink()
-            flush_folder(folder)
+def swap(folder: Path) -> None:
+    """Let the whole set below `.build/next` take the place of the old one. `dataset.json` goes by one rename, after
+    all that it lists is there; until then the old set is whole. Raises OutputError where the disk refuses.
+
+    Killed at any moment, one of both sets can be read and verified, and `finish_swap` does the rest.
+    """
+    claim, coming = read_claim(folder), _published(next_of(folder))
+    if claim is None or coming is None:
+        raise _refused(folder, f"expected {WORK}/{CLAIM} and a new {MANIFEST}, found none", "run the build again")
+    both = tuple(sorted({*claim.files, *coming.files}))
+    _write_claim(folder, claim.model_copy(update={"files": both, "publishing": True}))
+    finish_swap(folder)
 
 
-def _is_dataset(folder: Path) -> bool:
+def finish_swap(folder: Path) -> None:
+    """Go on with a `swap` to its end, wherever it was cut short; nothing where there was none. Raises OutputError."""
+    claim, source = read_claim(folder), next_of(folder)
+    if claim is None or not claim.publishing:
+        return
+    # `dataset.json` is the only file whose going says that the new set is there
+    kept = _published(source if (source / MANIFEST).exists() else folder)
+    if kept is not None:
+        with output_errors(folder):
+            members = [name for name in kept.files if "/" in name]
+            for names in (members, [MANIFEST], [CARD, CROISSANT, SUMS, SECONDS]):
+                _move(source, folder, names)
+            for name in sorted({*claim.files} - {*kept.files}):
+                (folder / name).unlink(missing_ok=True)
+        claim = claim.model_copy(update={"files": kept.files})
+    _write_claim(folder, claim.model_copy(update={"publishing": False}))
+    shutil.rmtree(source, ignore_errors=True)
+
+
+def left_over(folder: Path) -> frozenset[str]:
+    """Files of an old or a coming set that may lie beside the published one, because a `swap` was cut short."""
+    claim = read_claim(folder)
+    return frozenset(claim.files) if claim and claim.publishing else frozenset()
+
+
+def placed(folder: Path, name: str) -> Path:
+    """Where a file of the published set lies: in its place, or, where a `swap` was cut short, still in `.build`."""
+    source = next_of(folder)
+    late = (source / name).is_file() and not (source / MANIFEST).exists() and left_over(folder)
+    return (source if late else folder) / name
+
+
+def _move(source: Path, folder: Path, names: Iterable[str]) -> None:
+    """Rename those of the files that are in `source`, and flush the folders that they are in now."""
+    moved = [name for name in names if (source / name).is_file()]
+    for name in moved:
+        (folder / name).parent.mkdir(exist_ok=True)
+        os.replace(source / name, folder / name)
+    for parent in {(folder / name).parent for name in moved}:
+        flush_folder(parent)
+
+
+def _strange(folder: Path, ours: set[str], *, known: bool) -> Iterator[str]:
+    """What in a folder is not of this builder, relative, folders with a slash. A link is never a folder."""
+    sheet, claim = Path(SHEET), Path(CLAIM)
+    fine = {*ours, SECONDS, SHEET, partial_of(sheet).as_posix()} if known else set()
+    begun = {LOCK, CLAIM, partial_of(claim).name}
+    for path in sorted(folder.iterdir()):
+        name = _entry(path, folder)
+        if name == f"{WORK}/":
+            nested = path / NEXT
+            entries = [*path.iterdir(), *(nested.iterdir() if nested.is_dir() else ())]
+            yield from sorted(_entry(entry, folder) for entry in entries
+                              if entry.is_symlink() or not (known or entry.name in begun))
+        elif known and name in (f"{SHARDS}/", f"{INDEX}/", f"{PREVIEWS}/"):
+            yield from sorted({_entry(inner, folder) for inner in path.iterdir()} - fine)
+        elif name not in fine:
+            yield name
+
+
+def _entry(path: Path, folder: Path) -> str:
+    name = path.relative_to(folder).as_posix()
+    return f"{name}/" if path.is_dir() and not path.is_symlink() else name
+
+
+def _published(folder: Path) -> Claim | None:
+    """What `dataset.json` says, as a claim; None where there is none of this builder."""
+    found = _read(_Published, folder / MANIFEST)
+    if found is None:
+        return None
     try:
-        content = json.loads((folder / MANIFEST).read_bytes())
-    except (OSError, ValueError):
-        return False
-    return isinstance(content, dict) and content.get("format") == FORMAT
+        return Claim(name=found.name, version=found.version, files=files_of(shard.name for shard in found.shards))
+    except ValidationError:
+        return None
+
+
+def _read(model: type[M], path: Path) -> M | None:
+    try:
+        return model.model_validate_json(read_regular(path, most=MOST_BYTES))
+    except (OSError, ValidationError):
+        return None
+
+
+def _write_claim(folder: Path, claim: Claim) -> None:
+    write_atomic(folder / WORK / CLAIM, canonical_json(claim.model_dump(mode="json")))
 
 
 def _refused(folder: Path, rule: str, hint: str) -> OutputError:

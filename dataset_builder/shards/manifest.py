@@ -5,7 +5,7 @@ from typing import Annotated, Literal, TypeVar
 
 from pydantic import Field, ValidationError, model_validator
 
-from dataset_builder.digest import canonical_json
+from dataset_builder.digest import canonical_json, digest
 from dataset_builder.errors import Problem, ShardError
 from dataset_builder.label.record import Denoised
 from dataset_builder.layers import LAYERS, Extent
@@ -20,6 +20,7 @@ MOST_PROBLEMS = 100
 Count = Annotated[int, Field(ge=0, lt=2**53)]
 Key = Annotated[str, Field(pattern="^[0-9]{8}$")]
 M = TypeVar("M", bound=Model)
+TAG_DIGITS = 8
 LAYOUT_DATE = "2026-11-23"
 """Day this layout was fixed: the `datePublished` of a dataset that gives none, since two builds must be equal bytes."""
 
@@ -58,6 +59,11 @@ class ShardRecord(Model):
     def stem(self) -> str:
         """Name without `.tar`: the stem of the index, too."""
         return self.name.removesuffix(".tar")
+
+    @property
+    def slot(self) -> str:
+        """`stem` without the tag: the shard's place in its dataset, as `shard_slot` names it."""
+        return self.stem.rpartition("-")[0]
 
 
 class ShardIndex(Model):
@@ -160,17 +166,26 @@ class Manifest(Model):
         return self
 
 
-def shard_stem(spec: DatasetSpec, split: str, number: int) -> str:
+def shard_slot(spec: DatasetSpec, split: str, number: int) -> str:
     """`<name>-v<major>-<split>-NNNNNN`, unique over all datasets that share a cache."""
     return f"{spec.name}-v{spec.version.partition('.')[0]}-{split}-{number:06d}"
+
+
+def tagged(index: ShardIndex, slot: str) -> ShardIndex:
+    """The index of the shard in `slot` with its name: `<slot>-<tag>.tar`. The tag is a digest of all else that the
+    index says, so that other content has another name, and an index that was changed does not fit its own."""
+    def named(name: str) -> ShardIndex:
+        return index.model_copy(update={"shard": index.shard.model_copy(update={"name": name})})
+
+    return named(f"{slot}-{digest(named(slot).model_dump(mode='json'))[:TAG_DIGITS]}.tar")
 
 
 def make_manifest(spec: DatasetSpec, *, layers: Mapping[str, Extent], shards: Sequence[ShardIndex],
                   rejected: Iterable[Rejected], spec_digest: str, generator: str, creator: str = "dataset-builder",
                   url: str = "", date_published: str = LAYOUT_DATE, denoised: Iterable[Denoised] = ()) -> Manifest:
     """The manifest of a dataset whose examples hold `layers` (name -> extent) and lie in `shards`, in that order."""
-    records, refused = tuple(index.shard for index in shards), tuple(sorted(rejected, key=lambda item: item.key))
-    return Manifest(
+    refused = tuple(sorted(rejected, key=lambda item: item.key))
+    empty = Manifest(
         name=spec.name, version=spec.version, title=spec.title or spec.name, description=spec.description,
         licence=spec.licence, creator=creator, url=url or f"urn:{FORMAT}:{spec.name}:{spec.version}",
         date_published=date_published, generator=generator, spec_digest=spec_digest,
@@ -179,10 +194,19 @@ def make_manifest(spec: DatasetSpec, *, layers: Mapping[str, Extent], shards: Se
         denoised=tuple(denoised),
         identities=tuple(IdentityRecord(name=name, rule=rule, tolerance=tolerance)
                          for name, rule, tolerance in identity_table(spec.storage.dtype)),
-        splits=tuple(_split_record(split.name, records) for split in spec.splits), shards=records, rejected=refused,
-        totals=Totals(examples=sum(record.examples for record in records), shards=len(records),
-                      bytes=sum(record.bytes for record in records), rejected=len(refused)),
+        splits=tuple(SplitRecord(name=split.name, examples=0, shards=()) for split in spec.splits), shards=(),
+        totals=Totals(examples=0, shards=0, bytes=0, rejected=len(refused)), rejected=refused,
     )
+    return with_shards(empty, [index.shard for index in shards])
+
+
+def with_shards(manifest: Manifest, shards: Sequence[ShardRecord]) -> Manifest:
+    """The manifest of the same dataset in these shards, in that order."""
+    totals = manifest.totals.model_copy(update={
+        "examples": sum(shard.examples for shard in shards), "shards": len(shards),
+        "bytes": sum(shard.bytes for shard in shards)})
+    splits = tuple(_split_record(split.name, shards) for split in manifest.splits)
+    return manifest.model_copy(update={"splits": splits, "shards": tuple(shards), "totals": totals})
 
 
 def layer_record(name: str, extent: Extent, dtype: exr.DType) -> LayerRecord:

@@ -12,10 +12,10 @@ from dataset_builder.label.example_label import ExampleLabel
 from dataset_builder.layers import LAYERS
 from dataset_builder.shards import exr
 from dataset_builder.shards.example import LABEL
-from dataset_builder.shards.folder import MANIFEST
+from dataset_builder.shards.folder import MANIFEST, SUMS, placed
 from dataset_builder.shards.label_text import parse_label, read_label
 from dataset_builder.shards.manifest import ExampleRecord, Manifest, MemberRecord, ShardIndex, ShardRecord, from_json
-from dataset_builder.shards.publish import SUMS, sums_in
+from dataset_builder.shards.publish import sums_in
 from dataset_builder.shards.structure import read_members, read_small
 from dataset_builder.shards.writer import index_path, shard_path
 
@@ -135,7 +135,7 @@ class Dataset:
 
     def _require_sums(self) -> None:
         """`dataset.json` and the indexes, which say where everything is, are those that were published."""
-        listed = dict(filter(None, sums_in(read_small(self.folder / SUMS))))
+        listed = dict(filter(None, sums_in(read_small(placed(self.folder, SUMS)))))
         indexes = [index_path(Path(), shard.stem).as_posix() for shard in self.manifest.shards]
         for name in (MANIFEST, *indexes):
             if (got := sha256_file(self.folder / name)) != listed.get(name):

@@ -12,11 +12,9 @@ from typing import BinaryIO, Protocol
 
 from dataset_builder.digest import open_regular, read_regular, sha256_bytes
 from dataset_builder.errors import Problem, ShardError
+from dataset_builder.shards.folder import MOST_BYTES
 from dataset_builder.shards.manifest import MemberRecord, ShardIndex
 from dataset_builder.shards.segment import BLOCK, end_blocks, header, padding
-
-MOST_BYTES = 2**26
-"""What a dataset's files of text may hold: some 250,000 shards, or 8,000 examples of one shard."""
 
 
 def tar_problems(path: Path, index: ShardIndex) -> list[Problem]:

@@ -8,16 +8,16 @@ from pathlib import Path
 
 from dataset_builder.digest import open_regular, sha256_file
 from dataset_builder.errors import Problem, ShardError
-from dataset_builder.shards.folder import MANIFEST, SECONDS, WORK
+from dataset_builder.shards.folder import CROISSANT, MANIFEST, PREVIEWS, SECONDS, SUMS, WORK, left_over, placed
 from dataset_builder.shards.identities import identity_table
 from dataset_builder.shards.manifest import Manifest, ShardIndex, ShardRecord, from_json
-from dataset_builder.shards.publish import CROISSANT, SUMS, listed_files, sums_in
+from dataset_builder.shards.publish import listed_files, sums_in
 from dataset_builder.shards.reader import load_manifest
 from dataset_builder.shards.structure import MOST_BYTES, read_small, tar_problems
 from dataset_builder.shards.verify_examples import ExampleChecks
 from dataset_builder.shards.writer import index_path, shard_path
 
-IGNORED = (WORK, "previews", SECONDS)
+IGNORED = (WORK, PREVIEWS, SECONDS)
 """Folders that hold nothing a reader relies on."""
 
 
@@ -51,7 +51,7 @@ class _Hashes:
 
     def __getitem__(self, name: str) -> str | None:
         if name not in self._known:
-            path = self._folder / name
+            path = placed(self._folder, name)
             try:
                 self._known[name] = sha256_file(path, most=self._most.get(name, MOST_BYTES))
             except OSError:
@@ -86,19 +86,19 @@ def _files(folder: Path, manifest: Manifest) -> Iterator[Problem]:
     found = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if not path.is_dir()}
     for name in sorted(expected):
         try:
-            open_regular(folder / name, most=None if name.endswith(".tar") else MOST_BYTES).close()
+            open_regular(placed(folder, name), most=None if name.endswith(".tar") else MOST_BYTES).close()
         except FileNotFoundError:
             yield _problem(name, "", "expected a file, found none")
         except OSError as error:
             yield _problem(name, "", f"expected a file that can be read, got: {error.strerror or error}")
-    for name in sorted(found - expected):
+    for name in sorted(found - expected - left_over(folder)):
         if name.split("/")[0] not in IGNORED:
             yield _problem(name, "", f"expected only files that {MANIFEST} accounts for")
 
 
 def _sums(folder: Path, manifest: Manifest, hashes: _Hashes) -> Iterator[Problem]:
     try:
-        lines = sums_in(read_small(folder / SUMS))
+        lines = sums_in(read_small(placed(folder, SUMS)))
     except ShardError:
         return
     files = listed_files(manifest)
@@ -113,7 +113,7 @@ def _sums(folder: Path, manifest: Manifest, hashes: _Hashes) -> Iterator[Problem
 
 def _croissant(folder: Path, manifest: Manifest) -> Iterator[Problem]:
     try:
-        data = read_small(folder / CROISSANT)
+        data = read_small(placed(folder, CROISSANT))
     except ShardError:
         return
     try:

@@ -1,7 +1,7 @@
-"""Staged examples to published shards: assemble, flush, hash, read back, rename, then the index the same way."""
+"""Staged examples to shards of the next set: assemble, flush, hash, read back, rename, then the index the same way."""
 
 import importlib.metadata
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +13,11 @@ from dataset_builder.errors import Problem, ShardError
 from dataset_builder.files import commit, output_errors, partial_of, write_atomic, write_partial
 from dataset_builder.shards import exr
 from dataset_builder.shards.example import Member
-from dataset_builder.shards.folder import retract
-from dataset_builder.shards.manifest import ExampleRecord, MemberRecord, ShardIndex, ShardRecord, from_json, to_json
+from dataset_builder.shards.folder import INDEX, SHARDS, next_of
+from dataset_builder.shards.manifest import ExampleRecord, MemberRecord, ShardIndex, ShardRecord, tagged, to_json
 from dataset_builder.shards.segment import end_blocks, payload_offsets, segment_size
 from dataset_builder.shards.staging import Staging
 from dataset_builder.shards.structure import tar_problems
-
-SHARDS, INDEX = "shards", "index"
 
 
 def writer_versions() -> dict[str, str]:
@@ -43,63 +41,33 @@ def entry(*, key: str, view: str, members: Sequence[Member]) -> dict[str, Any]:
     return {"key": key, "view": view, "members": [member.record() for member in members]}
 
 
-def publish_shard(folder: Path, *, stem: str, split: str, examples: Sequence[tuple[str, str]], spec_digest: str,
+def publish_shard(folder: Path, *, slot: str, split: str, examples: Sequence[tuple[str, str]], spec_digest: str,
                   versions: Mapping[str, str]) -> ShardIndex:
-    """Make the shard `stem` of staged `examples` ((key, digest) pairs, written in key order) and its index.
+    """Make the shard in `slot` of staged `examples` ((key, digest) pairs, written in key order) and its index.
 
-    A `dataset.json` in `folder` is taken away first: it vouches for other bytes. Raises OutputError where the disk
-    refuses, and ShardError where an example is not staged, two share a key, or the file does not read back as written.
+    Both wait below `.build/next` for `publish.publish_dataset`; whatever waited for the same slot is dropped. Raises
+    OutputError where the disk refuses, and ShardError where an example is not staged, two share a key, or the file does
+    not read back as written.
     """
-    chosen, path = sorted(examples), shard_path(folder, stem)
+    chosen, folder_next = sorted(examples), next_of(folder)
+    path = shard_path(folder_next, slot)
     if not chosen or len({key for key, _ in chosen}) < len(chosen):
         raise _wrong(path, f"expected one or more examples with different keys, got {[key for key, _ in chosen]}")
-    retract(folder)
     records: list[ExampleRecord] = []
     size, sha256 = write_partial(path, _chunks(Staging(folder), chosen, records))
-    index = ShardIndex(
+    index = tagged(ShardIndex(
         shard=ShardRecord(name=path.name, split=split, bytes=size, sha256=sha256, examples=len(records),
                           first_key=chosen[0][0], last_key=chosen[-1][0]),
         spec_digest=spec_digest, versions={**writer_versions(), **versions}, examples=tuple(records),
-    )
+    ), slot)
     _check(partial_of(path), index)
-    # A shard never stands beside an index of other bytes
     with output_errors(path):
-        index_path(folder, stem).unlink(missing_ok=True)
-    commit(path)
-    write_atomic(index_path(folder, stem), to_json(index))
+        # An index never stands without its shard
+        for other in [*(folder_next / INDEX).glob(f"{slot}-*"), *(folder_next / SHARDS).glob(f"{slot}-*")]:
+            other.unlink()
+    commit(path, shard_path(folder_next, index.shard.stem))
+    write_atomic(index_path(folder_next, index.shard.stem), to_json(index))
     return index
-
-
-def published(folder: Path, stem: str) -> ShardIndex | None:
-    """The index of a shard that is done: its index exists, and size and SHA-256 of its file agree; else None."""
-    path = shard_path(folder, stem)
-    try:
-        index = from_json(ShardIndex, index_path(folder, stem).read_bytes(), where=stem)
-        done = path.stat().st_size == index.shard.bytes and sha256_file(path) == index.shard.sha256
-    except (FileNotFoundError, ShardError):
-        return None
-    return index if done and index.shard.name == path.name else None
-
-
-def remove_shard(folder: Path, stem: str) -> None:
-    """Take one shard, its index and its unfinished file away. Raises OutputError where the disk refuses."""
-    retract(folder)
-    with output_errors(folder):
-        for path in (index_path(folder, stem), shard_path(folder, stem), partial_of(shard_path(folder, stem))):
-            path.unlink(missing_ok=True)
-
-
-def remove_others(folder: Path, keep: Collection[str]) -> list[str]:
-    """Take away what an earlier plan or an interrupted build left: shards and indexes whose stem is not in `keep`, and
-    unfinished files. Returns the names of the files that went. Raises OutputError where the disk refuses."""
-    known = {path for stem in keep for path in (shard_path(folder, stem), index_path(folder, stem))}
-    others = [path for part in (INDEX, SHARDS) for path in sorted((folder / part).glob("*")) if path not in known]
-    if others:
-        retract(folder)
-    with output_errors(folder):
-        for path in others:
-            path.unlink()
-    return [path.name for path in others]
 
 
 def _chunks(staging: Staging, examples: Sequence[tuple[str, str]], records: list[ExampleRecord]) -> Iterator[bytes]:

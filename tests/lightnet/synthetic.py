@@ -16,8 +16,8 @@ from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.label.scene_plan import CameraPlan
 from dataset_builder.seeding import rng
 from dataset_builder.shards.example import Example, encode_members, preview
-from dataset_builder.shards.folder import build_lock
-from dataset_builder.shards.manifest import ShardIndex, make_manifest, shard_stem
+from dataset_builder.shards.folder import Claim, build_lock
+from dataset_builder.shards.manifest import ShardIndex, make_manifest, shard_slot
 from dataset_builder.shards.publish import publish_dataset
 from dataset_builder.shards.segment import segment
 from dataset_builder.shards.staging import Staging
@@ -72,7 +72,7 @@ def write_synthetic(folder: Path, *, train: int = 6, held_out: int = 3, size: in
     """
     spec = _spec(layers, size, per_shard)
     counts = {"train": range(train), "evaluation": range(train, train + held_out)}
-    with build_lock(folder):
+    with build_lock(folder, Claim(name=spec.name, version=spec.version)):
         indexes = []
         for split, indices in counts.items():
             for number in range(0, len(indices), per_shard):
@@ -233,5 +233,5 @@ def _publish(folder: Path, spec: DatasetSpec, split: str, number: int, examples:
         staging.put(example.key, name, segment(members),
                     entry(key=example.key, view=example.plan.view, members=members))
         staged.append((example.key, name))
-    return publish_shard(folder, stem=shard_stem(spec, split, number), split=split, examples=staged,
+    return publish_shard(folder, slot=shard_slot(spec, split, number), split=split, examples=staged,
                          spec_digest=digest("synthetic"), versions={"renderer": "none"})

@@ -6,6 +6,7 @@ from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 
+import numpy as np
 import pytest
 from rich.console import Console
 from rich.table import Table
@@ -13,6 +14,7 @@ from rich.table import Table
 from dataset_builder.assets.procedural.furniture import FINISHES
 from dataset_builder.builder import Event
 from dataset_builder.cli.common import plain_console
+from dataset_builder.engine.rejections import keep_pixels
 from dataset_builder.engine.unit import Outcome
 from dataset_builder.errors import ShardError, UserError
 from dataset_builder.label.effects_plan import Decision
@@ -97,9 +99,12 @@ def test_what_a_build_made(small_dataset: Path) -> None:
     assert row(printed([build_table(manifest.model_copy(update={"totals": totals}), [], 0.0)]), "rejected") == ["2", ""]
 
 
-def test_rejected_examples_are_lines() -> None:
+def test_rejected_examples_are_lines(tmp_path: Path) -> None:
     item = Rejected(key="00000007", view="train/000003", gate="coverage", reason="expected more, got 0.1")
-    assert rejected_lines([item]) == ["rejected 00000007 (coverage): expected more, got 0.1"]
+    assert rejected_lines([item], tmp_path) == ["rejected 00000007 (coverage): expected more, got 0.1"]
+    keep_pixels(tmp_path, item.key, {"i_s": np.zeros((2, 3, 3), np.float32)})
+    assert rejected_lines([item], tmp_path) == [
+        f"rejected 00000007 (coverage): expected more, got 0.1 (pixels: {tmp_path}/.build/rejected/00000007.npz)"]
 
 
 def test_what_a_dataset_will_cost(small_spec: Path) -> None:

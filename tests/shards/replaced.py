@@ -7,8 +7,8 @@ import numpy as np
 
 from dataset_builder.shards import exr
 from dataset_builder.shards.example import Member
-from dataset_builder.shards.folder import build_lock
-from dataset_builder.shards.manifest import ShardIndex, ShardRecord, from_json
+from dataset_builder.shards.folder import Claim, build_lock
+from dataset_builder.shards.manifest import ShardIndex, ShardRecord, from_json, with_shards
 from dataset_builder.shards.publish import publish_dataset
 from dataset_builder.shards.reader import load_manifest
 from dataset_builder.shards.segment import segment
@@ -20,10 +20,8 @@ from dataset_builder.shards.writer import entry, index_path, publish_shard, shar
 def replace_members(folder: Path, files: Mapping[str, bytes]) -> None:
     """Give the members named in `files` other bytes; shards, indexes, sums and manifest are made anew around them."""
     manifest = load_manifest(folder)
-    with build_lock(folder):
-        shards = tuple(_remade(folder, shard, files) for shard in manifest.shards)
-        totals = manifest.totals.model_copy(update={"bytes": sum(shard.bytes for shard in shards)})
-        publish_dataset(folder, manifest.model_copy(update={"shards": shards, "totals": totals}))
+    with build_lock(folder, Claim(name=manifest.name, version=manifest.version)):
+        publish_dataset(folder, with_shards(manifest, [_remade(folder, shard, files) for shard in manifest.shards]))
         Staging(folder).clear()
 
 
@@ -40,6 +38,6 @@ def _remade(folder: Path, shard: ShardRecord, files: Mapping[str, bytes]) -> Sha
                           pixel_digest=member.pixel_digest) for member in example.members]
         staging.put(example.key, example.digest, segment(members),
                     entry(key=example.key, view=example.view, members=members))
-    return publish_shard(folder, stem=shard.stem, split=shard.split, spec_digest=index.spec_digest,
+    return publish_shard(folder, slot=shard.slot, split=shard.split, spec_digest=index.spec_digest,
                          examples=[(example.key, example.digest) for example in index.examples],
                          versions=index.versions).shard

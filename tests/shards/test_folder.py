@@ -1,4 +1,5 @@
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -8,10 +9,13 @@ import pytest
 
 from dataset_builder.errors import OutputError
 from dataset_builder.files import require_space, write_atomic
-from dataset_builder.shards.folder import build_lock, claim, retract
+from dataset_builder.shards.folder import Claim, build_lock, require_ours
+from dataset_builder.shards.verify import verify
 
-HOLD = ("import sys, time; from pathlib import Path; from dataset_builder.shards.folder import build_lock\n"
-        "with build_lock(Path(sys.argv[1])): print('held', flush=True); time.sleep(60)\n")
+TINY = Claim(name="tiny", version="1.0.0")
+HOLD = ("import sys, time; from pathlib import Path; from dataset_builder.shards.folder import Claim, build_lock\n"
+        "with build_lock(Path(sys.argv[1]), Claim(name='tiny', version='1.0.0')):\n"
+        "    print('held', flush=True)\n    time.sleep(60)\n")
 
 
 def test_the_second_build_refuses_and_names_the_first_until_it_is_killed(tmp_path: Path) -> None:
@@ -19,56 +23,52 @@ def test_the_second_build_refuses_and_names_the_first_until_it_is_killed(tmp_pat
     with subprocess.Popen(command, stdout=subprocess.PIPE, cwd=Path(__file__).parents[2]) as holder:
         assert holder.stdout is not None and holder.stdout.readline() == b"held\n"
         refusal = pytest.raises(OutputError, match=rf"another build is running in this folder \(process {holder.pid}\)")
-        with refusal, build_lock(tmp_path / "out"):
+        with refusal, build_lock(tmp_path / "out", TINY):
             pytest.fail("two builds in one folder")
         holder.send_signal(signal.SIGKILL)
         holder.wait()
-    with build_lock(tmp_path / "out"):
+    with build_lock(tmp_path / "out", TINY):
         pass
 
 
 def test_a_lock_leaves_nothing_behind(tmp_path: Path) -> None:
     for _ in range(2):
         refusal = pytest.raises(OutputError, match=f"process {os.getpid()}")
-        with build_lock(tmp_path / "out"), refusal, build_lock(tmp_path / "out"):
+        with build_lock(tmp_path / "out", TINY), refusal, build_lock(tmp_path / "out", TINY):
             pytest.fail("two builds in one folder")
-        assert list((tmp_path / "out" / ".build").iterdir()) == []
+        assert [path.name for path in (tmp_path / "out" / ".build").iterdir()] == ["claim.json"]
 
 
 def test_a_folder_of_others_is_not_touched(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("x")
     (tmp_path / "dataset.json").write_text('{"format": "another"}')
     with pytest.raises(OutputError, match="expected a new or empty folder"):
-        claim(tmp_path)
+        require_ours(tmp_path, TINY)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["dataset.json", "thesis.tex"]
 
 
 def test_new_empty_and_own_folders_are_claimed(tmp_path: Path, dataset: Path) -> None:
-    claim(tmp_path / "new" / "deep")
     (tmp_path / "empty").mkdir()
-    claim(tmp_path / "empty")
-    (dataset / ".build" / "staging").rmdir()
-    (dataset / ".build").rmdir()
-    claim(dataset)
+    for folder in (tmp_path / "new" / "deep", tmp_path / "empty"):
+        with build_lock(folder, TINY):
+            pass
+    shutil.rmtree(dataset / ".build")
+    with build_lock(dataset, TINY):
+        pass
+    assert verify(dataset) == []
 
 
 @pytest.mark.parametrize("name", ["file", "file/out"])
 def test_a_file_in_the_way_is_a_clear_error(tmp_path: Path, name: str) -> None:
     (tmp_path / "file").write_text("x")
-    with pytest.raises(OutputError, match="choose another output folder"):
-        claim(tmp_path / name)
+    with pytest.raises(OutputError, match="choose another output folder"), build_lock(tmp_path / name, TINY):
+        pytest.fail("built in a file")
 
 
 def test_a_disk_that_is_too_small_is_found_before(tmp_path: Path) -> None:
     require_space(tmp_path / "not" / "yet", 1)
     with pytest.raises(OutputError, match=r"expected 1000000000\.000 GB free, got"):
         require_space(tmp_path / "not" / "yet", 10**18)
-
-
-def test_retract_takes_the_commit_point_away(dataset: Path) -> None:
-    retract(dataset)
-    retract(dataset)
-    assert not (dataset / "dataset.json").exists() and (dataset / "SHA256SUMS").exists()
 
 
 def test_atomic_files_are_whole(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from dataset_builder.shards.manifest import Manifest, Rejected, make_manifest
 from dataset_builder.shards.publish import publish_dataset
 from dataset_builder.shards.reader import load_manifest
 from tests.plans import PAPER
-from tests.shards.tiny_dataset import default_examples, make_spec
+from tests.shards.tiny_dataset import default_examples, make_spec, shard_path
 
 
 def rejecting(manifest: Manifest) -> Manifest:
@@ -50,7 +50,7 @@ def test_shards_follow_webdatasets_rule(dataset: Path) -> None:
 
 
 def test_the_standard_library_finds_the_pixels(dataset: Path) -> None:
-    with tarfile.open(dataset / "shards" / "tiny-v1-test-000000.tar") as tar:
+    with tarfile.open(shard_path(dataset, "tiny-v1-test-000000")) as tar:
         stream = tar.extractfile("00000003.i_t.exr")
         assert stream is not None
         assert np.array_equal(exr.decode(io.BytesIO(stream.read()).read()), default_examples()[3].layers["i_t"])
@@ -68,7 +68,7 @@ def test_the_card_has_configs_for_every_split_and_names_what_is_left_out(dataset
 def test_the_card_finds_the_shards_of_a_split_whose_first_was_rejected_whole(dataset: Path) -> None:
     manifest = load_manifest(dataset)
     train, test = manifest.splits
-    late = train.model_copy(update={"shards": ("tiny-v1-train-000001.tar",)})
+    late = train.model_copy(update={"shards": ("tiny-v1-train-000001-0123abcd.tar",)})
     none = test.model_copy(update={"shards": ()})
     head = YAML(typ="safe").load(card(manifest.model_copy(update={"splits": (late, none)})).split("---\n")[1])
     assert head["configs"][0]["data_files"] == [{"split": "train", "path": "shards/tiny-v1-train-*.tar"}]
@@ -116,9 +116,9 @@ def test_every_id_that_croissant_refers_to_exists(dataset: Path) -> None:
 
 def test_no_dataset_without_its_shards(dataset: Path) -> None:
     manifest = load_manifest(dataset)
-    with (dataset / "shards" / "tiny-v1-test-000000.tar").open("ab") as stream:
+    with shard_path(dataset, "tiny-v1-test-000000").open("ab") as stream:
         stream.write(b"!")
-    with pytest.raises(ShardError, match=r"tiny-v1-test-000000\.tar: expected a finished shard"):
+    with pytest.raises(ShardError, match=r"tiny-v1-test-000000-[0-9a-f]{8}\.tar: expected a finished shard"):
         publish_dataset(dataset, manifest)
 
 

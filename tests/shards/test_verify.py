@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 
 from dataset_builder.digest import canonical_json, sha256_bytes, sha256_file
+from dataset_builder.shards.folder import CARD, CROISSANT, SUMS
 from dataset_builder.shards.label_text import encode_label
 from dataset_builder.shards.manifest import ShardIndex, from_json
-from dataset_builder.shards.publish import CARD, CROISSANT, SUMS
 from dataset_builder.shards.reader import open_dataset
 from dataset_builder.shards.structure import tar_problems
 from dataset_builder.shards.verify import verify
-from dataset_builder.shards.writer import index_path, shard_path
 from tests.shards.replaced import replace_members
-from tests.shards.tiny_dataset import build, default_examples, make_example, make_layers
+from tests.shards.tiny_dataset import build, default_examples, index_path, make_example, make_layers, shard_path
 
 STEM = "tiny-v1-train-000000"
 
@@ -90,28 +89,29 @@ def test_bytes_after_the_end_are_found(dataset: Path) -> None:
 
 
 def test_missing_extra_and_renamed_files_are_found(dataset: Path) -> None:
-    shard_path(dataset, STEM).rename(shard_path(dataset, "tiny-v1-train-000007"))
+    gone, test = shard_path(dataset, STEM), index_path(dataset, "tiny-v1-test-000000")
+    gone.rename(shard_path(dataset, "tiny-v1-train-000007"))
     (dataset / "notes.txt").write_text("x")
-    index_path(dataset, "tiny-v1-test-000000").unlink()
+    test.unlink()
     (dataset / "previews").mkdir()
     (dataset / "previews" / "sheet.png").write_bytes(b"ignored")
     text = found(dataset)
-    assert f"shards/{STEM}.tar: expected a file, found none" in text
+    assert f"shards/{gone.name}: expected a file, found none" in text
     assert "shards/tiny-v1-train-000007.tar: expected only files" in text
-    assert "index/tiny-v1-test-000000.manifest: expected a file, found none" in text
+    assert f"index/{test.name}: expected a file, found none" in text
     assert "notes.txt: expected only files" in text and "sheet.png" not in text
 
 
 def test_a_shard_in_the_place_of_another_is_found(dataset: Path) -> None:
     shutil.copy(shard_path(dataset, "tiny-v1-test-000000"), shard_path(dataset, "tiny-v1-train-000001"))
     text = found(dataset)
-    assert "tiny-v1-train-000001.tar: expected SHA-256" in text and "00000002.d.exr" in text
+    assert f"{shard_path(dataset, 'tiny-v1-train-000001').name}: expected SHA-256" in text and "00000002.d.exr" in text
 
 
 def test_a_shard_listed_twice_is_found(dataset: Path) -> None:
     edit(dataset / "dataset.json", lambda content: content["shards"].append(content["shards"][0]))
     text = found(dataset)
-    assert f"got 2 of name {STEM}.tar" in text and "got 2 of content" in text
+    assert f"got 2 of name {shard_path(dataset, STEM).name}" in text and "got 2 of content" in text
     assert "00000000: expected each key once, got 2" in text and "totals" in text and "splits.train" in text
 
 

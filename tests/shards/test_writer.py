@@ -1,17 +1,35 @@
+import contextlib
 import errno
+import itertools
 import os
-from collections.abc import Callable
+import shutil
+from collections import Counter
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from dataset_builder import files
-from dataset_builder.errors import OutputError, ShardError
+from dataset_builder.errors import OutputError, ShardError, UserError
+from dataset_builder.shards.folder import next_of
+from dataset_builder.shards.publish import published
+from dataset_builder.shards.reader import open_dataset
 from dataset_builder.shards.staging import Staging
 from dataset_builder.shards.verify import verify
-from dataset_builder.shards.writer import index_path, publish_shard, published, remove_others, shard_path
-from tests.shards.tiny_dataset import VERSIONS, build, contents, default_examples, make_example, plan_digest, stage
+from dataset_builder.shards.writer import publish_shard
+from tests.shards.tiny_dataset import (
+    VERSIONS,
+    build,
+    contents,
+    default_examples,
+    index_path,
+    make_example,
+    plan_digest,
+    shard_path,
+    stage,
+)
 
 ONE_SHARD = {("train", 0): (0, 1)}
 
@@ -20,30 +38,32 @@ class Killed(BaseException):
     """Stands for the end of the process: nothing of ours catches it."""
 
 
-def after(steps: int, error: BaseException) -> Callable[[Any], Callable[..., Any]]:
+def after(steps: int, error: BaseException, count: Iterator[int]) -> Callable[[Any], Callable[..., Any]]:
     """Wraps functions that share one count of calls; call number `steps` (from 0) raises instead of acting."""
-    count = iter(range(1_000_000))
 
     def wrap(function: Any) -> Callable[..., Any]:
-        def wrapped(*arguments: Any) -> Any:
+        def wrapped(*arguments: Any, **options: Any) -> Any:
             if next(count) == steps:
                 raise error
-            return function(*arguments)
+            return function(*arguments, **options)
         return wrapped
     return wrap
 
 
-def interrupted(patch: pytest.MonkeyPatch, steps: int, error: BaseException, folder: Path) -> bool:
-    """Build with the step number `steps` of all flushes and renames failing; True where the build got to its end."""
-    with patch.context() as context:
-        wrap = after(steps, error)
-        context.setattr(files.os, "replace", wrap(os.replace))
-        context.setattr(files.os, "fsync", wrap(os.fsync))
-        try:
-            build(folder, shards=ONE_SHARD)
-        except (Killed, OutputError):
-            return False
-    return True
+STEPS = ("replace", "fsync", "unlink")
+"""What a build asks of the disk that changes a file; the patched `os` is everybody's."""
+
+
+def interrupted(patch: pytest.MonkeyPatch, steps: int, error: BaseException, run: Callable[[], object],
+                what: tuple[str, ...] = ("replace", "fsync")) -> bool:
+    """Run with step number `steps` of all that is asked of the disk failing; True where there are fewer."""
+    count = itertools.count()
+    with patch.context() as context, contextlib.suppress(Killed, UserError):
+        wrap = after(steps, error, count)
+        for name in what:
+            context.setattr(files.os, name, wrap(getattr(os, name)))
+        run()
+    return next(count) <= steps
 
 
 def test_two_builds_give_equal_bytes(tmp_path: Path) -> None:
@@ -62,13 +82,41 @@ def test_killed_at_every_step_a_build_goes_on_to_the_same_bytes(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     build(tmp_path / "whole", shards=ONE_SHARD)
     expected, steps = contents(tmp_path / "whole"), 0
-    while not interrupted(monkeypatch, steps, Killed(), folder := tmp_path / f"cut-{steps}"):
+    while not interrupted(
+            monkeypatch, steps, Killed(), partial(build, folder := tmp_path / f"cut-{steps}", shards=ONE_SHARD)):
         finished = (folder / "dataset.json").exists()
         assert not finished or verify(folder) == []
         build(folder, shards=ONE_SHARD)
         assert contents(folder) == expected
         steps += 1
     assert steps > 20
+
+
+@pytest.mark.parametrize(("error", "stride"), [(Killed(), 1), (OSError(errno.ENOSPC, "No space left"), 5)])
+def test_an_edit_cut_short_at_any_step_leaves_the_old_or_the_new_dataset(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: BaseException, stride: int) -> None:
+    # One shard stays, one changes, one goes, one comes
+    edited = default_examples() | {2: make_example(2, view="train/000002", light=5)}
+    shards = {("train", 0): (0, 1), ("train", 1): (2,), ("test", 1): (3,)}
+    build(tmp_path / "old")
+    build(tmp_path / "new", edited, shards=shards)
+    old, new = contents(tmp_path / "old"), contents(tmp_path / "new")
+    steps, found, edit = 0, Counter[str](), partial(build, tmp_path / "cut", edited, shards=shards)
+    while True:
+        shutil.copytree(tmp_path / "old", folder := tmp_path / "cut")
+        whole = interrupted(monkeypatch, steps, error, edit, STEPS)
+        assert verify(folder) == [] and len(list(open_dataset(folder))) == 4
+        manifest = (folder / "dataset.json").read_bytes()
+        found["old" if manifest == old["dataset.json"] else "new"] += 1
+        assert manifest in (old["dataset.json"], new["dataset.json"])
+        assert not whole or contents(folder) == new
+        edit()
+        assert contents(folder) == new
+        shutil.rmtree(folder)
+        if whole:
+            break
+        steps += stride
+    assert steps > 50 and found["old"] > 25 / stride and found["new"] > 10 / stride
 
 
 def test_an_interrupted_build_does_not_lose_finished_examples(tmp_path: Path) -> None:
@@ -81,7 +129,8 @@ def test_an_interrupted_build_does_not_lose_finished_examples(tmp_path: Path) ->
 def test_a_disk_that_refuses_at_any_step_leaves_nothing_half_published(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: int) -> None:
     steps = 0
-    while not interrupted(monkeypatch, steps, OSError(code, os.strerror(code)), folder := tmp_path / f"full-{steps}"):
+    while not interrupted(monkeypatch, steps, OSError(code, os.strerror(code)),
+                          partial(build, folder := tmp_path / f"full-{steps}", shards=ONE_SHARD)):
         assert not list(folder.rglob("*.partial"))
         assert not (folder / "dataset.json").exists() or verify(folder) == []
         steps += 3
@@ -119,19 +168,30 @@ def test_staging_forgets_the_older_of_two_plans(tmp_path: Path) -> None:
 
 
 def test_a_shard_counts_only_with_an_index_that_agrees(dataset: Path) -> None:
-    stem = "tiny-v1-train-000000"
-    done = published(dataset, stem)
+    path, reference = shard_path(dataset, "tiny-v1-train-000000"), contents(dataset)
+    done = published(dataset, path.stem)
     assert done is not None and done.shard.examples == 2
-    with shard_path(dataset, stem).open("r+b") as stream:
+    with path.open("r+b") as stream:
         stream.seek(9000)
         stream.write(b"!")
-    assert published(dataset, stem) is None
-    index_path(dataset, "tiny-v1-train-000001").unlink()
-    assert published(dataset, "tiny-v1-train-000001") is None
-    before = verify(dataset)
-    assert before
+    assert published(dataset, path.stem) is None
+    other = index_path(dataset, "tiny-v1-train-000001")
+    other.unlink()
+    assert published(dataset, other.stem) is None
+    assert verify(dataset)
     build(dataset)
-    assert verify(dataset) == []
+    assert contents(dataset) == reference
+
+
+def test_whatever_is_changed_in_an_index_the_shard_is_made_again(dataset: Path) -> None:
+    path, reference = index_path(dataset, "tiny-v1-train-000000"), contents(dataset)
+    whole = path.read_bytes()
+    for at in range(0, len(whole), 7):
+        path.write_bytes(whole[:at] + bytes([whole[at] ^ 1 << at % 7]) + whole[at + 1:])
+        assert published(dataset, path.stem) is None, at
+    (dataset / "SHA256SUMS").write_text("")
+    build(dataset)
+    assert contents(dataset) == reference
 
 
 def test_the_size_of_what_waits_leaves_out_what_goes_meanwhile(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -145,10 +205,12 @@ def test_the_size_of_what_waits_leaves_out_what_goes_meanwhile(tmp_path: Path, m
     assert whole > staging.size() == whole - lost
 
 
-def test_publishing_takes_the_commit_point_away_first(dataset: Path) -> None:
-    staged = stage(dataset, make_example())
-    publish_shard(dataset, stem="tiny-v1-train-000000", split="train", examples=[staged], spec_digest="", versions={})
-    assert not (dataset / "dataset.json").exists()
+def test_a_new_shard_waits_beside_the_old_dataset(dataset: Path) -> None:
+    before, staged = contents(dataset), stage(dataset, make_example())
+    index = publish_shard(dataset, slot="tiny-v1-train-000000", split="train", examples=[staged], spec_digest="",
+                          versions={})
+    assert contents(dataset) == before and verify(dataset) == []
+    assert published(next_of(dataset), index.shard.stem) == index
 
 
 def test_a_shard_needs_its_examples_once_each(tmp_path: Path) -> None:
@@ -156,22 +218,23 @@ def test_a_shard_needs_its_examples_once_each(tmp_path: Path) -> None:
     wrong = (([], "one or more"), ([staged, staged], "different keys"), ([("00000009", "x")], "00000009"))
     for examples, rule in wrong:
         with pytest.raises(ShardError, match=rule):
-            publish_shard(tmp_path, stem="s", split="train", examples=examples, spec_digest="", versions=VERSIONS)
+            publish_shard(tmp_path, slot="s", split="train", examples=examples, spec_digest="", versions=VERSIONS)
 
 
 def test_shard_bytes_do_not_depend_on_the_order_of_staging(tmp_path: Path) -> None:
     examples = [make_example(index) for index in (5, 2, 9)]
     for name, order in (("a", examples), ("b", examples[::-1])):
         staged = [stage(tmp_path / name, example) for example in order]
-        publish_shard(tmp_path / name, stem="s", split="train", examples=staged, spec_digest="", versions=VERSIONS)
-    assert contents(tmp_path / "a") == contents(tmp_path / "b")
+        publish_shard(tmp_path / name, slot="s", split="train", examples=staged, spec_digest="", versions=VERSIONS)
+    assert contents(next_of(tmp_path / "a")) == contents(next_of(tmp_path / "b"))
 
 
-def test_what_an_earlier_plan_left_is_taken_away(dataset: Path) -> None:
-    keep = ["tiny-v1-train-000000", "tiny-v1-train-000001"]
-    (dataset / "shards" / "tiny-v1-train-000000.tar.partial").write_bytes(b"cut")
-    assert remove_others(dataset, keep) == [
-        "tiny-v1-test-000000.manifest", "tiny-v1-test-000000.tar", "tiny-v1-train-000000.tar.partial"]
-    assert not (dataset / "dataset.json").exists() and remove_others(dataset, keep) == []
-    build(dataset)
-    assert verify(dataset) == []
+def test_what_an_earlier_plan_left_is_taken_away(dataset: Path, tmp_path: Path) -> None:
+    gone = [shard_path(dataset, "tiny-v1-train-000001"), index_path(dataset, "tiny-v1-train-000001")]
+    (next_of(dataset) / "shards").mkdir(parents=True)
+    (next_of(dataset) / "shards" / "tiny-v1-train-000000.tar.partial").write_bytes(b"cut")
+    shards = {("train", 0): (0, 1), ("test", 0): (3,)}
+    build(dataset, shards=shards)
+    build(tmp_path / "fresh", shards=shards)
+    assert not any(path.exists() for path in [*gone, next_of(dataset)]) and verify(dataset) == []
+    assert contents(dataset) == contents(tmp_path / "fresh")

@@ -8,12 +8,12 @@ from dataset_builder.digest import digest
 from dataset_builder.seeding import rng
 from dataset_builder.shards import exr
 from dataset_builder.shards.example import Example, encode_members, preview
-from dataset_builder.shards.folder import build_lock
-from dataset_builder.shards.manifest import Manifest, ShardIndex, make_manifest, shard_stem
-from dataset_builder.shards.publish import publish_dataset
+from dataset_builder.shards.folder import Claim, build_lock
+from dataset_builder.shards.manifest import Manifest, ShardIndex, make_manifest, shard_slot
+from dataset_builder.shards.publish import publish_dataset, whole_shards
 from dataset_builder.shards.segment import segment
 from dataset_builder.shards.staging import Staging
-from dataset_builder.shards.writer import entry, publish_shard, published
+from dataset_builder.shards.writer import entry, publish_shard
 from dataset_builder.spec.dataset import DatasetSpec
 from tests.plans import PAPER, example_plan, render_record
 
@@ -84,7 +84,7 @@ def build(folder: Path, examples: dict[int, Example] | None = None, *, dtype: ex
           shards: dict[tuple[str, int], tuple[int, ...]] = SHARDS) -> Manifest:
     """Build the small dataset as a real build does: keep what is done, stage, publish, `dataset.json` last."""
     examples, spec = examples or default_examples(), make_spec(dtype)
-    with build_lock(folder):
+    with build_lock(folder, Claim(name=spec.name, version=spec.version)):
         indexes = [_shard(folder, spec, split, number, [examples[index] for index in members], dtype)
                    for (split, number), members in shards.items()]
         manifest = make_manifest(spec, layers=dict(PAPER), shards=indexes, rejected=(), spec_digest=digest("tiny"),
@@ -96,15 +96,25 @@ def build(folder: Path, examples: dict[int, Example] | None = None, *, dtype: ex
 
 def _shard(folder: Path, spec: DatasetSpec, split: str, number: int, examples: list[Example],
            dtype: exr.DType) -> ShardIndex:
-    stem, wanted = shard_stem(spec, split, number), [(example.key, plan_digest(example)) for example in examples]
-    done = published(folder, stem)
-    if done and [(example.key, example.digest) for example in done.examples] == wanted:
-        return done
+    slot, wanted = shard_slot(spec, split, number), [(example.key, plan_digest(example)) for example in examples]
+    for done in whole_shards(folder):
+        if done.shard.slot == slot and [(example.key, example.digest) for example in done.examples] == wanted:
+            return done
     staged = [stage(folder, example, dtype) for example in examples]
-    return publish_shard(folder, stem=stem, split=split, examples=staged, spec_digest=digest("tiny"), versions=VERSIONS)
+    return publish_shard(folder, slot=slot, split=split, examples=staged, spec_digest=digest("tiny"), versions=VERSIONS)
+
+
+def shard_path(folder: Path, slot: str) -> Path:
+    """The shard in `slot`, such as `tiny-v1-train-000000`, whatever its tag; or where it would be without one."""
+    return next((folder / "shards").glob(f"{slot}-????????.tar"), folder / "shards" / f"{slot}.tar")
+
+
+def index_path(folder: Path, slot: str) -> Path:
+    """The index of the shard in `slot`, whatever its tag."""
+    return next((folder / "index").glob(f"{slot}-????????.manifest"), folder / "index" / f"{slot}.manifest")
 
 
 def contents(folder: Path) -> dict[str, bytes]:
     """Every file of a dataset by relative name, but for the builder's own folder."""
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in sorted(folder.rglob("*"))
-            if path.is_file() and ".build" not in path.parts}
+            if path.is_file() and ".build" not in path.relative_to(folder).parts}

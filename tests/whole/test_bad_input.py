@@ -12,8 +12,8 @@ from typing import Any, NoReturn
 import pytest
 
 from dataset_builder.cli.main import main
-from dataset_builder.shards.folder import build_lock
-from dataset_builder.shards.writer import shard_path
+from dataset_builder.shards.folder import Claim, build_lock
+from tests.shards.tiny_dataset import shard_path
 from tests.small_specs import FILES, contents, write_spec
 
 Run = Callable[..., str]
@@ -150,7 +150,7 @@ def test_a_disk_that_refuses_later(small_spec: Path, tmp_path: Path, refused: Ru
 
 
 def test_two_builds_in_one_folder(small_spec: Path, tmp_path: Path, refused: Run) -> None:
-    with build_lock(tmp_path / "out"):
+    with build_lock(tmp_path / "out", Claim(name="small", version="1.0.0")):
         said = refused("build", small_spec, "--out", tmp_path / "out", "--workers", "1")
     assert f"out: another build is running in this folder (process {os.getpid()})" in said
     assert contents(tmp_path / "out") == {}
@@ -167,8 +167,8 @@ def test_a_changed_byte_is_found_and_named(small_dataset: Path, tmp_path: Path,
     path.write_bytes(data)
     assert main(["verify", str(tmp_path / "copy")]) == 1
     said = capsys.readouterr().out
-    assert "wrong: small-v1-train-000001.tar: expected SHA-256" in said and "small-v1-train-000000" not in said
-    assert "wrong: small-v1-train-000001.tar: 00000003." in said
+    assert f"wrong: {path.name}: expected SHA-256" in said and "small-v1-train-000000" not in said
+    assert f"wrong: {path.name}: 00000003." in said
 
 
 def test_the_program_itself(tmp_path: Path) -> None:

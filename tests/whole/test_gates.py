@@ -2,15 +2,18 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from dataset_builder.cli.main import main
+from dataset_builder.engine import rejections
 from dataset_builder.errors import UserError
 from dataset_builder.rendering import view_scenes
+from dataset_builder.shards.example import decode_png
 from dataset_builder.shards.folder import WORK
 from dataset_builder.shards.reader import load_manifest, open_dataset
 from dataset_builder.shards.verify import verify
-from tests.small_specs import contents, outcomes_of, records, run_build
+from tests.small_specs import contents, outcomes_of, records, run_build, slots
 
 STRICT = ("rough.sigma=[0.0, 0.08]", "gates.mask_overlap=0.9", "storage.examples_per_shard=1")
 """Every second example is too rough for the gate, and each has a shard of its own."""
@@ -25,8 +28,7 @@ def strict(small_spec: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_others_are_shipped(strict: Path) -> None:
     assert [int(key) for key in records(strict)] == [0, 2, 4, 6, 8] and verify(strict) == []
-    assert [path.name for path in sorted((strict / "shards").iterdir())] == [
-        "small-v1-test-000000.tar", *(f"small-v1-train-{number:06d}.tar" for number in (0, 2, 4, 6))]
+    assert slots(strict) == ["small-v1-test-000000", *(f"small-v1-train-{number:06d}" for number in (0, 2, 4, 6))]
 
 
 def test_the_manifest_names_them_with_figures(strict: Path) -> None:
@@ -36,6 +38,30 @@ def test_the_manifest_names_them_with_figures(strict: Path) -> None:
     assert all(item.reason.startswith("expected intersection over union of mask and mask_rough in [0.9, 1], got 0.")
                for item in manifest.rejected)
     assert {item.view for item in manifest.rejected} == {item.view for item in records(strict).values()}
+
+
+def test_their_pixels_are_kept_to_be_looked_at(small_spec: Path, strict: Path, tmp_path: Path,
+                                               monkeypatch: pytest.MonkeyPatch) -> None:
+    kept = sorted((strict / WORK / "rejected").iterdir())
+    assert [path.name for path in kept] == [f"{key:08d}.{end}" for key in (1, 3, 5, 7, 9) for end in ("npz", "png")]
+    with np.load(kept[0]) as layers:
+        assert set(layers) == set(open_dataset(strict).layers)
+        assert np.array_equal(layers["i_t"], open_dataset(strict)["00000000"]["i_t"])
+    assert decode_png(kept[1].read_bytes()).shape == (20, 48, 3)
+    # No more than a few, and none of another spec
+    monkeypatch.setattr(rejections, "MOST_PICTURES", 2)
+    run_build(small_spec, tmp_path, *STRICT)
+    pictures = tmp_path / WORK / "rejected"
+    assert sorted(path.name for path in pictures.iterdir()) == [path.name for path in kept[:4]]
+    run_build(small_spec, tmp_path, only=[0])
+    assert list(pictures.iterdir()) == []
+
+
+def test_pixels_that_are_not_finite_are_kept_too(tmp_path: Path) -> None:
+    layers = {"i_t": np.full((2, 3, 3), np.nan, np.float32), "mask": np.full((2, 3, 1), np.inf, np.float32)}
+    rejections.keep_pixels(tmp_path, "00000001", layers)
+    path = rejections.pixels_of(tmp_path, "00000001")
+    assert path is not None and np.isnan(np.load(path)["i_t"]).all()
 
 
 def test_a_build_that_goes_on_neither_forgets_nor_repeats_them(small_spec: Path, strict: Path, tmp_path: Path,

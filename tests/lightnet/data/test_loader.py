@@ -151,7 +151,7 @@ def test_what_is_wrong_with_an_example_comes_out_as_it_is_when_its_turn_comes(sp
     with pytest.raises(ShardError) as caught:
         next(batches)
     problem, = caught.value.problems
-    assert (problem.where, problem.path) == ("synthetic-v1-train-000000.tar", "00000002.r.exr")
+    assert problem.where.startswith("synthetic-v1-train-000000-") and problem.path == "00000002.r.exr"
     assert str(caught.value) == str(problem) and "NaN" in problem.rule and "Traceback" not in problem.rule
     assert nobody_is_left()
 
