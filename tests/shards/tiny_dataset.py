@@ -50,7 +50,8 @@ def make_spec(dtype: exr.DType = "float32") -> DatasetSpec:
     splits = [{"name": name, "objects": {"from": ["stool.yaml"], "count": 1},
                "scenes": {"from": ["room.yaml"], "count": 1}} for name in ("train", "test")]
     return DatasetSpec.model_validate({
-        "name": "tiny", "version": "1.0.0", "title": "Tiny", "image": {"width": WIDTH, "height": HEIGHT},
+        "name": "tiny", "version": "1.0.0", "title": "Tiny", "licence": "CC0-1.0",
+        "image": {"width": WIDTH, "height": HEIGHT},
         "layers": dict(PAPER), "storage": {"dtype": dtype, "examples_per_shard": 2}, "splits": splits,
     })
 
