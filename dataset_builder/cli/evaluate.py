@@ -1,7 +1,6 @@
 """The verbs `train`, `evaluate` and `compose`: networks on the shards of a dataset, and what they make of objects."""
 
 import argparse
-from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,10 +8,7 @@ from dataset_builder.cli import common
 from dataset_builder.errors import UserError
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from dataset_builder.lightnet.results.compose_input import ComposeInput
-    from dataset_builder.lightnet.results.evaluate import ScoreRow
 
 FILES = {"i_s": "--i-s", "s_prime": "--s-prime", "mask": "--mask", "background": "--background"}
 OPTIONAL = {"mask_rough": "--mask-rough"}
@@ -67,6 +63,8 @@ def _train(options: argparse.Namespace) -> int:
 
 
 def _evaluate(options: argparse.Namespace) -> int:
+    from rich.progress import track
+
     from dataset_builder.files import require_writable
     from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
     from dataset_builder.lightnet.results.evaluate import contender, evaluate, load_all, trivial
@@ -82,7 +80,8 @@ def _evaluate(options: argparse.Namespace) -> int:
     indices = spread_indices(len(dataset), options.examples or 0)
     trained = [contender(name, one) for name, one in loaded.items()]
     contenders = [*trained, *trivial()]
-    rows = list(_shown(evaluate(contenders, dataset, indices), len(indices) * len(contenders), console))
+    rows = list(track(evaluate(contenders, dataset, indices), total=len(indices) * len(contenders), console=console,
+                      description="predictions"))
     here = (dataset.name, dataset.split)
     evaluation = page.Evaluation(
         dataset=dataset.name, split=dataset.split, rows=rows, notes={one.name: one.note for one in contenders},
@@ -95,12 +94,6 @@ def _evaluate(options: argparse.Namespace) -> int:
         console.print(line, highlight=False, soft_wrap=True)
     console.print(f"results: {out}", highlight=False, soft_wrap=True)
     return 0
-
-
-def _shown(rows: Iterable["ScoreRow"], count: int, console: "Console") -> Iterator["ScoreRow"]:
-    from rich.progress import track
-
-    yield from track(rows, total=count, description="predictions", console=console)
 
 
 def _compose(options: argparse.Namespace) -> int:

@@ -132,7 +132,7 @@ def _noise(options: argparse.Namespace) -> int:
         for line in () if isinstance(news.event, Finished) else lines_of(news.event):
             print(f"{news.number}/{news.count} {news.name}: {line}", flush=True)
     split = level_trainings.held_out(study)
-    levels = levels_of(study, split, list(level_trainings.measure(study, split)))
+    levels = levels_of(study, split, level_trainings.measure(study, split))
     write_table(levels, study.out / "levels.csv")
     write_page(NoiseResults(
         study=study, levels=levels, passes=passes, crops=list(crops(study, split, levels)), left_out=split.left_out,

@@ -17,6 +17,7 @@ from dataset_builder.label.record import RenderRecord
 from dataset_builder.layers import LAYERS
 from dataset_builder.rendering.backend import renderer_versions
 from dataset_builder.rendering.examples import Rendered, render_view
+from dataset_builder.studies.sampled import rerendered
 
 STEADY = 0.9
 """Share of the time that a repetition must save for another one to be worth it."""
@@ -60,13 +61,8 @@ class Warm:
         """Compile what rendering `plan` needs, where no plan like it was met under this setting before."""
         key = (setting, plan.effects.features, plan.render.layers)
         if key not in self.done:
-            render(tiny(plan), mesh_root)
+            render(rerendered(plan, width=TINY, height=TINY), mesh_root)
             self.done.add(key)
-
-
-def tiny(plan: ExamplePlan) -> ExamplePlan:
-    """The same plan with few pixels."""
-    return plan.model_copy(update={"render": plan.render.model_copy(update={"width": TINY, "height": TINY})})
 
 
 def seconds_of(layer: str, found: Rendered) -> float:

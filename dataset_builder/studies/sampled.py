@@ -80,13 +80,17 @@ def _plannable(planner: Planner, refs: Sequence[ExampleRef]) -> Iterator[Example
         yield ref
 
 
+def rerendered(plan: ExamplePlan, **changes: object) -> ExamplePlan:
+    """The same plan with other values of `render`, which are not checked again."""
+    return plan.model_copy(update={"render": plan.render.model_copy(update=changes)})
+
+
 def reseeded(plan: ExamplePlan, *path: str | int) -> ExamplePlan:
     """The same plan with other Monte Carlo samples: independent of the plan's own and of every other path's.
 
     The seed of a spec cannot do that, for it decides the content, too.
     """
-    seed = str(derive_seed(int(plan.render.seed), "study", *path))
-    return plan.model_copy(update={"render": plan.render.model_copy(update={"seed": seed})})
+    return rerendered(plan, seed=str(derive_seed(int(plan.render.seed), "study", *path)))
 
 
 def chosen_layers(spec: DatasetSpec, wanted: Sequence[str]) -> dict[str, str]:

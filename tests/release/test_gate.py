@@ -21,6 +21,7 @@ from dataset_builder.release.gate import PARTS, Begun, Done, Gate, LeftOut, run
 from dataset_builder.release.training_checks import SETTINGS, STEPS, compare, loader_checks, read
 from dataset_builder.shards.manifest import Manifest, from_json, to_json
 from tests.lightnet.synthetic import write_synthetic
+from tests.shards.test_verify import reseal
 from tools.sabotage import sabotage
 
 TINY = ("steps=2", "model={width: 4, downs: 2}", "data={crop: 32, batch: 2, workers: 0}",
@@ -91,6 +92,7 @@ def test_the_loader_counts_what_the_manifest_promises(dataset: Path, tmp_path: P
     more = manifest.splits[0].model_copy(update={"examples": 22})
     (tmp_path / "set" / "dataset.json").write_bytes(to_json(manifest.model_copy(update={
         "splits": (more, manifest.splits[1])})))
+    reseal(tmp_path / "set")
     assert [check.name for check in loader_checks(tmp_path / "set", DataSpec()) if not check.holds] == ["counted"]
 
 

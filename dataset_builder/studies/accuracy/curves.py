@@ -21,13 +21,15 @@ REACH = 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class Point:
-    """One setting on a curve: geometric means over examples (value: median; psnr: mean)."""
+    """One setting on a curve: geometric means over examples, unless a field says otherwise."""
 
     setting: str
     value: float
+    """Median."""
     seconds: float
     error: float
     psnr: float
+    """Mean, in dB."""
     flip: float
     spp: float
     at_floor: bool

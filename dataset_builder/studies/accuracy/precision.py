@@ -27,6 +27,7 @@ from dataset_builder.studies.accuracy.rows import WHOLE, AccuracyRow, of
 from dataset_builder.studies.accuracy.workbench import PLAIN, Bench
 from dataset_builder.studies.image_errors import relative_mse
 from dataset_builder.studies.renders import render
+from dataset_builder.studies.sampled import rerendered
 
 CODECS = "codecs"
 Result = TypeVar("Result")
@@ -94,9 +95,8 @@ def measure_sums(bench: Bench, ref: ExampleRef) -> Iterator[AccuracyRow]:
 def one_sample_each(plan: ExamplePlan, count: int) -> ExamplePlan:
     """The same picture with at least `count` pixels and one sample in each."""
     side = isqrt(count - 1) + 1
-    changed = {"width": side, "height": side, "batches": 1} | dict.fromkeys(
-        ("spp_first_hit", "spp_source", "spp_target", "spp_rough"), 1)
-    return plan.model_copy(update={"render": plan.render.model_copy(update=changed)})
+    return rerendered(plan, width=side, height=side, batches=1, spp_first_hit=1, spp_source=1, spp_target=1,
+                      spp_rough=1)
 
 
 def drifts(samples: np.ndarray, batch: int) -> tuple[float, float, float]:

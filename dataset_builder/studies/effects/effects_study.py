@@ -17,7 +17,7 @@ from dataset_builder.studies.comma_separated import write_csv
 from dataset_builder.studies.effects.picture_differences import Difference, clear_difference, noisy_difference
 from dataset_builder.studies.image_errors import geometric_mean
 from dataset_builder.studies.renders import Warm, timed
-from dataset_builder.studies.sampled import StudySpec, reseeded
+from dataset_builder.studies.sampled import StudySpec, rerendered, reseeded
 
 COMMON = ("render.accuracy={}", "render.denoise={}", "storage.standard_errors=true")
 """Equal samples on both sides, and errors to judge by."""
@@ -82,8 +82,7 @@ def _compare(study: EffectsStudy, ref: ExampleRef, warm: Warm) -> Compared:
 def _light_free(plan: ExamplePlan) -> ExamplePlan:
     """Layers without light alone, from other samples."""
     layers = tuple((name, extent) for name, extent in plan.render.layers if not LAYERS[name].radiometric)
-    again = reseeded(plan, "again")
-    return again.model_copy(update={"render": again.render.model_copy(update={"layers": layers})})
+    return rerendered(reseeded(plan, "again"), layers=layers)
 
 
 def _judged(layer: str) -> bool:

@@ -1,7 +1,7 @@
 """The trainings of the study, and their results on the examples that every level has."""
 
 from collections import Counter, defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -70,11 +70,9 @@ class LevelNews:
 
 def jobs(study: NoiseStudy) -> dict[str, TrainingJob]:
     """The trainings by name: on all levels first, then on each."""
-    found = {MIXED: _job(study, MIXED, study.training, ())}
-    for level in range(len(study.levels)):
-        name = level_name(level)
-        found[name] = _job(study, name, study.per_level, (level,))
-    return found
+    alone = {level_name(level): (level,) for level in range(len(study.levels))}
+    return {MIXED: _job(study, MIXED, study.training, ()),
+            **{name: _job(study, name, study.per_level, levels) for name, levels in alone.items()}}
 
 
 def train_all(study: NoiseStudy) -> Iterator[LevelNews]:
@@ -98,19 +96,16 @@ def held_out(study: NoiseStudy) -> HeldOut:
                    left_out=len(levels) - len(whole))
 
 
-def measure(study: NoiseStudy, split: HeldOut) -> Iterator[ScoreRow]:
+def measure(study: NoiseStudy, split: HeldOut) -> Sequence[ScoreRow]:
     """Every example by every training and by what learns nothing; the table of an earlier run is taken where it is of
     the same trainings."""
     folder = study.out / "scores"
     claim(folder, digest({name: job.identity() for name, job in jobs(study).items()}))
     if kept := read_scores(folder / SCORES):
-        yield from kept
-        return
-    rows = []
-    for row in evaluate(contenders(study), split.dataset, [example.index for example in split.examples]):
-        rows.append(row)
-        yield row
+        return kept
+    rows = list(evaluate(contenders(study), split.dataset, [example.index for example in split.examples]))
     write_scores(rows, folder / SCORES)
+    return rows
 
 
 def contenders(study: NoiseStudy) -> list[Contender]:
