@@ -5,7 +5,7 @@ training, and the paper says neither in which range nor over which pixels it mea
 values.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from dataset_builder.lightnet.settings import TrainingSpec
@@ -110,8 +110,3 @@ class Table:
     def row(self, name: str) -> TableRow:
         """The row of that name."""
         return next(row for row in self.rows if row.name == name)
-
-
-def names(rows: Sequence[TableRow]) -> tuple[str, ...]:
-    """Names, in order."""
-    return tuple(row.name for row in rows)

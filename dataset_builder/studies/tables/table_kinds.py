@@ -11,7 +11,7 @@ from typing import Any
 
 from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.studies.tables import paper
-from dataset_builder.studies.tables.paper import Group, Table, TableRow, names
+from dataset_builder.studies.tables.paper import Group, Table, TableRow
 from dataset_builder.studies.trainings import changed
 
 FULL_BASELINES = 16
@@ -81,7 +81,8 @@ def methods(base: TrainingSpec, *, own_optimisers: bool = True) -> Table:
                TableRow(name="lightnet", title="LighTNet", spec=base, printed=paper.METHODS["lightnet"])]
     trivial = [TableRow(name=name, title=title, spec=None, note="learns nothing") for name, title in TRIVIAL.items()]
     return Table(name="methods", number="Table 1", question="Which method transfers light best?",
-                 rows=(*trained, *trivial), groups=(Group(title="methods", rows=names(trained)),), reference="lightnet",
+                 rows=(*trained, *trivial), reference="lightnet",
+                 groups=(Group(title="methods", rows=(*BASELINES, "lightnet")),),
                  absent={"LighTNet, trained on NeRFs": (paper.LIGHTNET_ON_NERF, "I_s of the dataset is rendered")})
 
 
@@ -104,7 +105,7 @@ def objectives(base: TrainingSpec) -> Table:
     rows = tuple(TableRow(name=name, title=title, spec=_weighted(base, {term: WEIGHTS[term] for term in terms}),
                      printed=paper.OBJECTIVES[name]) for name, (title, terms) in OBJECTIVES.items())
     return Table(name="objectives", number="Table 2", question="Which losses transfer light best?", rows=rows,
-                 groups=(Group(title="objectives", rows=names(rows)),), reference="fr-dssim-lab", absent={})
+                 groups=(Group(title="objectives", rows=tuple(OBJECTIVES)),), reference="fr-dssim-lab", absent={})
 
 
 def formulations(base: TrainingSpec) -> Table:
