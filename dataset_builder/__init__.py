@@ -9,7 +9,7 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "Dataset": "shards.reader", "ExampleLabel": "label.example_label", "ExamplePlan": "label.example_plan",
-    "LightingDataset": "lightnet.data.lighting_dataset", "LoadedSpec": "spec.loaded", "Manifest": "shards.manifest",
+    "LightingDataset": "lightnet.data.lighting_dataset", "LoadedSpec": "spec.resolve", "Manifest": "shards.manifest",
     "Pinhole": "geometry.pinhole", "UserError": "errors",
     "build": "api", "irradiance": "geometry.harmonics", "load_spec": "api", "load_training": "lightnet.settings",
     "open_dataset": "shards.reader", "plan": "api", "render_example": "api", "tone_mapped": "api",
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from dataset_builder.shards.manifest import Manifest as Manifest
     from dataset_builder.shards.reader import Dataset as Dataset
     from dataset_builder.shards.reader import open_dataset as open_dataset
-    from dataset_builder.spec.loaded import LoadedSpec as LoadedSpec
+    from dataset_builder.spec.resolve import LoadedSpec as LoadedSpec
 else:
     def __getattr__(name: str) -> object:
         if name not in _HOMES:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from dataset_builder.label.example_plan import ExamplePlan
     from dataset_builder.planning.plan import Planner
     from dataset_builder.shards.manifest import Manifest
-    from dataset_builder.spec.loaded import LoadedSpec
+    from dataset_builder.spec.resolve import LoadedSpec
 
 DATASETS = Path("datasets")
 """Where datasets are built unless another folder is named."""

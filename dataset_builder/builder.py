@@ -29,7 +29,7 @@ from dataset_builder.shards.publish import publish_dataset, whole_shards
 from dataset_builder.shards.staging import Staging
 from dataset_builder.shards.writer import publish_shard
 from dataset_builder.spec.dataset import DatasetSpec
-from dataset_builder.spec.loaded import LoadedSpec
+from dataset_builder.spec.resolve import LoadedSpec
 
 MAX_REASONS = 5
 """Reasons that are told where every example of a split was rejected."""

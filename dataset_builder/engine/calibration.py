@@ -22,7 +22,7 @@ from dataset_builder.planning.effects.denoise_guides import FACTOR, REPEATS
 from dataset_builder.planning.plan import Planner
 from dataset_builder.rendering.backend import activate
 from dataset_builder.seeding import derive_seed
-from dataset_builder.spec.loaded import LoadedSpec
+from dataset_builder.spec.resolve import LoadedSpec
 from dataset_builder.spread import spread_indices
 
 DARK = 0.01

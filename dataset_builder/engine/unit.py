@@ -29,7 +29,7 @@ from dataset_builder.shards.staging import Staging
 from dataset_builder.shards.writer import entry, writer_versions
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.load import load_dataset
-from dataset_builder.spec.loaded import LoadedSpec
+from dataset_builder.spec.resolve import LoadedSpec
 
 if TYPE_CHECKING:
     from dataset_builder.rendering.examples import Rendered

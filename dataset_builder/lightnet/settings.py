@@ -1,8 +1,8 @@
 """How a method is trained, as written: one YAML file, given to `dataset-builder train --config`."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -149,3 +149,21 @@ def load_training(path: Path | str | None = None, overrides: Sequence[str] = ())
     if isinstance(spec, list) or problems:
         raise SpecError([*problems, *(spec if isinstance(spec, list) else ())])
     return spec
+
+
+def differences(first: Model, second: Model) -> dict[str, tuple[Any, Any]]:
+    """Dotted keys in which two specs of one kind differ, with both values."""
+    one, two = flat(first), flat(second)
+    return {key: (one[key], two[key]) for key in one if one[key] != two[key]}
+
+
+def flat(spec: Model) -> dict[str, Any]:
+    """Values by dotted key, as JSON has them."""
+    return _flat(spec.model_dump(mode="json"))
+
+
+def _flat(plain: Mapping[str, Any], path: str = "") -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, value in plain.items():
+        found |= _flat(value, f"{path}{key}.") if isinstance(value, dict) else {f"{path}{key}": value}
+    return found

@@ -19,8 +19,8 @@ from dataset_builder.planning.view.cameras import PlannedCamera, place_camera
 from dataset_builder.planning.view.lights import LitView, sky_share, source_light, target_light, unit_irradiance
 from dataset_builder.seeding import derive_seed, rng
 from dataset_builder.spec.dataset import DatasetSpec
-from dataset_builder.spec.loaded import LoadedSpec
 from dataset_builder.spec.numbers import draw
+from dataset_builder.spec.resolve import LoadedSpec
 
 SCHEMA_VERSION = "1.0.0"
 """Of the ExamplePlan that is written beside the pixels."""

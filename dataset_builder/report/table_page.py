@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from dataset_builder.files import write_atomic
 from dataset_builder.lightnet.measures.metrics import METRICS, Metric
 from dataset_builder.lightnet.results.clustered_means import ClusteredMean
-from dataset_builder.lightnet.settings_differences import differences
+from dataset_builder.lightnet.settings import differences
 from dataset_builder.report.page_parts import COLOURS, heading, markdown_table, panels, plus_minus, png, rounded
 from dataset_builder.studies.tables.paper import SOURCE, Printed, Table
 from dataset_builder.studies.tables.result import Order, Pair, RowResult, orders, summary, verdict

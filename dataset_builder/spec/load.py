@@ -18,9 +18,8 @@ from ruamel.yaml.reader import ReaderError
 from dataset_builder.digest import read_regular
 from dataset_builder.errors import Problem, SpecError
 from dataset_builder.spec.document import BadOverride, Document, Override, apply
-from dataset_builder.spec.loaded import LoadedSpec
 from dataset_builder.spec.problems import dotted, shown
-from dataset_builder.spec.resolve import Resolver
+from dataset_builder.spec.resolve import LoadedSpec, Resolver
 
 STANDARD_TAG = "tag:yaml.org,2002:"
 SCALAR_TAGS = ("int", "float", "bool", "null")

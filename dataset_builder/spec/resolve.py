@@ -1,22 +1,23 @@
-"""Follow every reference of a dataset file, validate each file once, and gather all problems before any is raised."""
+"""A dataset spec with all that it names: files are followed, each is validated once, all problems are gathered."""
 
 import os
 import posixpath
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
+from dataset_builder.digest import digest
 from dataset_builder.errors import Problem, SpecError
-from dataset_builder.spec.check import check_licence, check_object, check_splits, files_like, find_mesh
+from dataset_builder.spec.check import check_licence, check_object, check_splits, files_like, find_images, find_mesh
 from dataset_builder.spec.dataset import DatasetSpec, ObjectsSpec, ScenesSpec, SplitSpec
 from dataset_builder.spec.document import Document
 from dataset_builder.spec.families import FAMILIES
-from dataset_builder.spec.image_source import find_images
 from dataset_builder.spec.licences import FREE
-from dataset_builder.spec.loaded import LoadedSpec
 from dataset_builder.spec.mesh_source import MeshSource
 from dataset_builder.spec.model import Model
 from dataset_builder.spec.problems import problems_of, shown
@@ -24,6 +25,42 @@ from dataset_builder.spec.scene import ObjectSpec, RoomSpec, SceneSpec
 
 AnyModel = TypeVar("AnyModel", bound=Model)
 KeyPath = tuple[str | int, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LoadedSpec:
+    """One dataset and its files.
+
+    Files are keyed by their path relative to the folder of the dataset file, with forward slashes; every reference
+    inside `dataset` and `scenes` is such a key, so `rooms[scene.room]` and `objects[piece.object]` always work.
+    meshes: the mesh file of each object that has one, under the object's key. images: SHA-256 of each image that lights
+    show, by its name in the dataset file. overrides: `key.path=value` strings that `dataset` has already been changed
+    by; with `path` they load the spec again.
+    """
+
+    path: Path
+    dataset: DatasetSpec
+    objects: Mapping[str, ObjectSpec]
+    scenes: Mapping[str, SceneSpec]
+    rooms: Mapping[str, RoomSpec]
+    meshes: Mapping[str, MeshSource]
+    images: Mapping[str, str]
+    overrides: tuple[str, ...] = ()
+
+    @cached_property
+    def spec_digest(self) -> str:
+        """SHA-256 over the content of everything, files of meshes and images
+        included; not over the folder that it lies in."""
+        return digest(self.content())
+
+    def content(self) -> dict[str, Any]:
+        """Everything that a build depends on, as plain data."""
+        groups = {"objects": self.objects, "scenes": self.scenes, "rooms": self.rooms}
+        plain = {kind: {key: spec.model_dump(mode="json", by_alias=True) for key, spec in specs.items()}
+                 for kind, specs in groups.items()}
+        meshes = {key: mesh.content() for key, mesh in self.meshes.items()}
+        return {"dataset": self.dataset.model_dump(mode="json", by_alias=True), "meshes": meshes,
+                "images": dict(self.images), **plain}
 
 
 def validated(document: Document, model: type[AnyModel]) -> AnyModel | list[Problem]:

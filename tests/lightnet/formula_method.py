@@ -8,8 +8,7 @@ import torch
 from torch import nn
 
 from dataset_builder.lightnet.data.batch import Batch, Inputs, Prediction
-from dataset_builder.lightnet.methods.build_method import build_method
-from dataset_builder.lightnet.methods.checkpoint import Trained, save_state
+from dataset_builder.lightnet.methods.checkpoint import Trained, build_method, save_state
 from dataset_builder.lightnet.methods.method import Loss, Method
 from dataset_builder.lightnet.settings import TrainingSpec
 

@@ -13,7 +13,7 @@ from dataset_builder.label.scene_plan import ObjectPlan, PlacedObject, RoomPlan
 from dataset_builder.planning.scene import assets_of_plan
 from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.spec.dataset import DatasetSpec
-from dataset_builder.spec.loaded import LoadedSpec
+from dataset_builder.spec.resolve import LoadedSpec
 from dataset_builder.spec.scene import ObjectSpec, RoomSpec, SceneSpec
 
 FACES = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6],

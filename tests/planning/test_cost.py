@@ -22,7 +22,7 @@ from dataset_builder.planning.cost import (
 )
 from dataset_builder.planning.plan import Planner, first_plan, plan_example
 from dataset_builder.planning.view.visibility import window_share
-from dataset_builder.spec.loaded import LoadedSpec
+from dataset_builder.spec.resolve import LoadedSpec
 
 Load = Callable[..., LoadedSpec]
 RATES = Rates(light_paths=100.0, free_paths=1000.0, seconds_per_pass=2.0, seconds_per_view=3.0, seconds_per_example=5.0,

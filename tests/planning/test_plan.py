@@ -7,7 +7,7 @@ from dataset_builder.errors import PlanError
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.layers import LAYERS
 from dataset_builder.planning.plan import Planner, plan_example
-from dataset_builder.spec.loaded import LoadedSpec
+from dataset_builder.spec.resolve import LoadedSpec
 from dataset_builder.spec.scene import ObjectSpec
 
 Load = Callable[..., LoadedSpec]

@@ -1,4 +1,4 @@
-"""Augmentation of an example: another crop, its mirror image, another strength or colour of the target light.
+"""Which examples make up a batch, and how they are varied: cropped, mirrored, under more, less or other target light.
 
 Light is additive, so that all that is seen under the target light, S', I_t and the harmonics, may be multiplied by one
 factor per channel, and I_t = D S + spec holds as before. Mirror images are pictures of a mirrored world.
@@ -15,6 +15,27 @@ from dataset_builder.seeding import rng
 
 DRAWS = 8
 """Numbers drawn for an example in an epoch, whether they are used or not."""
+
+
+class Draw(NamedTuple):
+    """Example number `example` as epoch `epoch` shows it."""
+
+    epoch: int
+    example: int
+
+
+@lru_cache(maxsize=4)
+def epoch_order(count: int, seed: int, epoch: int) -> np.ndarray:
+    """(count,) every position once, shuffled anew in each epoch; not to be written to."""
+    order = rng(seed, "order", epoch).permutation(count)
+    order.flags.writeable = False
+    return order
+
+
+def draws_of(batch: int, *, size: int, count: int, seed: int) -> list[Draw]:
+    """Batch number `batch`: positions [batch size, (batch + 1) size) of all epochs in a row, so that none is ragged."""
+    places = (divmod(place, count) for place in range(batch * size, (batch + 1) * size))
+    return [Draw(epoch=epoch, example=int(epoch_order(count, seed, epoch)[place])) for epoch, place in places]
 
 
 class Window(NamedTuple):

@@ -11,9 +11,8 @@ from torch.utils.data import Dataset
 
 from dataset_builder.errors import Problem, ShardError, UserError
 from dataset_builder.label.example_label import ExampleLabel
-from dataset_builder.lightnet.data.assemble import ExamplePart, whole
+from dataset_builder.lightnet.data.assemble import ExamplePart, lighting_of, whole
 from dataset_builder.lightnet.data.batch import Batch
-from dataset_builder.lightnet.data.light_coefficients import lighting_of
 from dataset_builder.lightnet.data.ranges import target_exposure
 from dataset_builder.lightnet.settings import DataSpec
 from dataset_builder.shards.reader import load_manifest, open_dataset

@@ -18,9 +18,8 @@ from torch.utils.data import DataLoader, Dataset
 
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.lightnet.data.assemble import Chosen, Notes, Shape, assemble, batch_of, fill
-from dataset_builder.lightnet.data.augment import epoch_draws, variation_of, window_about, window_side
+from dataset_builder.lightnet.data.augment import Draw, draws_of, epoch_draws, variation_of, window_about, window_side
 from dataset_builder.lightnet.data.batch import Batch
-from dataset_builder.lightnet.data.batch_order import Draw, draws_of
 from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
 from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.processes import follow_the_parent

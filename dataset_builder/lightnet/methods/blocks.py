@@ -1,4 +1,4 @@
-"""Parts of the networks: convolutions that see only the object, encoders, decoders.
+"""Parts of the networks: convolutions that see only the object, encoders, decoders; and layers of the baselines.
 
 An object fills a part of the frame, larger or smaller by chance. So features are 0 outside the object after every
 layer, exactly as convolutions pad them, and normalisation takes its moments over the object. The result on an object
@@ -12,10 +12,14 @@ import torch
 from torch import nn
 from torch.nn import functional
 
+from dataset_builder.lightnet.data.ranges import linear_light, tone_map
+
 MAX_GROUPS = 8
 """Channels are normalised in this many groups at most."""
 EPSILON = 1e-5
 """Added to variances, so that constants are normalised to 0."""
+BRIGHTEST = 0.999
+"""Display value that networks with a bounded output can reach; about 440 times the mean light."""
 
 
 class ObjectNorm(nn.Module):
@@ -116,3 +120,34 @@ def head(width: int, *, bias: float = 0.0) -> nn.Conv2d:
     nn.init.zeros_(last.weight)
     nn.init.constant_(last.bias, bias)  # type: ignore[arg-type]
     return last
+
+
+class BatchNorm(nn.BatchNorm2d):
+    """Batch normalisation that takes one value per channel (a batch of one at 1 x 1), which PyTorch's refuses to train
+    on: a single value has no spread, and is normalised by the moments seen before."""
+
+    def forward(self, input: torch.Tensor) -> torch.Tensor:
+        """(B, C, H, W) of the same."""
+        if self.training and input.numel() == input.shape[1]:
+            return functional.batch_norm(input, self.running_mean, self.running_var, self.weight, self.bias,
+                                         eps=self.eps)
+        return super().forward(input)
+
+
+class InstanceNorm(nn.InstanceNorm2d):
+    """Instance normalisation without weights that takes a single pixel, of which nothing is left: it says 0."""
+
+    def forward(self, input: torch.Tensor) -> torch.Tensor:
+        """(B, C, H, W) of the same."""
+        return input - input if input.shape[-2:] == (1, 1) else super().forward(input)
+
+
+def signed(image: torch.Tensor) -> torch.Tensor:
+    """Exposed linear light as display values in [-1, 1); black is -1."""
+    return 2 * tone_map(image) - 1
+
+
+def light_of(share: torch.Tensor, inside: torch.Tensor) -> torch.Tensor:
+    """Exposed linear light of what a network says in [0, 1], 0 outside; no value of `share` is cut, so that gradients
+    go on everywhere."""
+    return linear_light(BRIGHTEST * share, BRIGHTEST) * inside

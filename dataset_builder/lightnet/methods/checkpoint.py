@@ -1,10 +1,11 @@
-"""Checkpoints: everything that a training needs to resume as if it had never stopped, in one file, complete or absent.
+"""Methods with their first weights, and checkpoints: all that a training needs to resume as if it had never stopped.
 
-A file holds plain data and tensors only and is read with `weights_only`, so that a checkpoint from elsewhere may be
-wrong but cannot run code.
+A checkpoint is one file, complete or absent. It holds plain data and tensors only and is read with `weights_only`,
+so that one from elsewhere may be wrong but cannot run code.
 """
 
 import pickle
+from collections.abc import Callable
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -16,16 +17,45 @@ from pydantic import ValidationError
 
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.files import write_atomic
-from dataset_builder.lightnet.methods.build_method import build_method
-from dataset_builder.lightnet.methods.device import choose
+from dataset_builder.lightnet.methods.baselines.dpr import Dpr
+from dataset_builder.lightnet.methods.baselines.pix2pix import Pix2Pix
+from dataset_builder.lightnet.methods.baselines.ssvbrdf import Ssvbrdf
+from dataset_builder.lightnet.methods.lightnet import LighTNet
+from dataset_builder.lightnet.methods.losses import LightObjective
 from dataset_builder.lightnet.methods.method import Method
+from dataset_builder.lightnet.methods.predict import choose
 from dataset_builder.lightnet.settings import ObjectiveSpec, TrainingSpec
+from dataset_builder.seeding import derive_seed
 
 FORMAT = "3df-lighting-training"
 VERSION = 1
 KEYS = {"format", "version", "spec", "identity", "dataset", "step", "method", "optimisers", "history", "best",
         "bad_steps", "stale", "off"}
 ANOTHER = "best.pt and last.pt have the same format: replace the damaged file with a copy of the other"
+
+
+def build_method(spec: TrainingSpec, vgg_weights: Path | None = None) -> Method:
+    """The method that a spec names, on the CPU. Its first weights depend on the spec's seed, method and model alone;
+    the global random state is left as it was.
+
+    vgg_weights: file of VGG-19, for the objective of LighTNet. Raises UserError where it is not what it should be.
+    """
+    # Nothing on a GPU draws weights, so the states of GPUs need not be kept
+    with torch.random.fork_rng(devices=[]):
+        torch.default_generator.manual_seed(derive_seed(spec.seed, "weights"))
+        return _BUILDERS[spec.method](spec, vgg_weights)
+
+
+def _lightnet(spec: TrainingSpec, vgg_weights: Path | None) -> Method:
+    return LighTNet(spec.model, LightObjective(spec.objective, vgg_weights))
+
+
+_BUILDERS: dict[str, Callable[[TrainingSpec, Path | None], Method]] = {
+    "lightnet": _lightnet,
+    "pix2pix": lambda spec, _: Pix2Pix(spec.model),
+    "dpr": lambda spec, _: Dpr(spec.model),
+    "ssvbrdf": lambda spec, _: Ssvbrdf(spec.model),
+}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -15,8 +15,7 @@ from dataset_builder.errors import UserError
 from dataset_builder.lightnet.data.batch import Batch, Prediction
 from dataset_builder.lightnet.data.ranges import tone_map
 from dataset_builder.lightnet.measures.colour import lab, lab_angle
-from dataset_builder.lightnet.measures.inside import inside_only, mean_inside
-from dataset_builder.lightnet.measures.ssim import ssim_map
+from dataset_builder.lightnet.measures.metrics import inside_only, mean_inside, ssim_map
 from dataset_builder.lightnet.methods import vgg
 from dataset_builder.lightnet.methods.method import Loss
 from dataset_builder.lightnet.settings import ObjectiveSpec

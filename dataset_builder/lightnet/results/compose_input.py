@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from dataset_builder.errors import Problem, UserError
-from dataset_builder.lightnet.data.light_coefficients import lighting_of
+from dataset_builder.lightnet.data.assemble import lighting_of
 from dataset_builder.shards import exr
 from dataset_builder.shards.reader import Dataset, load_manifest, open_dataset
 

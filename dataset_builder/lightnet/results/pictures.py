@@ -7,7 +7,7 @@ import torch
 
 from dataset_builder.lightnet.data.batch import Batch, Prediction
 from dataset_builder.lightnet.data.ranges import tone_map
-from dataset_builder.lightnet.measures.inside import inside_only
+from dataset_builder.lightnet.measures.metrics import inside_only
 from dataset_builder.tonemap import to_8bit
 
 MARGIN = 4

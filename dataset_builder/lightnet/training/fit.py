@@ -21,16 +21,12 @@ from dataset_builder.lightnet.data import loader
 from dataset_builder.lightnet.data.batch import Batch
 from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
 from dataset_builder.lightnet.measures.metrics import mean_metrics, measure
-from dataset_builder.lightnet.methods.build_method import build_method
-from dataset_builder.lightnet.methods.checkpoint import load_state, load_weights, save_state, spec_of
-from dataset_builder.lightnet.methods.device import Precision, autocast, choose, precision_on
+from dataset_builder.lightnet.methods.checkpoint import build_method, load_state, load_weights, save_state, spec_of
 from dataset_builder.lightnet.methods.method import Method, running_statistics
-from dataset_builder.lightnet.methods.predict import predict
+from dataset_builder.lightnet.methods.predict import Precision, autocast, choose, precision_on, predict
 from dataset_builder.lightnet.methods.vgg import file_digest
-from dataset_builder.lightnet.settings import TrainingSpec
-from dataset_builder.lightnet.settings_differences import differences, flat
-from dataset_builder.lightnet.training.board import Board
-from dataset_builder.lightnet.training.events import Checked, Event, Finished, Started, Stepped
+from dataset_builder.lightnet.settings import TrainingSpec, differences, flat
+from dataset_builder.lightnet.training.events import Board, Checked, Event, Finished, Started, Stepped
 from dataset_builder.lightnet.training.optimise import Optimisers
 from dataset_builder.lock import locked
 from dataset_builder.seeding import derive_seed

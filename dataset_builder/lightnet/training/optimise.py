@@ -1,16 +1,32 @@
-"""One optimisation step: losses by phase, their gradients, and what is done where they are not finite."""
+"""One optimisation step: its rate, losses by phase, their gradients, and what is done where they are not finite."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import inf, isfinite
+from math import cos, inf, isfinite, pi
 from typing import Any
 
 import torch
 
 from dataset_builder.lightnet.data.batch import Batch, Prediction
 from dataset_builder.lightnet.methods.method import Loss, Method
-from dataset_builder.lightnet.settings import TrainingSpec
-from dataset_builder.lightnet.training.schedule import rate_at
+from dataset_builder.lightnet.settings import OptimiserSpec, TrainingSpec
+
+LAST = 0.01
+"""Share of the rate that a cosine schedule ends at."""
+
+
+def rate_at(step: int, steps: int, spec: OptimiserSpec) -> float:
+    """Learning rate of step 0, 1, .. steps - 1: a linear rise over `warm_up` steps, then constant or half a cosine.
+
+    >>> rate_at(0, 100, OptimiserSpec(rate=1.0, warm_up=10, schedule="constant"))
+    0.1
+    """
+    if step < spec.warm_up:
+        return spec.rate * (step + 1) / spec.warm_up
+    if spec.schedule == "constant":
+        return spec.rate
+    done = (step - spec.warm_up) / max(steps - 1 - spec.warm_up, 1)
+    return spec.rate * (LAST + (1 - LAST) * (1 + cos(pi * min(done, 1.0))) / 2)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,8 +16,8 @@ from dataset_builder.seeding import derive_seed, rng
 from dataset_builder.spec.dataset import SplitSpec
 from dataset_builder.spec.families import FAMILIES, FamilyParam
 from dataset_builder.spec.licences import FREE
-from dataset_builder.spec.loaded import LoadedSpec
 from dataset_builder.spec.numbers import AnyNumber, draw
+from dataset_builder.spec.resolve import LoadedSpec
 from dataset_builder.spec.scene import FogSpec, ObjectSpec, RoomSpec
 
 Path = tuple[str | int, ...]

@@ -14,7 +14,7 @@ from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.label.scene_plan import CameraPlan, Vector
 from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.planning.view.visibility import Sight, look, silhouette_area
-from dataset_builder.spec.camera import CameraSpec
+from dataset_builder.spec.dataset import CameraSpec
 from dataset_builder.spec.numbers import draw
 from dataset_builder.spec.render import ImageSpec
 

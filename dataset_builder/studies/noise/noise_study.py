@@ -14,7 +14,7 @@ from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.planning.catalogue import ExampleRef, examples
 from dataset_builder.shards.folder import SECONDS
 from dataset_builder.spec.load import load_dataset
-from dataset_builder.spec.loaded import LoadedSpec
+from dataset_builder.spec.resolve import LoadedSpec
 from dataset_builder.studies.comma_separated import read_csv
 from dataset_builder.studies.trainings import changed, settings_of
 

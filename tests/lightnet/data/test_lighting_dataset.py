@@ -10,7 +10,7 @@ import torch
 
 from dataset_builder.errors import ShardError, UserError
 from dataset_builder.geometry.harmonics import basis, irradiance, rotation
-from dataset_builder.lightnet.data.light_coefficients import camera_from_world, lighting_of
+from dataset_builder.lightnet.data.assemble import camera_from_world, lighting_of
 from dataset_builder.lightnet.data.lighting_dataset import LAYERS, LightingDataset, exposure_of
 from dataset_builder.lightnet.data.ranges import luminance
 from dataset_builder.lightnet.settings import DataSpec

@@ -15,8 +15,8 @@ import pytest
 import torch
 
 from dataset_builder.errors import ShardError, UserError
+from dataset_builder.lightnet.data.augment import draws_of
 from dataset_builder.lightnet.data.batch import Batch
-from dataset_builder.lightnet.data.batch_order import draws_of
 from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
 from dataset_builder.lightnet.data.loader import training_batches, whole_images
 from dataset_builder.lightnet.settings import TrainingSpec

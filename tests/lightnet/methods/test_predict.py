@@ -5,7 +5,7 @@ import torch
 
 from dataset_builder.lightnet.data.batch import Inputs, Prediction
 from dataset_builder.lightnet.methods.baselines.dpr import Dpr
-from dataset_builder.lightnet.methods.build_method import build_method
+from dataset_builder.lightnet.methods.checkpoint import build_method
 from dataset_builder.lightnet.methods.method import Method
 from dataset_builder.lightnet.methods.predict import padded, predict
 from dataset_builder.lightnet.settings import ModelSpec, TrainingSpec

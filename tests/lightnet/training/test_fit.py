@@ -11,8 +11,7 @@ import torch
 from dataset_builder.errors import OutputError, UserError
 from dataset_builder.lightnet.data.batch import Batch, Prediction
 from dataset_builder.lightnet.methods.baselines.pix2pix import Pix2Pix
-from dataset_builder.lightnet.methods.build_method import build_method
-from dataset_builder.lightnet.methods.checkpoint import load_state, load_trained, save_state
+from dataset_builder.lightnet.methods.checkpoint import build_method, load_state, load_trained, save_state
 from dataset_builder.lightnet.methods.lightnet import LighTNet
 from dataset_builder.lightnet.methods.method import Loss
 from dataset_builder.lightnet.settings import load_training

@@ -20,8 +20,8 @@ from dataset_builder.planning.effects.materials_used import MaterialUse, SceneUs
 from dataset_builder.planning.plan import Planner, first_plan
 from dataset_builder.planning.precheck import probe
 from dataset_builder.spec.load import load_dataset
-from dataset_builder.spec.loaded import LoadedSpec
 from dataset_builder.spec.render import RenderSpec
+from dataset_builder.spec.resolve import LoadedSpec
 from tests import plans
 
 SPECS = Path(__file__).parents[3] / "scene_specs"

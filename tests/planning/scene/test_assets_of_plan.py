@@ -27,8 +27,8 @@ from dataset_builder.planning.scene.assets_of_plan import (
 )
 from dataset_builder.planning.scene.contents import contents
 from dataset_builder.planning.view.visibility import look
-from dataset_builder.spec.loaded import LoadedSpec
 from dataset_builder.spec.mesh_source import companions, mesh_source
+from dataset_builder.spec.resolve import LoadedSpec
 from dataset_builder.spec.scene import MaterialSpec, ObjectSpec
 
 TRIANGLES = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n" \

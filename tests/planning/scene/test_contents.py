@@ -8,8 +8,8 @@ import pytest
 from dataset_builder.errors import PlanError
 from dataset_builder.planning.scene.contents import contents
 from dataset_builder.spec.families import FAMILIES
-from dataset_builder.spec.loaded import LoadedSpec
 from dataset_builder.spec.mesh_source import MeshSource
+from dataset_builder.spec.resolve import LoadedSpec
 from dataset_builder.spec.scene import ObjectSpec
 
 Load = Callable[..., LoadedSpec]

@@ -15,7 +15,7 @@ from dataset_builder.planning.view.cameras import place_camera
 from dataset_builder.planning.view.emission import LUMINANCE, direct_irradiance
 from dataset_builder.planning.view.lights import LitView, Stream, sky_share, source_light, target_light
 from dataset_builder.seeding import rng
-from dataset_builder.spec.camera import CameraSpec
+from dataset_builder.spec.dataset import CameraSpec
 from dataset_builder.spec.light import SourceSpec, TargetSpec
 from dataset_builder.spec.render import ImageSpec
 

@@ -14,7 +14,7 @@ from dataset_builder.errors import PlanError
 from dataset_builder.planning.view.emission import LUMINANCE
 from dataset_builder.rendering.scene.emitters import emitters
 from dataset_builder.rendering.scene.images import environment, lamp_texture, mean_luminance, read_image
-from dataset_builder.spec.image_source import ENVIRONMENT_SUFFIXES, TEXTURE_SUFFIXES
+from dataset_builder.spec.check import ENVIRONMENT_SUFFIXES, TEXTURE_SUFFIXES
 from tests.reference_scenes import deviates, diffuse, rectangle, sensor, traced
 from tests.small_scenes import light, lit_by
 

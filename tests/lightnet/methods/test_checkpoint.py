@@ -1,3 +1,5 @@
+
+
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, get_args
@@ -8,7 +10,7 @@ from torch import nn
 from torch.utils._python_dispatch import TorchDispatchMode
 
 from dataset_builder.lightnet.data.batch import Batch, Inputs
-from dataset_builder.lightnet.methods.build_method import build_method
+from dataset_builder.lightnet.methods.checkpoint import build_method
 from dataset_builder.lightnet.methods.method import Method, count_parameters
 from dataset_builder.lightnet.settings import Method as Name
 from dataset_builder.lightnet.settings import ModelSpec, TrainingSpec
