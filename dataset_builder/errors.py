@@ -10,12 +10,14 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class Problem:
-    """One broken rule: `where` is `file:line` or a path, `path` the dotted key, `rule` the expectation with its
-    value."""
+    """One broken rule."""
 
     where: str
+    """`file:line` or a path."""
     path: str
+    """The dotted key."""
     rule: str
+    """The expectation with its value."""
     hint: str = ""
 
     def __str__(self) -> str:

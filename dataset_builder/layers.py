@@ -17,21 +17,25 @@ EVERYWHERE = ("mask", "mask_rough", "instance")
 
 @dataclass(frozen=True, kw_only=True)
 class Layer:
-    """One layer of an example.
-
-    name: identifier; symbol: the paper's; geometry: which mesh of the target object; render_pass: the pass that makes
-    it; channels: 3 (R, G, B) or 1 (Y); low, high: closed range of valid values; unit; meaning: one sentence.
-    """
+    """One layer of an example."""
 
     name: str
+    """Identifier."""
     symbol: str
+    """The paper's."""
     geometry: Geometry
+    """Which mesh of the target object it shows."""
     render_pass: Pass
+    """The pass that makes it."""
     channels: int
+    """3 (R, G, B) or 1 (Y)."""
     low: float
+    """Least valid value."""
     high: float
+    """Largest valid value."""
     unit: str
     meaning: str
+    """In one sentence."""
 
     @property
     def radiometric(self) -> bool:

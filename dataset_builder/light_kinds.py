@@ -19,21 +19,23 @@ LENGTHS: dict[Quantity, int] = {"radiance": 0, "irradiance": 0, "intensity": 2}
 
 @dataclass(frozen=True, kw_only=True)
 class LightKind:
-    """One kind of light.
-
-    name: identifier; quantity: what its colour measures; sized: has a side or radius; aimed: has a direction; beamed:
-    has a cutoff angle; outside: shines from outside the room, from no place in it; image: what kind of image it may
-    show, empty for none; slots: emitters of the kind in every scene, 0 for as many as it has lights.
-    """
+    """One kind of light."""
 
     name: LightName
     quantity: Quantity
+    """What its colour measures."""
     sized: bool = False
+    """Whether it has a side or radius."""
     aimed: bool = False
+    """Whether it has a direction."""
     beamed: bool = False
+    """Whether it has a cutoff angle."""
     outside: bool = False
+    """Whether it shines from outside the room, from no place in it."""
     image: Image = ""
+    """Kind of image that it may show, empty for none."""
     slots: int = 0
+    """Emitters of the kind in every scene, 0 for as many as it has lights."""
 
     @property
     def all_round(self) -> bool:

@@ -16,44 +16,48 @@ def reflectance_at(ior: float) -> float:
 class Texture:
     """Texel values that multiply the factors of a material; repeats in both directions.
 
-    base_color: (H, W, 3) float32, linear Rec.709 in [0, 1]. roughness, metallic: (H, W) float32 in [0, 1], or None.
-    normal: (H, W, 3) float32 unit vectors in tangent space (x along u, y along v, z out), or None.
     All maps share one H and W. Row 0 is at v = 1 (image order); texture coordinate (0, 0) is the lower left corner.
     """
 
     base_color: np.ndarray
+    """(H, W, 3) float32, linear Rec.709 in [0, 1]."""
     roughness: np.ndarray | None = None
+    """(H, W) float32 in [0, 1]."""
     metallic: np.ndarray | None = None
+    """(H, W) float32 in [0, 1]."""
     normal: np.ndarray | None = None
+    """(H, W, 3) float32 unit vectors in tangent space (x along u, y along v, z out)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Material:
-    """Metallic-roughness surface, as glTF 2.0 (appendix B) means it, two-sided.
-
-    base_color: three factors in [0, 1], linear Rec.709. roughness: perceptual, in [0, 1] (alpha = roughness squared).
-    metallic: in [0, 1]. specular: reflectance at normal incidence of the dielectric part, in [0, 0.16]; 0.04 is an
-    index of refraction of 1.5, 0 switches the dielectric's specular lobe off and leaves a Lambertian surface.
-
-    transmission: share of the light entering the dielectric that is refracted rather than scattered, in [0, 1], tinted
-    by base_color; ior: its index of refraction, >= 1; thin: a pane that bends no light; abbe: its Abbe number, 0 for no
-    dispersion. coat, coat_roughness: weight and perceptual roughness of a clear coat of index 1.5. sheen,
-    sheen_roughness: colour and roughness of the sheen of fibres (glTF KHR_materials_transmission, _volume, _ior,
-    _dispersion, _clearcoat, _sheen).
-    """
+    """Metallic-roughness surface, as glTF 2.0 (appendix B) means it, two-sided, with the extensions
+    KHR_materials_transmission, _volume, _ior, _dispersion, _clearcoat and _sheen."""
 
     name: str
     base_color: tuple[float, float, float]
+    """Three factors in [0, 1], linear Rec.709; they tint transmitted light, too."""
     roughness: float = 1.0
+    """Perceptual, in [0, 1] (alpha = roughness squared)."""
     metallic: float = 0.0
+    """In [0, 1]."""
     specular: float = 0.04
+    """Reflectance at normal incidence of the dielectric part, in [0, 0.16]; 0.04 is an index of refraction of 1.5, 0
+    switches the dielectric's specular lobe off and leaves a Lambertian surface."""
     transmission: float = 0.0
+    """Share of the light entering the dielectric that is refracted rather than scattered, in [0, 1]."""
     ior: float = 1.5
+    """Index of refraction of the dielectric where it transmits, >= 1."""
     thin: bool = False
+    """Whether it is a pane that bends no light."""
     abbe: float = 0.0
+    """Abbe number of what transmits, 0 for no dispersion."""
     coat: float = 0.0
+    """Weight of a clear coat of index 1.5."""
     coat_roughness: float = 0.0
+    """Perceptual."""
     sheen: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Colour of the sheen of fibres."""
     sheen_roughness: float = 0.5
     texture: Texture | None = None
 
@@ -61,16 +65,14 @@ class Material:
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Asset:
     """What a placed object is made of, in its own frame: metres, Z up, front towards -Y, on the floor (smallest z is 0)
-    unless it hangs, centred over the origin in x and y.
-
-    meta: strings for the record, among them `licence` and `source`.
-    """
+    unless it hangs, centred over the origin in x and y."""
 
     name: str
     category: str
     mesh: TriangleMesh
     materials: tuple[Material, ...]
     meta: dict[str, str] = field(default_factory=dict)
+    """Strings for the record, among them `licence` and `source`."""
 
 
 def metallic_range(material: Material) -> tuple[float, float]:

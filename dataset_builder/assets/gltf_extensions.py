@@ -26,10 +26,11 @@ Entry = Mapping[str, Any]
 
 @dataclass(frozen=True, kw_only=True)
 class Extended:
-    """A material with its extensions, and what of them could not be taken, in words."""
+    """A material with its extensions."""
 
     material: Material
     left_out: tuple[str, ...]
+    """What of them could not be taken, in words."""
 
 
 def material_entries(path: Path) -> dict[str | None, dict[str, Any]]:

@@ -15,15 +15,14 @@ CREASE_ANGLE = 30.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Edges:
-    """Unique undirected edges, sorted by their vertices.
-
-    vertices: (E, 2) int64, smaller index first. of_face: (F, 3) int64; column k is the edge from corner k to corner
-    k+1. forward: (F, 3) bool, True where the face runs from the smaller vertex index to the larger.
-    """
+    """Unique undirected edges, sorted by their vertices."""
 
     vertices: np.ndarray
+    """(E, 2) int64, smaller index first."""
     of_face: np.ndarray
+    """(F, 3) int64; column k is the edge from corner k to corner k+1."""
     forward: np.ndarray
+    """(F, 3) bool, True where the face runs from the smaller vertex index to the larger."""
 
     @cached_property
     def face_count(self) -> np.ndarray:

@@ -12,15 +12,17 @@ class TriangleMesh:
     """Indexed triangles, welded by position; texture coordinates and materials belong to faces, so a seam opens no
     crack.
 
-    positions: (V, 3) float64, metres. faces: (F, 3) int32 into positions, counter-clockwise seen from outside.
-    uvs: (F, 3, 2) float64, per corner. material: (F,) int32 index into the materials of the asset.
     Arrays are made read-only. Raises UserError on wrong shapes, indices out of range and non-finite positions.
     """
 
     positions: np.ndarray
+    """(V, 3) float64, metres."""
     faces: np.ndarray
+    """(F, 3) int32 into positions, counter-clockwise seen from outside."""
     uvs: np.ndarray
+    """(F, 3, 2) float64, per corner."""
     material: np.ndarray
+    """(F,) int32 index into the materials of the asset."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "positions", np.ascontiguousarray(self.positions, dtype=np.float64))

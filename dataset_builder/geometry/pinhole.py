@@ -34,18 +34,20 @@ def unit(vectors: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pinhole:
-    """A pinhole camera and its frame.
-
-    position, target: (3,), where it is and what it aims at, metres; up: (3,), see `look_at`; fov: horizontal, degrees,
-    between 0 and 180; width, height: of the frame in pixels. Pixels are square, the principal point is the middle.
-    """
+    """A pinhole camera and its frame; pixels are square, the principal point is the middle."""
 
     position: np.ndarray
+    """(3,) where it is, metres."""
     target: np.ndarray
+    """(3,) what it aims at, metres."""
     fov: float
+    """Horizontal, degrees, between 0 and 180."""
     width: int
+    """Of the frame, pixels."""
     height: int
+    """Of the frame, pixels."""
     up: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    """(3,), see `look_at`."""
 
     @classmethod
     def of(cls, camera: CameraPlan, width: int, height: int) -> Self:

@@ -17,12 +17,16 @@ FLATNESS = 1e-10
 
 @dataclass(frozen=True, kw_only=True)
 class RepairReport:
-    """What `repair` did: vertices welded into others or used by no face, faces without area, faces that stood twice."""
+    """What `repair` did."""
 
     welded: int
+    """Vertices welded into others."""
     unused: int
+    """Vertices used by no face."""
     degenerate: int
+    """Faces without area."""
     duplicate: int
+    """Faces that stood twice."""
 
 
 def repair(mesh: TriangleMesh, *, tolerance: float = 1e-6) -> tuple[TriangleMesh, RepairReport]:

@@ -57,10 +57,11 @@ def vertex_normals(mesh: TriangleMesh) -> np.ndarray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RoughBase:
-    """An R3DM before its noise. creases: (C, 2) vertex pairs that stay sharp, also in its shading normals."""
+    """An R3DM before its noise."""
 
     mesh: TriangleMesh
     creases: np.ndarray
+    """(C, 2) vertex pairs that stay sharp, also in its shading normals."""
 
 
 def rough_base(mesh: TriangleMesh, *, edge_length: float, rounds: int, crease_angle: float,
@@ -102,13 +103,16 @@ def balanced(mesh: TriangleMesh, smoothed: np.ndarray, edges: Edges, creases: np
 
 @dataclass(frozen=True, kw_only=True)
 class Roughness:
-    """Distance of points on a rough mesh from the clean surface. rms, maximum: in bounding-sphere radii of the clean
-    mesh. points: how many were measured. radius: metres."""
+    """Distance of points on a rough mesh from the clean surface."""
 
     rms: float
+    """In bounding-sphere radii of the clean mesh."""
     maximum: float
+    """In bounding-sphere radii of the clean mesh."""
     points: int
+    """How many were measured."""
     radius: float
+    """Metres."""
 
 
 def measure_roughness(rough: TriangleMesh, clean: TriangleMesh, *,

@@ -28,11 +28,13 @@ class PairRef:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ViewRef:
-    """One camera of a pair. `number` counts the split's views in shuffled order, `camera` those of the pair."""
+    """One camera of a pair."""
 
     number: int
+    """Counts the split's views in shuffled order."""
     pair: PairRef
     camera: int
+    """Counts the cameras of the pair."""
 
     @property
     def name(self) -> str:
@@ -47,12 +49,15 @@ class ViewRef:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ExampleRef:
-    """One example: a view under its light number `light` at noise level `level`. `index` counts over all splits."""
+    """One example of a view."""
 
     index: int
+    """Counts over all splits."""
     view: ViewRef
     light: int
+    """Number of the light."""
     level: int
+    """Number of the noise level."""
 
     @property
     def key(self) -> str:

@@ -26,36 +26,43 @@ CHANNEL_BYTES = {"float32": 4, "float16": 2}
 
 @dataclass(frozen=True, kw_only=True)
 class Rates:
-    """How fast a machine is and how well layers compress; `make bench` measures them.
-
-    light_paths, free_paths: paths per second and core of passes with and without light. seconds_per_pass: building the
-    scene and launching. seconds_per_view: planning, meshes and textures. seconds_per_example: writing and verifying.
-    kept_share: stored bytes over raw bytes where a layer holds values; empty_share: where it is 0.
-    example_bytes: of the record and the preview. noise: relative error at one sample per pixel, typical of layers with
-    light; goals of accuracy are expected to take (noise / error)^2 samples.
-    """
+    """How fast a machine is and how well layers compress; `make bench` measures them."""
 
     light_paths: float = 7.8e5
+    """Paths per second and core of passes with light."""
     free_paths: float = 2.4e6
+    """Paths per second and core of passes without light."""
     seconds_per_pass: float = 0.02
+    """Building the scene and launching."""
     seconds_per_view: float = 0.4
+    """Planning, meshes and textures."""
     seconds_per_example: float = 0.05
+    """Writing and verifying."""
     kept_share: float = 0.92
+    """Stored bytes over raw bytes where a layer holds values."""
     empty_share: float = 0.002
+    """Stored bytes over raw bytes where a layer is 0."""
     example_bytes: float = 20_000.0
+    """Of the record and the preview."""
     noise: float = 1.6
+    """Relative error at one sample per pixel, typical of layers with light; goals of accuracy are expected to take
+    (noise / error)^2 samples."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Cost:
-    """Totals. passes: launches. pixels: traced, summed over passes. paths: pixels times spp. seconds: wall time.
-    bytes: stored."""
+    """Totals."""
 
     passes: float = 0.0
+    """Launches."""
     pixels: float = 0.0
+    """Traced, summed over passes."""
     paths: float = 0.0
+    """Pixels times spp."""
     seconds: float = 0.0
+    """Wall time."""
     bytes: float = 0.0
+    """Stored."""
 
     @classmethod
     def of(cls, values: np.ndarray) -> "Cost":

@@ -8,13 +8,16 @@ from dataset_builder.spec.numbers import AnyNumber, Choice, Uniform
 
 @dataclass(frozen=True, kw_only=True)
 class FamilyParam:
-    """One parameter: closed hard limits [low, high] in `unit`, and the number drawn from when the spec says nothing."""
+    """One parameter of a family."""
 
     name: str
     unit: str
     low: float
+    """Least value that is allowed, in `unit`."""
     high: float
+    """Largest value that is allowed, in `unit`."""
     default: AnyNumber
+    """What is drawn from when the spec says nothing."""
     integer: bool
     meaning: str
 

@@ -24,26 +24,28 @@ MTL_OPTION = re.compile(r"-(?:(?:mm|o|s|t)(?:\s+[-+]?[\d.]+(?:e[-+]?\d+)?(?=\s))
 
 @dataclass(frozen=True, kw_only=True)
 class FileReference:
-    """A file that a mesh file needs.
-
-    by: the file that names it, the mesh or its material library; key: where in it; written: what stands there; name:
-    its path relative to the folder of the mesh file; image: whether it is a texture that is read.
-    """
+    """A file that a mesh file needs."""
 
     by: Path
+    """The file that names it, the mesh or its material library."""
     key: str
+    """Where in `by`."""
     written: str
+    """What stands there."""
     name: str
+    """Its path relative to the folder of the mesh file."""
     image: bool
+    """Whether it is a texture that is read."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MeshSource:
-    """One mesh file on this machine. companions: SHA-256 of each file that it names (buffers, textures), by name."""
+    """One mesh file on this machine."""
 
     path: Path
     sha256: str
     companions: Mapping[str, str]
+    """SHA-256 of each file that it names (buffers, textures), by name."""
 
     def content(self) -> dict[str, Any]:
         """What the mesh holds, wherever it lies."""

@@ -33,9 +33,6 @@ class LoadedSpec:
 
     Files are keyed by their path relative to the folder of the dataset file, with forward slashes; every reference
     inside `dataset` and `scenes` is such a key, so `rooms[scene.room]` and `objects[piece.object]` always work.
-    meshes: the mesh file of each object that has one, under the object's key. images: SHA-256 of each image that lights
-    show, by its name in the dataset file. overrides: `key.path=value` strings that `dataset` has already been changed
-    by; with `path` they load the spec again.
     """
 
     path: Path
@@ -44,8 +41,11 @@ class LoadedSpec:
     scenes: Mapping[str, SceneSpec]
     rooms: Mapping[str, RoomSpec]
     meshes: Mapping[str, MeshSource]
+    """The mesh file of each object that has one, under the object's key."""
     images: Mapping[str, str]
+    """SHA-256 of each image that lights show, by its name in the dataset file."""
     overrides: tuple[str, ...] = ()
+    """`key.path=value` strings that `dataset` has already been changed by; with `path` they load the spec again."""
 
     @cached_property
     def spec_digest(self) -> str:

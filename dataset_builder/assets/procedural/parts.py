@@ -19,19 +19,21 @@ Span = tuple[float, float]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Finish:
-    """A material and how many metres one repeat of its texture covers."""
+    """A material and the scale of its texture."""
 
     material: Material
     repeat: float = 1.0
+    """Metres that one repeat of the texture covers."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Part:
-    """One closed solid, its coordinates in metres. `patch` pins them to a spot of the texture and stops repetition."""
+    """One closed solid, its coordinates in metres."""
 
     mesh: TriangleMesh
     finish: str
     patch: tuple[float, float] | None = None
+    """Spot of the texture that pins its coordinates and stops repetition."""
 
 
 def block(x: Span, y: Span, z: Span, *, finish: str, bevel: float, grain: int | None = None) -> Part:

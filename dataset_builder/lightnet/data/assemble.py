@@ -42,16 +42,19 @@ def lighting_of(label: ExampleLabel) -> np.ndarray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ExamplePart:
-    """One example. layers: all colours, (3, H, W), with their names, perhaps read as they are asked for, and once;
-    inside: (H, W) bool; exposure: of the target light; source_exposure: of the source light; lighting: (3, 9), not
-    exposed, camera's frame."""
+    """One example, not varied."""
 
     key: str
     layers: Iterable[tuple[str, np.ndarray]]
+    """(3, H, W) in all colours with their names, perhaps read as they are asked for, and once."""
     inside: np.ndarray
+    """(H, W) bool."""
     exposure: float
+    """Of the target light."""
     source_exposure: float
+    """Of the source light."""
     lighting: np.ndarray
+    """(3, 9), not exposed, in the camera's frame."""
 
 
 Chosen = tuple[ExamplePart, Variation, Window]
@@ -80,11 +83,13 @@ class Shape:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Notes:
-    """What belongs to a batch beside pictures. exposure: (B,); sh: (B, 3, 9) float32."""
+    """What belongs to a batch beside pictures."""
 
     keys: tuple[str, ...]
     exposure: np.ndarray
+    """(B,) float32."""
     sh: np.ndarray
+    """(B, 3, 9) float32."""
 
 
 def whole(part: ExamplePart) -> Batch:

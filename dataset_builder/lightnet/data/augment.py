@@ -49,14 +49,16 @@ class Window(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Variation:
-    """mirrored: left for right; gain: factors of the target light in R, G and B; place: of the window, in [0, 1) from
-    top to bottom and from left to right of what is possible; pixel: in [0, 1), which of the object's it is put
-    about."""
+    """How an example is varied."""
 
     mirrored: bool
+    """Left for right."""
     gain: tuple[float, ...]
+    """Factors of the target light in R, G and B."""
     place: tuple[float, float] = (0.5, 0.5)
+    """Of the window, in [0, 1) from top to bottom and from left to right of what is possible."""
     pixel: float = 0.5
+    """In [0, 1), which of the object's the window is put about."""
 
 
 STILL = Variation(mirrored=False, gain=(1.0, 1.0, 1.0))

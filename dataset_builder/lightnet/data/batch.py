@@ -15,34 +15,39 @@ Tensors = TypeVar("Tensors", "Inputs", "Truth")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Inputs:
-    """What a method may see. i_s, s_prime: (B, 3, H, W), linear, >= 0. inside: (B, 1, H, W), 0 or 1.
-
-    sh: (B, 3, 9) spherical harmonics of the radiance that arrives at the object's centre under the target light,
-    exposed as `s_prime`, in the camera's frame (x right, y up, z to the viewer); order of `geometry.harmonics`.
-    """
+    """What a method may see."""
 
     i_s: torch.Tensor
+    """(B, 3, H, W), linear, >= 0."""
     s_prime: torch.Tensor
+    """(B, 3, H, W), linear, >= 0."""
     inside: torch.Tensor
+    """(B, 1, H, W), 0 or 1."""
     sh: torch.Tensor
+    """(B, 3, 9) spherical harmonics of the radiance that arrives at the object's centre under the target light, exposed
+    as `s_prime`, in the camera's frame (x right, y up, z to the viewer); order of `geometry.harmonics`."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Truth:
-    """What a method is to find. i_t: (B, 3, H, W), linear, >= 0; d, r: (B, 3, H, W), reflectances in [0, 1]."""
+    """What a method is to find."""
 
     i_t: torch.Tensor
+    """(B, 3, H, W), linear, >= 0."""
     d: torch.Tensor
+    """(B, 3, H, W), in [0, 1]."""
     r: torch.Tensor
+    """(B, 3, H, W), in [0, 1]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Batch:
-    """Some examples. exposure: (B,) factor that `s_prime`, `i_t` and `sh` were multiplied by; where an example is
-    varied, its gain comes on top."""
+    """Some examples."""
 
     keys: tuple[str, ...]
     exposure: torch.Tensor
+    """(B,) factor that `s_prime`, `i_t` and `sh` were multiplied by; where an example is varied, its gain comes on
+    top."""
     inputs: Inputs
     truth: Truth
 
@@ -54,12 +59,10 @@ class Batch:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Prediction:
-    """What a method found. i_t: (B, 3, H, W), exposed linear light, unbounded, 0 outside the object.
-
-    d, r, shading, alpha: (B, 3, H, W) parts that the method has; None for those that it has not.
-    """
+    """What a method found; parts that it has not are None, the others are (B, 3, H, W)."""
 
     i_t: torch.Tensor
+    """(B, 3, H, W), exposed linear light, unbounded, 0 outside the object."""
     d: torch.Tensor | None = None
     r: torch.Tensor | None = None
     shading: torch.Tensor | None = None

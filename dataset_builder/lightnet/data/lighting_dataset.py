@@ -29,12 +29,15 @@ NAMED = 5
 
 @dataclass(frozen=True, kw_only=True)
 class _Entry:
-    """What is kept of a label. level: of noise; cover: largest mask; lighting: (3, 9), camera's frame."""
+    """What is kept of a label."""
 
     key: str
     level: int
+    """Of noise."""
     cover: float
+    """Largest mask."""
     lighting: np.ndarray
+    """(3, 9), in the camera's frame."""
 
 
 class LightingDataset(Dataset[Batch]):

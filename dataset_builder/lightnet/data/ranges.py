@@ -7,6 +7,7 @@ a material is. D and R are reflectances and stay.
 
 Tone mapping. x / (1 + x), then the sRGB curve (IEC 61966-2-1): smooth, [0, inf) to [0, 1), never clipped, with a slope
 of 12.92 at 0 that continues below 0. Inputs, losses and metrics see tone-mapped values; composition is linear.
+Losses and metrics see only the object, in float32 or better, and average over its pixels.
 """
 
 import torch
@@ -46,3 +47,25 @@ def linear_light(display: torch.Tensor, brightest: float = 0.999) -> torch.Tenso
     curved = ((value.clamp_min(SLOPE * KNEE) + OFFSET) / (1 + OFFSET)) ** GAMMA
     compressed = torch.where(value <= SLOPE * KNEE, value / SLOPE, curved)
     return torch.where(display < 0, display / SLOPE, compressed / (1 - compressed))
+
+
+def whole_precision(values: torch.Tensor) -> torch.Tensor:
+    """The same numbers in float32, or in float64 where they are that already."""
+    return values.to(torch.promote_types(values.dtype, torch.float32))
+
+
+def inside_only(values: torch.Tensor, inside: torch.Tensor) -> torch.Tensor:
+    """(B, C, H, W) values where (B, 1, H, W) `inside` is not 0, and 0 elsewhere, in float32 or better.
+
+    Whatever stands outside, a NaN included, reaches neither the result nor a gradient.
+    """
+    return torch.where(inside > 0, whole_precision(values), 0)
+
+
+def mean_inside(values: torch.Tensor, inside: torch.Tensor) -> torch.Tensor:
+    """Mean of (B, C, H, W) values over the pixels inside and the channels; all examples together, a pixel is a pixel.
+
+    0, with a gradient of 0, where there is no pixel inside.
+    """
+    kept = inside_only(values, inside)
+    return kept.sum() / ((inside > 0).sum() * values.shape[-3]).clamp_min(1)

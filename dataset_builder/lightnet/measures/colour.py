@@ -4,7 +4,7 @@ import math
 
 import torch
 
-from dataset_builder.lightnet.measures.metrics import whole_precision
+from dataset_builder.lightnet.data.ranges import whole_precision
 
 XYZ_FROM_RGB = ((0.412453, 0.357580, 0.180423), (0.212671, 0.715160, 0.072169), (0.019334, 0.119193, 0.950227))
 """Linear sRGB to CIE XYZ; numbers as in scikit-image and kornia."""

@@ -1,7 +1,4 @@
-"""How good a picture is: structural similarity, and four figures per example, over the object, on tone-mapped values.
-
-Losses and metrics see only the object, in float32 or better, and average over its pixels.
-"""
+"""How good a picture is: four figures per example, SSIM among them, over the object, on tone-mapped values."""
 
 import math
 from collections.abc import Sequence
@@ -11,7 +8,7 @@ from typing import Literal
 import torch
 
 from dataset_builder.errors import UserError
-from dataset_builder.lightnet.data.ranges import tone_map
+from dataset_builder.lightnet.data.ranges import inside_only, mean_inside, tone_map
 from dataset_builder.lightnet.measures.colour import lab, lab_angle
 
 SIGMA = 1.5
@@ -22,28 +19,6 @@ C1, C2 = 0.01 ** 2, 0.03 ** 2
 """Constants of the paper for values whose range is 1."""
 BEST_PSNR = 100.0
 """Decibels that PSNR ends at; identical pictures would have infinitely many, and no mean could hold them."""
-
-
-def whole_precision(values: torch.Tensor) -> torch.Tensor:
-    """The same numbers in float32, or in float64 where they are that already."""
-    return values.to(torch.promote_types(values.dtype, torch.float32))
-
-
-def inside_only(values: torch.Tensor, inside: torch.Tensor) -> torch.Tensor:
-    """(B, C, H, W) values where (B, 1, H, W) `inside` is not 0, and 0 elsewhere, in float32 or better.
-
-    Whatever stands outside, a NaN included, reaches neither the result nor a gradient.
-    """
-    return torch.where(inside > 0, whole_precision(values), 0)
-
-
-def mean_inside(values: torch.Tensor, inside: torch.Tensor) -> torch.Tensor:
-    """Mean of (B, C, H, W) values over the pixels inside and the channels; all examples together, a pixel is a pixel.
-
-    0, with a gradient of 0, where there is no pixel inside.
-    """
-    kept = inside_only(values, inside)
-    return kept.sum() / ((inside > 0).sum() * values.shape[-3]).clamp_min(1)
 
 
 def ssim_map(x: torch.Tensor, y: torch.Tensor) -> torch.Tensor:
@@ -108,11 +83,14 @@ class Metrics:
 
 @dataclass(frozen=True, kw_only=True)
 class Metric:
-    """What a figure is. name: its field in `Metrics`; symbol: as a table's heading; unit: "" for none."""
+    """What a figure is."""
 
     name: str
+    """Its field in `Metrics`."""
     symbol: str
+    """As a table's heading."""
     unit: str
+    """"" for none."""
     better: Literal["low", "high"]
     definition: str
 

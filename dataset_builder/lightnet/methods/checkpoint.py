@@ -60,14 +60,16 @@ _BUILDERS: dict[str, Callable[[TrainingSpec, Path | None], Method]] = {
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trained:
-    """A method ready for use, in evaluation mode on `device`. step: batches it was trained on; dataset: name of what it
-    was trained on; off: losses that were off, and why."""
+    """A method ready for use, in evaluation mode on `device`."""
 
     method: Method
     spec: TrainingSpec
     step: int
+    """Batches that it was trained on."""
     dataset: str
+    """Name of what it was trained on."""
     off: tuple[str, ...]
+    """Losses that were off, and why."""
     device: torch.device
 
     @property

@@ -13,9 +13,9 @@ from torch import nn
 
 from dataset_builder.errors import UserError
 from dataset_builder.lightnet.data.batch import Batch, Prediction
-from dataset_builder.lightnet.data.ranges import tone_map
+from dataset_builder.lightnet.data.ranges import inside_only, mean_inside, tone_map
 from dataset_builder.lightnet.measures.colour import lab, lab_angle
-from dataset_builder.lightnet.measures.metrics import inside_only, mean_inside, ssim_map
+from dataset_builder.lightnet.measures.metrics import ssim_map
 from dataset_builder.lightnet.methods import vgg
 from dataset_builder.lightnet.methods.method import Loss
 from dataset_builder.lightnet.settings import ObjectiveSpec

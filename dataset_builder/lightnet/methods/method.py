@@ -12,10 +12,12 @@ from dataset_builder.lightnet.data.batch import Batch, Inputs, Prediction
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Loss:
-    """total: scalar to minimise; terms: detached, unweighted scalars by name, for people."""
+    """What a phase is to minimise."""
 
     total: torch.Tensor
+    """Scalar."""
     terms: dict[str, torch.Tensor]
+    """Detached, unweighted scalars by name, for people."""
 
 
 class Method(nn.Module, ABC):

@@ -29,16 +29,17 @@ Verdict = Literal["better", "worse", "open"]
 
 @dataclass(frozen=True, kw_only=True)
 class ClusteredMean:
-    """A mean. error: its standard error, clustered by object; naive: as if examples were independent. NaN where there
-    is but one object, one example. half_width: of the interval that covers the mean over all objects with probability
-    `LEVEL`; infinite for one object."""
+    """A mean with its standard errors; NaN where there is but one object, one example."""
 
     mean: float
     error: float
+    """Standard error, clustered by object."""
     naive: float
+    """Standard error as if examples were independent."""
     examples: int
     objects: int
     half_width: float
+    """Of the interval that covers the mean over all objects with probability `LEVEL`; infinite for one object."""
 
     @property
     def told_apart(self) -> bool:
@@ -48,22 +49,25 @@ class ClusteredMean:
 
 @dataclass(frozen=True, kw_only=True)
 class Summary:
-    """One method. metrics: by name; seconds: median over examples."""
+    """One method."""
 
     method: str
     metrics: dict[str, ClusteredMean]
+    """By name."""
     seconds: float
+    """Median over examples."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Paired:
-    """One metric of one method less the same of another, example by example. ahead: examples in which it is better."""
+    """One metric of one method less the same of another, example by example."""
 
     method: str
     other: str
     metric: str
     difference: ClusteredMean
     ahead: int
+    """Examples in which it is better."""
     verdict: Verdict
 
 

@@ -31,15 +31,18 @@ NEEDS_SH = ("dpr", "ssvbrdf")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Composite:
-    """A composed frame. picture: (H, W, 3) scene-referred light; i_t: (H, W, 3) likewise, the object alone, rim filled,
-    0 elsewhere; predicted, filled: (H, W) bool, pixels by where their I_t comes from; exposure: factor to network
-    range, and of the pictures for people."""
+    """A composed frame."""
 
     picture: np.ndarray
+    """(H, W, 3) scene-referred light."""
     i_t: np.ndarray
+    """(H, W, 3) likewise, the object alone, rim filled, 0 elsewhere."""
     predicted: np.ndarray
+    """(H, W) bool, pixels whose I_t the method said."""
     filled: np.ndarray
+    """(H, W) bool, pixels whose I_t comes from their neighbours."""
     exposure: float
+    """Factor to network range, and of the pictures for people."""
 
 
 def compose(trained: Trained, frame: ComposeInput) -> Composite:

@@ -20,21 +20,23 @@ PARTS = {"i_s": 3, "s_prime": 3, "mask": 1, "background": 3, "mask_rough": 1}
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ComposeInput:
-    """Linear, scene-referred (H, W, C) float32 pictures of one camera.
-
-    i_s: the object under plain light; s_prime: raw lighting of its rough mesh in the scene; mask: share of the pixel
-    that the object covers; background: the whole scene, I_PBR; mask_rough: the mask of the rough mesh, if it is known.
-    lighting: (3, 9), see `data.light_coefficients`, or None. files: sources of the parts by name, for messages.
-    """
+    """Linear, scene-referred (H, W, C) float32 pictures of one camera."""
 
     name: str
     i_s: np.ndarray
+    """The object under plain light."""
     s_prime: np.ndarray
+    """Raw lighting of its rough mesh in the scene."""
     mask: np.ndarray
+    """Share of the pixel that the object covers."""
     background: np.ndarray
+    """The whole scene, I_PBR."""
     mask_rough: np.ndarray | None = None
+    """The mask of the rough mesh, if it is known."""
     lighting: np.ndarray | None = None
+    """(3, 9), see `data.assemble.lighting_of`."""
     files: Mapping[str, Path] = field(default_factory=dict)
+    """Sources of the parts by name, for messages."""
 
     def __post_init__(self) -> None:
         """Raises UserError with all that is wrong: sizes, values that are not finite, masks beyond [0, 1]."""

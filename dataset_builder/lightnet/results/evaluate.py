@@ -34,29 +34,35 @@ COMPARABLE = ("inside", "source_exposure")
 
 @dataclass(frozen=True, kw_only=True)
 class Contender:
-    """Something that predicts. find: a batch on `device` to what it holds for I_t; note: what it is, for people."""
+    """Something that predicts."""
 
     name: str
     find: Callable[[Batch], Prediction]
+    """From a batch on `device` to what it holds for I_t."""
     device: torch.device = CPU
     trained: bool = False
     note: str = ""
+    """What it is, for people."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ScoreRow:
-    """One example by one method. object, room: names, unique over the dataset; level, sigma: of the rough mesh's noise;
-    seconds: from inputs in memory to the prediction."""
+    """One example by one method."""
 
     method: str
     key: str
     view: str
     object: str
+    """Name, unique over the dataset."""
     room: str
+    """Name, unique over the dataset."""
     level: int
+    """Of the rough mesh's noise."""
     sigma: float
+    """Of the rough mesh's noise."""
     metrics: Metrics
     seconds: float
+    """From inputs in memory to the prediction."""
 
 
 def trivial() -> list[Contender]:

@@ -6,8 +6,7 @@ import numpy as np
 import torch
 
 from dataset_builder.lightnet.data.batch import Batch, Prediction
-from dataset_builder.lightnet.data.ranges import tone_map
-from dataset_builder.lightnet.measures.metrics import inside_only
+from dataset_builder.lightnet.data.ranges import inside_only, tone_map
 from dataset_builder.tonemap import to_8bit
 
 MARGIN = 4

@@ -7,58 +7,69 @@ from typing import TYPE_CHECKING
 
 @dataclass(frozen=True, kw_only=True)
 class Started:
-    """parameters: trainable numbers, by phase; first: the step that comes next, 0 unless a training goes on; off:
-    losses that are off, and why; notes: what to know about the examples; precision: of the network."""
+    """What is about to be trained."""
 
     parameters: dict[str, int]
+    """Trainable numbers, by phase."""
     first: int
+    """The step that comes next, 0 unless a training goes on."""
     steps: int
     train: int
     held_out: int
     device: str
     precision: str
+    """Of the network."""
     off: tuple[str, ...]
+    """Losses that are off, and why."""
     notes: tuple[str, ...] = ()
+    """What to know about the examples."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Stepped:
-    """One batch. step: counted from 1; loss: weighted sums by phase; terms: unweighted; norm: of the gradient before
-    clipping, the largest of all phases; skipped: why nothing was learnt from it, empty where something was.
-
-    seconds: of the step; waited: of those, for data.
-    """
+    """One batch."""
 
     step: int
+    """Counted from 1."""
     loss: dict[str, float]
+    """Weighted sums by phase."""
     terms: dict[str, float]
+    """Unweighted."""
     norm: float
+    """Of the gradient before clipping, the largest of all phases."""
     rate: float
     skipped: str
+    """Why nothing was learnt from it, empty where something was."""
     images: int
     seconds: float
+    """Of the step."""
     waited: float
+    """Of `seconds`, those for data."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Checked:
-    """Mean metrics on held-out examples after `step` batches. best: the highest PSNR so far; stale: checks since."""
+    """Mean metrics on held-out examples after `step` batches."""
 
     step: int
     metrics: dict[str, float]
     examples: int
     best: bool
+    """Whether its PSNR is the highest so far."""
     stale: int
+    """Checks since the best."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Finished:
-    """The end. reason: `steps`, all were done; `patience`, no check was better for long enough; `already`, an earlier
-    run had come to the end. best: (step, PSNR) of the best check."""
+    """The end."""
 
     step: int
     reason: str
+    """`steps`, all were done; `patience`, no check was better for long enough; `already`, an earlier run had come to
+    the end."""
     best: tuple[int, float]
+    """Step and PSNR of the best check."""
     bad_steps: int
     last_file: Path
     best_file: Path

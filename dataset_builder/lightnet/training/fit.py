@@ -42,14 +42,16 @@ SEED_BITS = 63
 
 @dataclass(frozen=True, kw_only=True)
 class TrainingJob:
-    """What to train. levels: noise levels to train and check on, all where empty. out: a folder of its own."""
+    """What to train."""
 
     dataset: Path
     out: Path
+    """A folder of its own."""
     spec: TrainingSpec
     vgg_weights: Path | None = None
     device: str = "auto"
     levels: tuple[int, ...] = ()
+    """Noise levels to train and check on, all where empty."""
 
     def identity(self) -> str:
         """Digest of whatever decides the weights, but for the machine and for what is `FREE`, which a user may have to
@@ -63,12 +65,13 @@ class TrainingJob:
 
 @dataclass(kw_only=True)
 class _Progress:
-    """What changes while training, beside weights and moments. stale: checks since the best one."""
+    """What changes while training, beside weights and moments."""
 
     step: int = 0
     history: list[dict[str, float]] = field(default_factory=list)
     best: tuple[int, float] = (0, float("-inf"))
     stale: int = 0
+    """Checks since the best one."""
     bad_steps: int = 0
 
 

@@ -78,19 +78,19 @@ def _layered(material: Material, share: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MaterialUse:
-    """One material that at least one face shows.
-
-    owner: name of the object, or of the part of the room. part: `furniture`, or a part of the room. scattered: largest
-    share of light that it scatters, see `scattered_share`. smoothest, roughest: least and largest roughness over
-    its texels.
-    """
+    """One material that at least one face shows."""
 
     owner: str
+    """Name of the object, or of the part of the room."""
     part: str
+    """`furniture`, or a part of the room."""
     material: Material
     scattered: float
+    """Largest share of light that it scatters, see `scattered_share`."""
     smoothest: float
+    """Least roughness over its texels."""
     roughest: float
+    """Largest roughness over its texels."""
 
     @property
     def name(self) -> str:
@@ -105,23 +105,26 @@ def is_smooth(roughness: float) -> bool:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Facts:
-    """What one asset shows. figures: of each material, what it scatters, its least and its largest roughness; smooth:
-    whether normals bend."""
+    """What one asset shows."""
 
     materials: tuple[Material, ...]
     figures: tuple[tuple[float, float, float], ...]
+    """Of each material: what it scatters, its least and its largest roughness."""
     smooth: bool
+    """Whether normals bend."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SceneUse:
-    """All that stands in a scene. smooth: names of things whose shading normals are smooth; flat: of all others.
-    left_out: what their files say and no effect here simulates."""
+    """All that stands in a scene."""
 
     materials: tuple[MaterialUse, ...]
     smooth: tuple[str, ...]
+    """Names of things whose shading normals are smooth."""
     flat: tuple[str, ...]
+    """Names of all others."""
     left_out: tuple[str, ...]
+    """What their files say and no effect here simulates."""
 
 
 _known: WeakKeyDictionary[Asset, _Facts] = WeakKeyDictionary()

@@ -83,14 +83,14 @@ def said(lights: Sequence[LightPlan], found: Sequence[Reach]) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class PathDepth:
-    """Longest path of a pass in edges, what it keeps, and why.
-
-    left_out: largest share of the light arriving at a surface that longer paths would bring. reason: in words.
-    """
+    """Longest path of a pass."""
 
     depth: int
+    """In edges."""
     left_out: float
+    """Largest share of the light arriving at a surface that longer paths would bring."""
     reason: str
+    """In words."""
 
 
 def with_fog(share: float, fog: FogPlan, diagonal: float) -> float:

@@ -26,17 +26,14 @@ Geometry = tuple[np.ndarray, np.ndarray, int]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Arrangement:
-    """Everything of a pair that cameras and lights are planned against.
-
-    centre (3,), radius: of the sphere about the target's box, in the room, metres. `everything` holds all geometry,
-    `alone` the target only. notes: what layout had to leave out.
-    """
+    """Everything of a pair that cameras and lights are planned against."""
 
     room: RoomPlan
     target: PlacedObject
     furniture: tuple[PlacedObject, ...]
     geometry: tuple[Geometry, ...]
     notes: tuple[str, ...] = ()
+    """What layout had to leave out."""
 
     @cached_property
     def everything(self) -> RayScene:

@@ -26,11 +26,12 @@ CLEAR_AIR = FogPlan()
 
 @dataclass(frozen=True, kw_only=True)
 class PiecePlan:
-    """A piece of furniture of a scene: what it is, how it is placed, and its number (entry of the scene, copy)."""
+    """A piece of furniture of a scene."""
 
     object: ObjectPlan
     place: Place
     number: tuple[int, int]
+    """Entry of the scene, and copy."""
 
 
 @dataclass(frozen=True, kw_only=True)

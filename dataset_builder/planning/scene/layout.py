@@ -31,10 +31,12 @@ WALLS = ((0.0, 1.0, 0.0), (-1.0, 0.0, 90.0), (1.0, 0.0, -90.0), (0.0, -1.0, 180.
 
 @dataclass(frozen=True, kw_only=True)
 class Box:
-    """Axis-aligned box of an asset in its own frame, in metres: low and high corners (x, y, z)."""
+    """Axis-aligned box of an asset in its own frame, in metres."""
 
     low: tuple[float, float, float]
+    """Low corner (x, y, z)."""
     high: tuple[float, float, float]
+    """High corner (x, y, z)."""
 
     @property
     def size(self) -> tuple[float, float, float]:
@@ -45,11 +47,14 @@ class Box:
 
 @dataclass(frozen=True, kw_only=True)
 class Footprint:
-    """A box turned by `yaw` degrees about Z: centre (x, y), half sizes along its own axes, heights [bottom, top]."""
+    """A box turned about Z, in metres."""
 
     centre: tuple[float, float]
+    """Its x and y."""
     half: tuple[float, float]
+    """Half sizes along its own axes."""
     yaw: float
+    """Degrees about Z."""
     bottom: float = 0.0
     top: float = 1.0
 
@@ -96,20 +101,22 @@ def inside_room(box: Footprint, width: float, depth: float, height: float, gap: 
 
 @dataclass(frozen=True, kw_only=True)
 class Piece:
-    """Something to place. `rng` makes its own generator, so that no other piece moves its draws."""
+    """Something to place."""
 
     name: str
     extent: Box
     place: Place
     rng: Callable[[], np.random.Generator]
+    """Makes its own generator, so that no other piece moves its draws."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Layout:
-    """Poses (position, yaw in degrees): of the target, and of the furniture, None for a piece that did not fit."""
+    """Poses (position, yaw in degrees) of all that stands in a room."""
 
     target: Pose
     furniture: tuple[Pose | None, ...]
+    """None for a piece that did not fit."""
     notes: tuple[str, ...]
 
 

@@ -61,9 +61,10 @@ class _Miss:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Draw:
-    """One drawn camera before its distance is known. direction (3,) leads from the object's centre to the camera."""
+    """One drawn camera before its distance is known."""
 
     direction: np.ndarray
+    """(3,) leads from the object's centre to the camera."""
     aim: np.ndarray
     fov: float
     image: ImageSpec

@@ -39,14 +39,12 @@ MAX_POINTS = 192
 
 @dataclass(frozen=True, kw_only=True)
 class Exposure:
-    """How target light meets the visible part of the object.
-
-    mean: direct irradiance (luminance, mean over visible points) in units of the source's; lit: share of these points
-    that any light reaches.
-    """
+    """How target light meets the visible part of the object."""
 
     mean: float
+    """Direct irradiance (luminance, mean over visible points) in units of the source's."""
     lit: float
+    """Share of these points that any light reaches."""
 
 
 def source_light(spec: SourceSpec, stream: Stream, root: Path = Path()) -> IlluminationPlan:

@@ -17,18 +17,18 @@ OUTLINE_GRID = 40
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sight:
-    """What a frame shows of the target.
-
-    coverage: share of the frame where the target is seen. solid: area of its whole silhouette, hidden and cut parts
-    too, over the frame's area. visibility: coverage / solid. points, normals: (N, 3) where the target is seen, metres,
-    and geometric normals turned to the camera.
-    """
+    """What a frame shows of the target."""
 
     coverage: float
+    """Share of the frame where the target is seen."""
     solid: float
+    """Area of its whole silhouette, hidden and cut parts too, over the frame's area."""
     visibility: float
+    """`coverage` over `solid`."""
     points: np.ndarray
+    """(N, 3) where the target is seen, metres."""
     normals: np.ndarray
+    """(N, 3) geometric normals there, turned to the camera."""
 
 
 def rays(frame: Pinhole, grid: int = GRID, margin: int = 1) -> tuple[np.ndarray, np.ndarray]:

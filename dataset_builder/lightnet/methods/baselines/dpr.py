@@ -22,8 +22,7 @@ from torch import nn
 from torch.nn import functional
 
 from dataset_builder.lightnet.data.batch import Batch, Inputs, Prediction
-from dataset_builder.lightnet.data.ranges import tone_map
-from dataset_builder.lightnet.measures.metrics import inside_only, mean_inside
+from dataset_builder.lightnet.data.ranges import inside_only, mean_inside, tone_map
 from dataset_builder.lightnet.methods.blocks import BatchNorm, InstanceNorm, light_of
 from dataset_builder.lightnet.methods.method import Loss, Method
 from dataset_builder.lightnet.settings import ModelSpec
@@ -38,9 +37,10 @@ UNIT = math.sqrt(4 * math.pi)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DprPrediction(Prediction):
-    """source: (B, 27) source light that the network sees in I_s, channel by channel, in units of an even light."""
+    """A prediction, with the source light that was found."""
 
     source: torch.Tensor
+    """(B, 27) as the network sees it in I_s, channel by channel, in units of an even light."""
 
 
 class Dpr(Method):

@@ -16,7 +16,7 @@ from torch import nn
 from torch.nn import functional
 
 from dataset_builder.lightnet.data.batch import Batch, Inputs, Prediction
-from dataset_builder.lightnet.measures.metrics import mean_inside
+from dataset_builder.lightnet.data.ranges import mean_inside
 from dataset_builder.lightnet.methods.blocks import BatchNorm, light_of, signed
 from dataset_builder.lightnet.methods.method import Loss, Method
 from dataset_builder.lightnet.settings import ModelSpec

@@ -19,8 +19,7 @@ from torch.nn import functional
 
 from dataset_builder.geometry.harmonics import COSINE, basis
 from dataset_builder.lightnet.data.batch import Batch, Inputs, Prediction
-from dataset_builder.lightnet.data.ranges import tone_map
-from dataset_builder.lightnet.measures.metrics import inside_only, mean_inside
+from dataset_builder.lightnet.data.ranges import inside_only, mean_inside, tone_map
 from dataset_builder.lightnet.methods.blocks import BatchNorm
 from dataset_builder.lightnet.methods.method import Loss, Method
 from dataset_builder.lightnet.settings import ModelSpec

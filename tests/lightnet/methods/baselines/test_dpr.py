@@ -4,8 +4,7 @@ import pytest
 import torch
 
 from dataset_builder.lightnet.data.batch import Prediction
-from dataset_builder.lightnet.data.ranges import tone_map
-from dataset_builder.lightnet.measures.metrics import mean_inside
+from dataset_builder.lightnet.data.ranges import mean_inside, tone_map
 from dataset_builder.lightnet.methods.baselines.dpr import LIGHT, UNIT, Dpr, DprPrediction, gradient_l1
 from dataset_builder.lightnet.methods.method import count_parameters
 from dataset_builder.lightnet.settings import ModelSpec

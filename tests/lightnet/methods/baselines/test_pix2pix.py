@@ -5,8 +5,7 @@ import torch
 from torch import nn
 
 from dataset_builder.lightnet.data.batch import Prediction
-from dataset_builder.lightnet.data.ranges import tone_map
-from dataset_builder.lightnet.measures.metrics import mean_inside
+from dataset_builder.lightnet.data.ranges import mean_inside, tone_map
 from dataset_builder.lightnet.methods.baselines.pix2pix import Generator, Pix2Pix, discriminator
 from dataset_builder.lightnet.methods.blocks import BRIGHTEST, BatchNorm, InstanceNorm, light_of, signed
 from dataset_builder.lightnet.methods.method import count_parameters

@@ -5,8 +5,7 @@ from torch.nn import functional
 
 from dataset_builder.geometry.harmonics import basis, irradiance
 from dataset_builder.lightnet.data.batch import Prediction
-from dataset_builder.lightnet.data.ranges import tone_map
-from dataset_builder.lightnet.measures.metrics import mean_inside
+from dataset_builder.lightnet.data.ranges import mean_inside, tone_map
 from dataset_builder.lightnet.methods.baselines.ssvbrdf import (
     Ssvbrdf,
     SvbrdfDecoder,
