@@ -24,8 +24,7 @@ def measure(width: int, size: int, repeats: int, device: str) -> dict[str, float
 
     from dataset_builder.lightnet.data.batch import Inputs
     from dataset_builder.lightnet.methods.checkpoint import build_method
-    from dataset_builder.lightnet.methods.method import count_parameters
-    from dataset_builder.lightnet.methods.predict import choose, precision_on, predict
+    from dataset_builder.lightnet.methods.method import choose, count_parameters, precision_on, predict
     from dataset_builder.lightnet.settings import TrainingSpec
 
     where = choose(device)

@@ -18,7 +18,7 @@ from dataset_builder.errors import OutputError, PlanError, Problem, UserError
 from dataset_builder.label.example_plan import ExamplePlan, GoalPlan
 from dataset_builder.label.record import Denoised
 from dataset_builder.planning.catalogue import ExampleRef, units
-from dataset_builder.planning.effects.denoise_guides import FACTOR, REPEATS
+from dataset_builder.planning.effects.decisions import FACTOR, REPEATS
 from dataset_builder.planning.plan import Planner
 from dataset_builder.rendering.backend import activate
 from dataset_builder.seeding import derive_seed

@@ -7,10 +7,9 @@ import numpy as np
 
 from dataset_builder.errors import UserError
 from dataset_builder.geometry.edges import Edges, crease_mask, curves, edges_of, unit
-from dataset_builder.geometry.loop import loop
 from dataset_builder.geometry.mesh import TriangleMesh
 from dataset_builder.geometry.raycast import RayScene
-from dataset_builder.geometry.refine import MAX_FACES, split_long_edges
+from dataset_builder.geometry.subdivision import MAX_FACES, loop, split_long_edges
 
 BALANCE = 0.5
 """Share of the smoothing that is taken back beforehand, see `balanced`."""

@@ -11,7 +11,7 @@ from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.label.example_plan import ExamplePlan, GoalPlan, RenderPlan
 from dataset_builder.layers import LAYERS, PASSES, Extent
 from dataset_builder.planning.catalogue import ExampleRef, ViewRef, count_examples, views_of
-from dataset_builder.planning.effects.denoise_guides import FACTOR, REPEATS
+from dataset_builder.planning.effects.decisions import FACTOR, REPEATS
 from dataset_builder.planning.plan import Planner, first_plan, layers_asked
 from dataset_builder.planning.view.cameras import narrow_views
 from dataset_builder.planning.view.visibility import window_share
@@ -133,21 +133,14 @@ def _goal_spp(goal: GoalPlan, noise: float, pace: float) -> float:
 
 
 def stored_bytes(layers: Iterable[tuple[str, Extent]], frame: int, coverage: float, dtype: str, rates: Rates) -> float:
-    """Stored bytes of one example: values where a layer has them, next to nothing elsewhere, and its record.
-
-    frame: pixels of an image; coverage: share of them that the object covers.
-    """
+    """Stored bytes of one example: values where a layer has them, next to nothing elsewhere, and its record. frame:
+    pixels of an image; coverage: share of them that the object covers."""
     total = rates.example_bytes
     for name, extent in layers:
         full = 1.0 if extent == "frame" else coverage
         share = full * rates.kept_share + (1 - full) * rates.empty_share
         total += frame * LAYERS[name].channels * CHANNEL_BYTES[dtype] * share
     return total
-
-
-def example_bytes(plan: ExamplePlan, dtype: str, rates: Rates) -> float:
-    """Stored bytes of one planned example."""
-    return stored_bytes(plan.render.layers, plan.render.width * plan.render.height, plan.camera.coverage, dtype, rates)
 
 
 def expected_bytes(spec: DatasetSpec, count: int) -> int:
@@ -174,9 +167,9 @@ def view_cost(plan: ExamplePlan, lights: int, levels: int, window: float, dtype:
         paths += traced * spp
         seconds += traced * spp / rate
     passes = sum(runs.values())
-    seconds = (seconds + passes * rates.seconds_per_pass) / cores
-    return Cost(passes=passes, pixels=pixels, paths=paths, seconds=seconds,
-                bytes=examples * example_bytes(plan, dtype, rates))
+    stored = stored_bytes(plan.render.layers, frame, plan.camera.coverage, dtype, rates)
+    return Cost(passes=passes, pixels=pixels, paths=paths, bytes=examples * stored,
+                seconds=(seconds + passes * rates.seconds_per_pass) / cores)
 
 
 def calibration_cost(planner: Planner, rates: Rates, cores: int = 1) -> Cost:
@@ -247,10 +240,10 @@ def estimate(planner: Planner, views: int = 24, rates: Rates | None = None, core
     """
     spec, _ = planner.loaded.dataset, planner.contents
     total, variance, tried, planned, runs = np.zeros(5), np.zeros(5), 0, list[ExamplePlan](), dict.fromkeys(RUNS, 0)
-    views_by_split = {split.name: views_of(spec, split) for split in spec.splits}
-    count = sum(map(len, views_by_split.values()))
-    for split in spec.splits:
-        chosen = _chosen(spec, own := views_by_split[split.name], views / count)
+    all_views = [views_of(spec, split) for split in spec.splits]
+    count = sum(map(len, all_views))
+    for split, own in zip(spec.splits, all_views, strict=True):
+        chosen = _chosen(spec, own, views / count)
         costs = _split_cost(planner, chosen, split.lights, rates or Rates(), cores)
         whole, error = extrapolate([cost for _, cost in costs], len(own))
         total, variance = total + astuple(whole), variance + np.square(astuple(error))

@@ -19,8 +19,8 @@ from dataset_builder.errors import OutputError, Problem
 from dataset_builder.files import output_errors
 from dataset_builder.lightnet.data.batch import Batch
 from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
-from dataset_builder.lightnet.methods.baselines.trivial import TRIVIAL
 from dataset_builder.lightnet.methods.checkpoint import load_trained
+from dataset_builder.lightnet.methods.method import TRIVIAL
 from dataset_builder.lightnet.results.clustered_means import ClusteredMean, estimate
 from dataset_builder.lightnet.results.evaluate import ScoreRow, contender, evaluate, trivial
 from dataset_builder.lightnet.settings import DataSpec

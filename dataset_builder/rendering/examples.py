@@ -12,7 +12,7 @@ from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.label.record import LayerAccuracy, PassRecord, RenderRecord
 from dataset_builder.label.scene_plan import Vector
 from dataset_builder.layers import LAYERS, Pass
-from dataset_builder.planning.effects.denoise_guides import guide_extents
+from dataset_builder.planning.effects.decisions import guide_extents
 from dataset_builder.rendering import plugins
 from dataset_builder.rendering.denoise import denoised
 from dataset_builder.rendering.light_probe import CHANNELS

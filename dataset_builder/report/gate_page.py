@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from dataset_builder.files import write_atomic
-from dataset_builder.lightnet.methods.baselines.trivial import TRIVIAL
+from dataset_builder.lightnet.methods.method import TRIVIAL
 from dataset_builder.lightnet.results.evaluate import ScoreRow
 from dataset_builder.release.cells import Cells
 from dataset_builder.release.consistency import Facts

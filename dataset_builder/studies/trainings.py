@@ -11,7 +11,7 @@ from dataset_builder.digest import canonical_json
 from dataset_builder.errors import UserError
 from dataset_builder.files import output_errors, write_atomic
 from dataset_builder.lightnet.measures.metrics import Metrics
-from dataset_builder.lightnet.methods.predict import choose
+from dataset_builder.lightnet.methods.method import choose
 from dataset_builder.lightnet.results.evaluate import ScoreRow
 from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.lightnet.training.events import Event, Started, Stepped
@@ -55,7 +55,7 @@ def changed(spec: TrainingSpec, **values: Any) -> TrainingSpec:
 
 
 def settings_of(spec: TrainingSpec, device: str, seeds: int = 1) -> str:
-    """One sentence on how LighTNet is trained. device: as `lightnet.methods.predict.choose` takes it."""
+    """One sentence on how LighTNet is trained. device: as `lightnet.methods.method.choose` takes it."""
     found = choose(device)
     where = f"{cores()} cores" if found.type == "cpu" else str(found)
     which = f"{seeds} seeds" if seeds > 1 else f"seed {spec.seed}"

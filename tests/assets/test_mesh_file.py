@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from dataset_builder.assets.file_materials import limited_size, linear_from_srgb, make_texture
 from dataset_builder.assets.mesh_file import load_mesh_file
-from dataset_builder.assets.texture_maps import limited_size, linear_from_srgb, make_texture
 from dataset_builder.errors import UserError
 from dataset_builder.geometry.edges import corner_normals, edges_of
 from dataset_builder.geometry.rough_base import bounding_radius, displace, rough_base

@@ -12,7 +12,7 @@ from dataset_builder.engine.calibration import as_asked, calibrate, candidates, 
 from dataset_builder.engine.unit import BuildJob
 from dataset_builder.errors import PlanError, UserError
 from dataset_builder.label.example_plan import ExamplePlan, GoalPlan
-from dataset_builder.planning.effects.denoise_guides import FACTOR
+from dataset_builder.planning.effects.decisions import FACTOR
 from dataset_builder.planning.plan import Planner
 from dataset_builder.rendering import oidn
 from dataset_builder.shards.card import card

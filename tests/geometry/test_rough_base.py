@@ -8,8 +8,8 @@ from scipy.stats import chi2
 
 from dataset_builder.errors import UserError
 from dataset_builder.geometry.edges import crease_mask, edges_of
-from dataset_builder.geometry.loop import loop
 from dataset_builder.geometry.rough_base import bounding_radius, displace, rough_base, vertex_normals
+from dataset_builder.geometry.subdivision import loop
 from dataset_builder.seeding import rng
 from tests.geometry.closed import watertight
 

@@ -13,7 +13,6 @@ from dataset_builder.planning.cost import (
     Rates,
     calibration_cost,
     estimate,
-    example_bytes,
     expected_spp,
     extrapolate,
     pass_runs,
@@ -114,7 +113,7 @@ def test_measuring_the_bias_of_denoised_layers_costs_eighteen_renders(load: Load
 
 def test_half_floats_take_half_and_empty_pixels_next_to_nothing(load: Load, dataset_data: dict[str, Any]) -> None:
     plan = plan_of(load, dataset_data, {"mask": "object"})
-    assert example_bytes(plan, "float16", replace(RATES, empty_share=0.1)) == pytest.approx(
+    assert view_cost(plan, 1, 1, 0.4, "float16", replace(RATES, empty_share=0.1)).bytes == pytest.approx(
         1000 + 200 * 2 * (0.25 * 0.5 + 0.75 * 0.1))
 
 
@@ -134,7 +133,7 @@ def test_planning_every_view_leaves_no_error_and_is_the_sum(load: Load) -> None:
     assert whole.total.passes == 12 * (1 + 2 + 4 + 1 + 4) + 2 * (1 + 1 + 2 + 1 + 2) == sum(whole.runs.values())
     assert whole.runs == {"source": 14, "target": 26, "rough": 52, "first_hit": 14, "first_hit_rough": 52,
                           "instance": 0}
-    by_hand = sum(example_bytes(planner.example(ref), "float32", RATES) for ref in planner.examples)
+    by_hand = sum(view_cost(planner.example(ref), 1, 1, 0.4, "float32", RATES).bytes for ref in planner.examples)
     assert whole.total.bytes == pytest.approx(by_hand)
 
 

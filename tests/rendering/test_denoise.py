@@ -8,7 +8,7 @@ import pytest
 
 from dataset_builder.errors import UserError
 from dataset_builder.layers import Extent
-from dataset_builder.planning.effects.denoise_guides import guide_extents
+from dataset_builder.planning.effects.decisions import guide_extents
 from dataset_builder.rendering import oidn
 from dataset_builder.rendering.denoise import denoised
 from tests.small_scenes import render_plan

@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from dataset_builder.assets.asset import Asset
 from dataset_builder.assets.procedural import materials
 from dataset_builder.assets.procedural.fittings import square_leg
-from dataset_builder.assets.procedural.parts import GAP, Part, assemble, block, mirrored, moved, padding
+from dataset_builder.assets.procedural.parts import GAP, Made, Part, block, mirrored, moved, padding
 from dataset_builder.assets.procedural.soft import draped, pillow
 from dataset_builder.assets.procedural.textures import smooth_noise
 
@@ -17,14 +16,12 @@ DROP = 0.15
 """How far the blanket hangs down the sides, metres."""
 
 
-def bed(params: dict[str, float], rng: np.random.Generator) -> Asset:
+def bed(params: dict[str, float], finish_rng: np.random.Generator, cloth_rng: np.random.Generator) -> Made:
     """Bed with its foot to the front; two pillows where it is wide enough."""
-    finish_rng, part_rng, cloth_rng = rng.spawn(3)
     finishes = {"frame": materials.frame(finish_rng), "sheet": materials.linen(finish_rng, "ivory"),
                 "blanket": materials.one_of(finish_rng, materials.linen, materials.velvet),
                 "cover": materials.cover(finish_rng)}
-    parts = [*_frame(params), *_head(params), *_bedding(params, cloth_rng)]
-    return assemble(parts, finishes, category="bed", rng=part_rng)
+    return [*_frame(params), *_head(params), *_bedding(params, cloth_rng)], finishes
 
 
 def _frame(params: dict[str, float]) -> list[Part]:

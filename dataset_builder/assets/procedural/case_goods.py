@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from dataset_builder.assets.asset import Asset
 from dataset_builder.assets.procedural import materials
 from dataset_builder.assets.procedural.fittings import door, drawer, lying_books, round_leg, split, standing_books
-from dataset_builder.assets.procedural.parts import GAP, Part, Span, assemble, block
+from dataset_builder.assets.procedural.parts import GAP, Made, Part, Span, block
 
 WALL = 0.02
 FRONT = 0.02
@@ -25,9 +24,8 @@ def carcass(x: Span, y: Span, z: Span, *, wall: float, finish: str, bevel: float
     return [*plates, *sides, back]
 
 
-def cabinet(params: dict[str, float], rng: np.random.Generator) -> Asset:
+def cabinet(params: dict[str, float], finish_rng: np.random.Generator, _: np.random.Generator) -> Made:
     """Sideboard on legs: doors in the outer bays, drawers in the inner ones and in the second of two."""
-    finish_rng, part_rng = rng.spawn(2)
     make = materials.lacquer if params["finish"] else materials.frame
     body = make(finish_rng)
     front = body if finish_rng.uniform() < 0.5 else make(finish_rng)
@@ -39,7 +37,7 @@ def cabinet(params: dict[str, float], rng: np.random.Generator) -> Asset:
                         (0, params["leg_height"]), (0.022, 0.04), finish="frame") for sx in (-1, 1) for sy in (-1, 1)]
     parts += _bays(params, (-x + 0.002, x - 0.002), (body_span[0] + 0.002, body_span[1] - WALL - 0.003), -y,
                    finish="front")
-    return assemble(parts, finishes, category="cabinet", rng=part_rng)
+    return parts, finishes
 
 
 def _bays(params: dict[str, float], x: Span, z: Span, front: float, *, finish: str) -> list[Part]:
@@ -60,9 +58,8 @@ def _bays(params: dict[str, float], x: Span, z: Span, front: float, *, finish: s
     return parts
 
 
-def bookshelf(params: dict[str, float], rng: np.random.Generator) -> Asset:
+def bookshelf(params: dict[str, float], finish_rng: np.random.Generator, book_rng: np.random.Generator) -> Made:
     """Open shelves; every shelf has its own books."""
-    finish_rng, part_rng, book_rng = rng.spawn(3)
     finishes = {"frame": materials.frame(finish_rng), "books": materials.books(finish_rng)}
     x, y, board, bevel = params["width"] / 2, params["depth"] / 2, params["board"], params["bevel"]
     plinth = 0.06
@@ -82,12 +79,11 @@ def bookshelf(params: dict[str, float], rng: np.random.Generator) -> Asset:
         fill = float(np.clip(params["fill"] + shelf_rng.uniform(-0.15, 0.15), 0, 0.95))
         parts += standing_books(inner, floor, clear, (-y + 0.01, y - 0.01), fill if params["fill"] else 0.0, shelf_rng,
                                 bevel=0.0 if crowded else 0.002)
-    return assemble(parts, finishes, category="bookshelf", rng=part_rng)
+    return parts, finishes
 
 
-def wardrobe(params: dict[str, float], rng: np.random.Generator) -> Asset:
+def wardrobe(params: dict[str, float], finish_rng: np.random.Generator, _: np.random.Generator) -> Made:
     """Tall cupboard on a plinth: doors side by side, over a row of drawers if asked for, under a cornice."""
-    finish_rng, part_rng = rng.spawn(2)
     finishes = {"frame": materials.frame(finish_rng), "metal": materials.metal(finish_rng)}
     x, y, bevel = params["width"] / 2, params["depth"] / 2, params["bevel"]
     low, high = 0.08, params["height"] - 0.03
@@ -104,12 +100,11 @@ def wardrobe(params: dict[str, float], rng: np.random.Generator) -> Asset:
         if params["drawer"]:
             parts += drawer(column, (low + 0.003, split_at - 0.0015), -y, style=style, framed=framed, finish="frame",
                             metal="metal", bevel=bevel)
-    return assemble(parts, finishes, category="wardrobe", rng=part_rng)
+    return parts, finishes
 
 
-def nightstand(params: dict[str, float], rng: np.random.Generator) -> Asset:
+def nightstand(params: dict[str, float], finish_rng: np.random.Generator, book_rng: np.random.Generator) -> Made:
     """Small chest: drawers over an open shelf where there is room, books on top if asked for."""
-    finish_rng, part_rng, book_rng = rng.spawn(3)
     finishes = {"frame": materials.frame(finish_rng), "metal": materials.metal(finish_rng),
                 "books": materials.books(finish_rng)}
     x, y, high, bevel = params["width"] / 2, params["depth"] / 2, params["height"], params["bevel"]
@@ -129,7 +124,7 @@ def nightstand(params: dict[str, float], rng: np.random.Generator) -> Asset:
                         finish="frame", metal="metal", bevel=bevel)
     if params["books"]:
         parts += lying_books(int(params["books"]), (0.0, 0.02), high, book_rng, room=1.4 * min(x, y))
-    return assemble(parts, finishes, category="nightstand", rng=part_rng)
+    return parts, finishes
 
 
 def _nightstand_base(params: dict[str, float], x: float, y: float, low: float) -> list[Part]:

@@ -3,25 +3,22 @@
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from dataset_builder.assets.asset import Asset
 from dataset_builder.assets.procedural import materials
 from dataset_builder.assets.procedural.boxes import lattice_box, solid, split_quads
 from dataset_builder.assets.procedural.fittings import foot_disc, round_leg
-from dataset_builder.assets.procedural.parts import GAP, Part, assemble, bent, moved, rod, turned_about_z
+from dataset_builder.assets.procedural.parts import GAP, Made, Part, bent, moved, rod, turned_about_z
 from dataset_builder.assets.procedural.round_solids import COARSE, disc, hoop, turned
 from dataset_builder.geometry.mesh import TriangleMesh
 
 
-def floor_lamp(params: dict[str, float], rng: np.random.Generator) -> Asset:
+def floor_lamp(params: dict[str, float], finish_rng: np.random.Generator, _: np.random.Generator) -> Made:
     """Lamp with a cloth shade on a disc or a tripod. It gives no light: emitters belong to the illumination."""
-    finish_rng, part_rng = rng.spawn(2)
     stand = materials.one_of(finish_rng, materials.metal, materials.metal, materials.wood)
     finishes = {"stand": stand, "shade": materials.linen(finish_rng), "bulb": materials.ceramic(finish_rng, "white")}
     low = params["height"] - params["shade_height"]
     socket = low + 0.25 * params["shade_height"]
     base = _tripod(params, socket) if params["base"] else _disc_base(params, socket)
-    parts = [*base, *_shade(params, low, socket), *_bulb(params, socket)]
-    return assemble(parts, finishes, category="lamp", rng=part_rng)
+    return [*base, *_shade(params, low, socket), *_bulb(params, socket)], finishes
 
 
 def _disc_base(params: dict[str, float], socket: float) -> list[Part]:
@@ -67,9 +64,8 @@ def _bulb(params: dict[str, float], socket: float) -> list[Part]:
     return [cup, moved(Part(mesh=turned(globe, sides=COARSE), finish="bulb"), (0, 0, socket))]
 
 
-def vase(params: dict[str, float], rng: np.random.Generator) -> Asset:
+def vase(params: dict[str, float], finish_rng: np.random.Generator, _: np.random.Generator) -> Made:
     """Turned vase, hollow, with a foot, a belly, a neck and a flared rim; ceramic, stone or glass."""
-    finish_rng, part_rng = rng.spawn(2)
     makers = (materials.glass,) if params["finish"] else (materials.ceramic, materials.ceramic, materials.stone)
     finishes = {"glaze": materials.one_of(finish_rng, *makers)}
     height, belly, neck = params["height"], params["belly"] / 2, params["neck"] / 2
@@ -81,12 +77,11 @@ def vase(params: dict[str, float], rng: np.random.Generator) -> Asset:
     inner = np.stack([outline(up[::-1][:-4]) - wall, up[::-1][:-4]], axis=-1)
     lip = np.array([(outline(height) - 0.002, height), (outline(height) - wall + 0.002, height)])
     profile = np.concatenate([[(outline(0) - 0.004, 0)], outer, lip, inner])
-    return assemble([Part(mesh=turned(profile), finish="glaze")], finishes, category="vase", rng=part_rng)
+    return [Part(mesh=turned(profile), finish="glaze")], finishes
 
 
-def plant(params: dict[str, float], rng: np.random.Generator) -> Asset:
+def plant(params: dict[str, float], finish_rng: np.random.Generator, leaf_rng: np.random.Generator) -> Made:
     """Pot with soil and upright sword-shaped leaves, each in its own sector so that none meet."""
-    finish_rng, part_rng, leaf_rng = rng.spawn(3)
     finishes = {"pot": materials.one_of(finish_rng, materials.ceramic, materials.paint, materials.plaster),
                 "soil": materials.soil(finish_rng), "leaf": materials.leaf(finish_rng)}
     radius, height = params["pot_width"] / 2, params["pot_height"]
@@ -99,8 +94,7 @@ def plant(params: dict[str, float], rng: np.random.Generator) -> Asset:
                     (floor - wall + 0.3 * slope * height, 0.3 * height)])
     bed_radius = floor + slope * (level - 0.02) - wall - 0.002
     soil = moved(Part(mesh=disc(bed_radius, 0.02, bevel=0.003), finish="soil"), (0, 0, level - 0.02))
-    parts = [Part(mesh=turned(pot), finish="pot"), soil, *_leaves(params, bed_radius, level + GAP, leaf_rng)]
-    return assemble(parts, finishes, category="plant", rng=part_rng)
+    return [Part(mesh=turned(pot), finish="pot"), soil, *_leaves(params, bed_radius, level + GAP, leaf_rng)], finishes
 
 
 def _leaves(params: dict[str, float], room: float, floor: float, rng: np.random.Generator) -> list[Part]:

@@ -7,19 +7,20 @@ import numpy as np
 
 from dataset_builder.assets.asset import Asset
 from dataset_builder.assets.procedural import beds, case_goods, decor, seating, tables, upholstery
+from dataset_builder.assets.procedural.parts import Made, assemble
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.seeding import rng
 from dataset_builder.spec.families import FAMILIES, Family
 
-Maker = Callable[[dict[str, float], np.random.Generator], Asset]
+Maker = Callable[[dict[str, float], np.random.Generator, np.random.Generator], Made]
+"""Of parameters and two generators: of the finishes, and of details such as books and folds."""
 
 MAKERS: dict[str, Maker] = {
     "chair": seating.chair, "armchair": upholstery.armchair, "sofa": upholstery.sofa, "stool": seating.stool,
     "bench": seating.bench, "ottoman": upholstery.ottoman, "dining_table": tables.dining_table,
     "coffee_table": tables.coffee_table, "desk": tables.desk, "cabinet": case_goods.cabinet,
     "bookshelf": case_goods.bookshelf, "wardrobe": case_goods.wardrobe, "nightstand": case_goods.nightstand,
-    "bed": beds.bed, "floor_lamp": decor.floor_lamp,
-    "vase": decor.vase, "plant": decor.plant,
+    "bed": beds.bed, "floor_lamp": decor.floor_lamp, "vase": decor.vase, "plant": decor.plant,
 }
 """The function that makes each family of `spec.families.FAMILIES`."""
 
@@ -44,8 +45,10 @@ def make_furniture(*, family: str, params: dict[str, float], seed: int, name: st
         raise UserError([Problem(where=name, path="family",
                                  rule=f"expected one of {', '.join(FAMILIES)}, got {family}")])
     values = _checked(FAMILIES[family], params, name)
-    asset = MAKERS[family](values, rng(seed, "furniture", family))
-    return replace(asset, name=name, category=FAMILIES[family].category, meta=asset.meta | {"family": family})
+    finish_rng, part_rng, detail_rng = rng(seed, "furniture", family).spawn(3)
+    parts, finishes = MAKERS[family](values, finish_rng, detail_rng)
+    asset = assemble(parts, finishes, name=name, category=FAMILIES[family].category, rng=part_rng)
+    return replace(asset, meta=asset.meta | {"family": family})
 
 
 def _checked(family: Family, params: dict[str, float], name: str) -> dict[str, float]:

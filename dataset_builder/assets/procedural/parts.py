@@ -36,6 +36,10 @@ class Part:
     """Spot of the texture that pins its coordinates and stops repetition."""
 
 
+Made = tuple[list[Part], dict[str, Finish]]
+"""A piece of furniture before it is put together: its parts, and the finishes that they name."""
+
+
 def block(x: Span, y: Span, z: Span, *, finish: str, bevel: float, grain: int | None = None) -> Part:
     """Chamfered box that fills the given spans."""
     low, high = np.array([x, y, z]).T
@@ -106,13 +110,14 @@ def leaning(parts: Sequence[Part], *, above: float, degrees: float) -> list[Part
     return [bent(part, shear) for part in parts]
 
 
-def assemble(parts: Sequence[Part], finishes: dict[str, Finish], *, category: str, rng: np.random.Generator) -> Asset:
+def assemble(parts: Sequence[Part], finishes: dict[str, Finish], *, name: str, category: str,
+             rng: np.random.Generator) -> Asset:
     """Asset of the parts: on the floor, centred in x and y, texture shifted at random on every part.
 
     Materials stand in the order of `finishes`, are called by their key there and what they are (`top: oak`), and are
-    left out where no part uses them. The name is left to the caller.
+    left out where no part uses them.
     """
-    asset = assemble_in_place(parts, finishes, name="", category=category, rng=rng)
+    asset = assemble_in_place(parts, finishes, name=name, category=category, rng=rng)
     low, high = asset.mesh.bounds
     offset = np.array([-(low[0] + high[0]) / 2, -(low[1] + high[1]) / 2, -low[2]])
     return replace(asset, mesh=transform(asset.mesh, _affine(np.eye(3), offset)))

@@ -2,23 +2,20 @@
 
 import numpy as np
 
-from dataset_builder.assets.asset import Asset
 from dataset_builder.assets.procedural import materials
 from dataset_builder.assets.procedural.fittings import round_leg, square_leg
-from dataset_builder.assets.procedural.parts import GAP, Part, assemble, block, leaning, mirrored, moved, padding, rod
+from dataset_builder.assets.procedural.parts import GAP, Made, Part, block, leaning, mirrored, moved, padding, rod
 from dataset_builder.assets.procedural.round_solids import chamfered_square, disc, post, turned
 from dataset_builder.geometry.mesh import TriangleMesh
 
 SEAT_BOARD = 0.022
 
 
-def chair(params: dict[str, float], rng: np.random.Generator) -> Asset:
+def chair(params: dict[str, float], finish_rng: np.random.Generator, _: np.random.Generator) -> Made:
     """Dining chair: square legs, the hind ones rising into the back; aprons below the seat."""
-    finish_rng, part_rng = rng.spawn(2)
     finishes = {"frame": materials.frame(finish_rng), "cover": materials.cover(finish_rng)}
     parts = [*_chair_legs(params), *_chair_seat(params), *_chair_back(params)]
-    leant = leaning(parts, above=params["seat_height"], degrees=params["recline"])
-    return assemble(leant, finishes, category="chair", rng=part_rng)
+    return leaning(parts, above=params["seat_height"], degrees=params["recline"]), finishes
 
 
 def _chair_legs(params: dict[str, float]) -> list[Part]:
@@ -82,13 +79,11 @@ def _chair_back(params: dict[str, float]) -> list[Part]:
     return rails + slats
 
 
-def stool(params: dict[str, float], rng: np.random.Generator) -> Asset:
+def stool(params: dict[str, float], finish_rng: np.random.Generator, _: np.random.Generator) -> Made:
     """Stool: round splayed legs joined by bars, a round or square seat, bare or padded."""
-    finish_rng, part_rng = rng.spawn(2)
     finishes = {"frame": materials.frame(finish_rng), "cover": materials.cover(finish_rng),
                 "metal": materials.metal(finish_rng)}
-    parts = [*_stool_legs(params), *_stool_seat(params)]
-    return assemble(parts, finishes, category="stool", rng=part_rng)
+    return [*_stool_legs(params), *_stool_seat(params)], finishes
 
 
 def _stool_legs(params: dict[str, float]) -> list[Part]:
@@ -140,9 +135,8 @@ def round_pad(radius: float, height: float, *, crown: float = 0.25) -> TriangleM
     return turned(np.concatenate([side, dome]))
 
 
-def bench(params: dict[str, float], rng: np.random.Generator) -> Asset:
+def bench(params: dict[str, float], finish_rng: np.random.Generator, _: np.random.Generator) -> Made:
     """Bench: four square legs, rails, and slats or a padded seat."""
-    finish_rng, part_rng = rng.spawn(2)
     finishes = {"frame": materials.frame(finish_rng), "cover": materials.cover(finish_rng)}
     leg, bevel, top = params["leg"], params["bevel"], params["height"]
     x, y = params["width"] / 2 - 0.06 - leg / 2, params["depth"] / 2 - 0.015 - leg / 2
@@ -155,8 +149,7 @@ def bench(params: dict[str, float], rng: np.random.Generator) -> Asset:
                         finish="frame", bevel=bevel) for sy in (-1, 1)]
     short_rails = [block((sx * x - 0.3 * leg, sx * x + 0.3 * leg), (-y + leg / 2 + GAP, y - leg / 2 - GAP), rail,
                          finish="frame", bevel=bevel) for sx in (-1, 1)]
-    parts = [*legs, *long_rails, *short_rails, *_bench_seat(params, seat_low)]
-    return assemble(parts, finishes, category="bench", rng=part_rng)
+    return [*legs, *long_rails, *short_rails, *_bench_seat(params, seat_low)], finishes
 
 
 def _bench_seat(params: dict[str, float], low: float) -> list[Part]:

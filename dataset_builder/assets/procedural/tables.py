@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from dataset_builder.assets.asset import Asset
 from dataset_builder.assets.procedural import materials
 from dataset_builder.assets.procedural.fittings import drawer, lying_books, round_leg, split, square_leg
-from dataset_builder.assets.procedural.parts import GAP, Part, assemble, block, mirrored, moved
+from dataset_builder.assets.procedural.parts import GAP, Made, Part, block, mirrored, moved
 from dataset_builder.assets.procedural.round_solids import disc, turned
 
 
@@ -20,15 +19,14 @@ def _board(params: dict[str, float], *, widest: float, finish: str = "top") -> t
     return block((-x, x), (-y, y), (low, params["height"]), finish=finish, bevel=bevel), x, y
 
 
-def dining_table(params: dict[str, float], rng: np.random.Generator) -> Asset:
+def dining_table(params: dict[str, float], finish_rng: np.random.Generator, _: np.random.Generator) -> Made:
     """Table on square tapered legs with aprons, splayed round legs, or a pedestal (round) or trestles (rectangular)."""
-    finish_rng, part_rng = rng.spawn(2)
     frame = materials.frame(finish_rng)
     top = frame if finish_rng.uniform() < 0.6 else materials.one_of(finish_rng, materials.wood, materials.stone)
     finishes = {"frame": frame, "top": top}
     board, x, y = _board(params, widest=1.4)
     base = (_square_base, _splayed_base, _pedestal if params["shape"] else _trestles)[int(params["base"])]
-    return assemble([board, *base(params, x, y)], finishes, category="table", rng=part_rng)
+    return [board, *base(params, x, y)], finishes
 
 
 def _leg_place(params: dict[str, float], x: float, y: float, inset: float) -> tuple[float, float]:
@@ -89,9 +87,8 @@ def _trestles(params: dict[str, float], x: float, y: float) -> list[Part]:
     return [*mirrored([foot, head, column]), beam]
 
 
-def coffee_table(params: dict[str, float], rng: np.random.Generator) -> Asset:
+def coffee_table(params: dict[str, float], finish_rng: np.random.Generator, book_rng: np.random.Generator) -> Made:
     """Low table: round or rectangular, wooden or stone top, wooden or metal legs, a shelf and books if asked for."""
-    finish_rng, part_rng, book_rng = rng.spawn(3)
     finishes = {"frame": materials.one_of(finish_rng, materials.wood, materials.metal),
                 "top": materials.one_of(finish_rng, materials.wood, materials.stone),
                 "books": materials.books(finish_rng)}
@@ -103,7 +100,7 @@ def coffee_table(params: dict[str, float], rng: np.random.Generator) -> Asset:
     parts = [board, *legs, *_coffee_rails(params, px, py, under)]
     if params["books"]:
         parts += lying_books(int(params["books"]), (0.35 * x, 0.2 * y), params["height"], book_rng, room=0.8 * y)
-    return assemble(parts, finishes, category="table", rng=part_rng)
+    return parts, finishes
 
 
 def _coffee_rails(params: dict[str, float], px: float, py: float, under: float) -> list[Part]:
@@ -122,9 +119,8 @@ def _coffee_rails(params: dict[str, float], px: float, py: float, under: float) 
     return [*rails, shelf]
 
 
-def desk(params: dict[str, float], rng: np.random.Generator) -> Asset:
+def desk(params: dict[str, float], finish_rng: np.random.Generator, _: np.random.Generator) -> Made:
     """Writing desk: a chest of drawers on one side, two legs on the other, a modesty panel behind."""
-    finish_rng, part_rng = rng.spawn(2)
     finishes = {"frame": materials.wood(finish_rng), "front": materials.frame(finish_rng),
                 "metal": materials.metal(finish_rng)}
     x, y, bevel = params["width"] / 2, params["depth"] / 2, params["bevel"]
@@ -138,8 +134,7 @@ def desk(params: dict[str, float], rng: np.random.Generator) -> Asset:
     panel = block((-x + 0.02 + chest_width + GAP, x - 0.07 - GAP), (y - 0.06, y - 0.044), (0.42 * under, under),
                   finish="frame", bevel=bevel, grain=0)
     parts = [board, *legs, *chest, panel]
-    sided = parts if not params["side"] else mirrored(parts)[len(parts):]
-    return assemble(sided, finishes, category="desk", rng=part_rng)
+    return parts if not params["side"] else mirrored(parts)[len(parts):], finishes
 
 
 def _chest(params: dict[str, float], x: tuple[float, float], y: tuple[float, float], high: float) -> list[Part]:

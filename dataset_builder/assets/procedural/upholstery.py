@@ -2,14 +2,13 @@
 
 import numpy as np
 
-from dataset_builder.assets.asset import Asset
 from dataset_builder.assets.procedural import materials
 from dataset_builder.assets.procedural.fittings import round_leg, square_leg
 from dataset_builder.assets.procedural.parts import (
     GAP,
+    Made,
     Part,
     Span,
-    assemble,
     block,
     facing_front,
     leaning,
@@ -26,26 +25,20 @@ CUSHION, BODY_LOW, BACK = 0.15, 0.12, 0.16
 WOODEN_FRAME = 2
 
 
-def armchair(params: dict[str, float], rng: np.random.Generator) -> Asset:
+def armchair(params: dict[str, float], finish_rng: np.random.Generator, rng: np.random.Generator) -> Made:
     """One seat between arms: upholstered blocks, rolled arms, or an open wooden frame."""
-    return _seat({**params, "seats": 1, "pillows": 0}, rng, category="armchair")
+    return sofa({**params, "seats": 1, "pillows": 0}, finish_rng, rng)
 
 
-def sofa(params: dict[str, float], rng: np.random.Generator) -> Asset:
+def sofa(params: dict[str, float], finish_rng: np.random.Generator, _: np.random.Generator) -> Made:
     """Two to four seats between arms, with loose pillows."""
-    return _seat(params, rng, category="sofa")
-
-
-def _seat(params: dict[str, float], rng: np.random.Generator, *, category: str) -> Asset:
-    finish_rng, part_rng = rng.spawn(2)
     finishes = {"cover": materials.cover(finish_rng),
                 "legs": materials.one_of(finish_rng, materials.wood, materials.wood, materials.metal),
                 "pillow": materials.one_of(finish_rng, materials.linen, materials.velvet)}
     open_frame = params["arms"] == WOODEN_FRAME
     finishes["legs"] = materials.wood(finish_rng) if open_frame else finishes["legs"]
     sides = _wooden_sides(params) if open_frame else _soft_sides(params)
-    parts = [*sides, *_back_and_cushions(params)]
-    return assemble(parts, finishes, category=category, rng=part_rng)
+    return [*sides, *_back_and_cushions(params)], finishes
 
 
 def _inner(params: dict[str, float]) -> Span:
@@ -132,12 +125,10 @@ def _loose_pillow(side: int, half: float, back: float, seat: float, high: float)
     return moved(facing_front(Part(mesh=mesh, finish="pillow")), centre)
 
 
-def ottoman(params: dict[str, float], rng: np.random.Generator) -> Asset:
+def ottoman(params: dict[str, float], finish_rng: np.random.Generator, _: np.random.Generator) -> Made:
     """Soft footstool, round or square, on a wooden base with short legs."""
-    finish_rng, part_rng = rng.spawn(2)
     finishes = {"cover": materials.cover(finish_rng), "legs": materials.frame(finish_rng)}
-    parts = _square_ottoman(params) if params["shape"] else _round_ottoman(params)
-    return assemble(parts, finishes, category="ottoman", rng=part_rng)
+    return _square_ottoman(params) if params["shape"] else _round_ottoman(params), finishes
 
 
 def _round_ottoman(params: dict[str, float]) -> list[Part]:

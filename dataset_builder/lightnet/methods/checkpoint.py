@@ -22,8 +22,7 @@ from dataset_builder.lightnet.methods.baselines.pix2pix import Pix2Pix
 from dataset_builder.lightnet.methods.baselines.ssvbrdf import Ssvbrdf
 from dataset_builder.lightnet.methods.lightnet import LighTNet
 from dataset_builder.lightnet.methods.losses import LightObjective
-from dataset_builder.lightnet.methods.method import Method
-from dataset_builder.lightnet.methods.predict import choose
+from dataset_builder.lightnet.methods.method import Method, choose
 from dataset_builder.lightnet.settings import ObjectiveSpec, TrainingSpec
 from dataset_builder.seeding import derive_seed
 

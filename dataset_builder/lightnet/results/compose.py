@@ -20,7 +20,7 @@ from dataset_builder.lightnet.data.batch import Batch
 from dataset_builder.lightnet.data.lighting_dataset import exposure_of
 from dataset_builder.lightnet.data.ranges import linear_light, tone_map
 from dataset_builder.lightnet.methods.checkpoint import Trained
-from dataset_builder.lightnet.methods.predict import predict
+from dataset_builder.lightnet.methods.method import predict
 from dataset_builder.lightnet.results.compose_input import ComposeInput
 from dataset_builder.lightnet.results.inpaint import fill
 from dataset_builder.lightnet.results.pictures import light

@@ -19,10 +19,8 @@ from dataset_builder.lightnet.data.batch import Batch, Prediction
 from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
 from dataset_builder.lightnet.data.loader import whole_images
 from dataset_builder.lightnet.measures.metrics import Metrics, measure
-from dataset_builder.lightnet.methods.baselines.trivial import TRIVIAL
 from dataset_builder.lightnet.methods.checkpoint import Trained, load_trained
-from dataset_builder.lightnet.methods.method import count_parameters
-from dataset_builder.lightnet.methods.predict import predict
+from dataset_builder.lightnet.methods.method import TRIVIAL, count_parameters, predict
 from dataset_builder.lightnet.settings import DataSpec
 
 CPU = torch.device("cpu")

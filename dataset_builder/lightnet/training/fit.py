@@ -22,8 +22,15 @@ from dataset_builder.lightnet.data.batch import Batch
 from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
 from dataset_builder.lightnet.measures.metrics import mean_metrics, measure
 from dataset_builder.lightnet.methods.checkpoint import build_method, load_state, load_weights, save_state, spec_of
-from dataset_builder.lightnet.methods.method import Method, running_statistics
-from dataset_builder.lightnet.methods.predict import Precision, autocast, choose, precision_on, predict
+from dataset_builder.lightnet.methods.method import (
+    Method,
+    Precision,
+    autocast,
+    choose,
+    precision_on,
+    predict,
+    running_statistics,
+)
 from dataset_builder.lightnet.methods.vgg import file_digest
 from dataset_builder.lightnet.settings import TrainingSpec, differences, flat
 from dataset_builder.lightnet.training.events import Board, Checked, Event, Finished, Started, Stepped

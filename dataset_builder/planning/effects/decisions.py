@@ -13,15 +13,42 @@ from dataset_builder.label.effects_plan import Decision, EffectsPlan, Feature, P
 from dataset_builder.label.example_plan import RenderPlan
 from dataset_builder.label.light_plan import IlluminationPlan
 from dataset_builder.label.scene_plan import FogPlan, PlacedObject, RoomPlan
-from dataset_builder.layers import EVERYWHERE, LAYERS, PASSES
-from dataset_builder.planning.effects.denoise_guides import guide_extents
+from dataset_builder.layers import EVERYWHERE, LAYERS, PASSES, Extent
 from dataset_builder.planning.effects.features import scene_features
 from dataset_builder.planning.effects.materials_used import MaterialUse, SceneUse, scene_use
 from dataset_builder.planning.effects.reach import MAX_DEPTH, path_depth, reaching, said
 from dataset_builder.spec.render import RenderSpec
 
+ALBEDO = {"i_s": "d", "i_t": "d"}
+"""Layers that carry the colour of the surface, and what shows it. Lighting carries none."""
+
+NORMAL = {"3dm": "normal", "r3dm": "normal_rough"}
+FACTOR = 16
+"""How many times the dataset's spp a reference has that denoised layers are measured against: a quarter of the noise.
+"""
+REPEATS = 2
+"""Independent renders of such an example as the dataset asks: their products hold the bias without the noise."""
+MASKS = {"3dm": ("mask",), "r3dm": ("mask", "mask_rough")}
+"""By geometry: where a layer of extent `object` lives is where any of these is above 0."""
 LIT = ("source", "target", "rough")
 DARK = "remove parts of the room with `open`, add windows, remove the ceiling, or put a light inside"
+
+
+def guides_of(name: str) -> tuple[str, ...]:
+    """Layers that guide the denoising of one, masks aside."""
+    normal = NORMAL[LAYERS[name].geometry]
+    return (ALBEDO[name], normal) if name in ALBEDO else (normal,)
+
+
+def guide_extents(render: RenderPlan) -> dict[str, Extent]:
+    """Layers that denoising needs, shipped or not, and where: on the frame where a layer is denoised there."""
+    extents, wanted = dict(render.layers), dict[str, Extent]()
+    for name in render.denoise:
+        for guide in guides_of(name):
+            wanted[guide] = "frame" if "frame" in (extents[name], wanted.get(guide)) else "object"
+        for mask in MASKS[LAYERS[name].geometry]:
+            wanted.setdefault(mask, "object")
+    return wanted
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,7 @@ from pathlib import Path
 import mitsuba as mi
 import numpy as np
 
-from dataset_builder.assets.texture_maps import resized
+from dataset_builder.assets.file_materials import resized
 from dataset_builder.digest import sha256_file
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.planning.view.emission import LUMINANCE

@@ -6,10 +6,10 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from dataset_builder.geometry.edges import corner_normals, edges_of
-from dataset_builder.geometry.loop import loop
 from dataset_builder.geometry.mesh import TriangleMesh
 from dataset_builder.geometry.repair import repair
 from dataset_builder.geometry.rough_base import rough_base
+from dataset_builder.geometry.subdivision import loop
 from dataset_builder.studies.stress.case import Case, CaseMeasured, Size, hard_case
 from dataset_builder.studies.stress.scenes import ball_mesh, bare, box_mesh
 

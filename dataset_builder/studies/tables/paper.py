@@ -71,7 +71,7 @@ class TableRow:
     """A row of a table: what is trained for it, and the published row that it is compared with."""
 
     name: str
-    """Of its folder and in files; where nothing is learnt, its name in `lightnet.methods.baselines.trivial`."""
+    """Of its folder and in files; where nothing is learnt, its name in `lightnet.methods.method`."""
     title: str
     """For people."""
     spec: TrainingSpec | None

@@ -33,7 +33,7 @@ class TableStudy:
     """Trainings of every row, from `base.seed` on."""
     vgg_weights: Path | None = None
     device: str = "auto"
-    """As `lightnet.methods.predict.choose` takes it."""
+    """As `lightnet.methods.method.choose` takes it."""
 
     @property
     def sentence(self) -> str:

@@ -15,8 +15,7 @@ from dataset_builder.lightnet.data.batch import Prediction
 from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
 from dataset_builder.lightnet.data.ranges import tone_map
 from dataset_builder.lightnet.measures.metrics import METRICS, Metrics, measure
-from dataset_builder.lightnet.methods.baselines.trivial import TRIVIAL
-from dataset_builder.lightnet.methods.predict import predict
+from dataset_builder.lightnet.methods.method import TRIVIAL, predict
 from dataset_builder.lightnet.results.evaluate import Contender, contender, evaluate, load_all, trivial
 from dataset_builder.lightnet.results.pictures import GAIN, cropped, difference, found, given, light, signed, square
 from dataset_builder.lightnet.settings import DataSpec

@@ -8,7 +8,7 @@ import pytest
 
 from dataset_builder.cli.main import main
 from dataset_builder.errors import OutputError, UserError
-from dataset_builder.lightnet.methods.baselines.trivial import TRIVIAL
+from dataset_builder.lightnet.methods.method import TRIVIAL
 from dataset_builder.lightnet.settings import TrainingSpec, differences, load_training
 from dataset_builder.lightnet.training.fit import TrainingJob, fit
 from dataset_builder.studies.tables import paper, table_kinds
