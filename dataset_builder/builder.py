@@ -15,7 +15,7 @@ from dataset_builder.engine.timings import Timings
 from dataset_builder.engine.unit import BuildJob, Outcome, remembered, run_unit, versions
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.files import require_space
-from dataset_builder.label.record import Denoised
+from dataset_builder.label.example_label import Denoised
 from dataset_builder.planning.catalogue import ExampleRef, units
 from dataset_builder.planning.cost import expected_bytes
 from dataset_builder.planning.plan import Planner, layers_asked

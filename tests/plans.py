@@ -2,11 +2,17 @@
 
 from typing import Any, get_args
 
-from dataset_builder.label.effects_plan import EffectsPlan, PassEffects
-from dataset_builder.label.example_plan import ExamplePlan, RenderPlan, RoughPlan
-from dataset_builder.label.light_plan import IlluminationPlan, LightPlan
-from dataset_builder.label.record import PassRecord, RenderRecord
-from dataset_builder.label.scene_plan import CameraPlan, ObjectPlan, Param, PlacedObject, RoomPlan
+from dataset_builder.label.example_label import PassRecord, RenderRecord
+from dataset_builder.label.example_plan import EffectsPlan, ExamplePlan, PassEffects, RenderPlan, RoughPlan
+from dataset_builder.label.scene_plan import (
+    CameraPlan,
+    IlluminationPlan,
+    LightPlan,
+    ObjectPlan,
+    Param,
+    PlacedObject,
+    RoomPlan,
+)
 from dataset_builder.layers import Pass
 
 PAPER = (

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from dataset_builder.assets.asset import Material
-from dataset_builder.label.light_plan import LightPlan
-from dataset_builder.label.scene_plan import FogPlan, RoomPlan
+from dataset_builder.label.scene_plan import FogPlan, LightPlan, RoomPlan
 from dataset_builder.light_kinds import LENGTHS, LIGHT_KINDS, LampName, LightKind, LightName, Quantity
 from dataset_builder.planning.effects.features import scene_features
 from dataset_builder.planning.effects.materials_used import MaterialUse, SceneUse

@@ -10,7 +10,7 @@ from cycles.client import Blender
 from cycles.contenders import Cycles, Ours, Setting
 
 from dataset_builder.label.example_plan import ExamplePlan
-from dataset_builder.label.light_plan import LightPlan
+from dataset_builder.label.scene_plan import LightPlan
 from dataset_builder.light_kinds import LIGHT_KINDS, LampName
 
 KINDS = get_args(LampName)

@@ -15,7 +15,7 @@ import numpy as np
 from dataset_builder.assets.asset import Material, Texture
 from dataset_builder.geometry.pinhole import look_at
 from dataset_builder.label.example_plan import ExamplePlan
-from dataset_builder.label.light_plan import IlluminationPlan
+from dataset_builder.label.scene_plan import IlluminationPlan
 from dataset_builder.planning.view.emission import BEAM_SHARE
 from dataset_builder.rendering.scene.rough_mesh import rough_twin
 from dataset_builder.rendering.scene.triangle_soup import PARTS, Soup, clean, merge, surroundings

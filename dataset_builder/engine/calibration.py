@@ -15,8 +15,8 @@ from dataset_builder.engine import local
 from dataset_builder.engine.maker_file import MakerFile
 from dataset_builder.engine.unit import BuildJob, planner_of
 from dataset_builder.errors import OutputError, PlanError, Problem, UserError
+from dataset_builder.label.example_label import Denoised
 from dataset_builder.label.example_plan import ExamplePlan, GoalPlan
-from dataset_builder.label.record import Denoised
 from dataset_builder.planning.catalogue import ExampleRef, units
 from dataset_builder.planning.effects.decisions import FACTOR, REPEATS
 from dataset_builder.planning.plan import Planner

@@ -14,8 +14,8 @@ from dataset_builder.digest import digest
 from dataset_builder.engine import source
 from dataset_builder.engine.rejections import keep_pixels
 from dataset_builder.errors import OutputError, PlanError, Problem, SpecError, UserError
+from dataset_builder.label.example_label import Denoised
 from dataset_builder.label.example_plan import ExamplePlan
-from dataset_builder.label.record import Denoised
 from dataset_builder.planning.catalogue import ExampleRef, ViewUnit
 from dataset_builder.planning.plan import Planner
 from dataset_builder.rendering import oidn

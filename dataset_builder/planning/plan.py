@@ -9,7 +9,7 @@ from typing import Generic, TypeVar
 
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.label.example_plan import ExamplePlan, GoalPlan, RenderPlan, RoughPlan
-from dataset_builder.label.light_plan import IlluminationPlan
+from dataset_builder.label.scene_plan import IlluminationPlan
 from dataset_builder.layers import LAYERS, Extent
 from dataset_builder.planning.catalogue import ExampleRef, PairRef, ViewRef, examples
 from dataset_builder.planning.effects.decisions import plan_effects

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
+from dataset_builder.label.example_label import RenderRecord
 from dataset_builder.label.example_plan import ExamplePlan
-from dataset_builder.label.record import RenderRecord
 from dataset_builder.layers import PAPER_LAYERS
 from dataset_builder.release import light_checks, shape_checks
 from dataset_builder.release.cells import Cells, cells_of

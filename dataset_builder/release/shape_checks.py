@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dataset_builder.geometry.pinhole import Pinhole
+from dataset_builder.label.example_label import RenderRecord
 from dataset_builder.label.example_plan import ExamplePlan
-from dataset_builder.label.record import RenderRecord
 from dataset_builder.release.cells import WHOLE, eroded
 from dataset_builder.release.dataset_check import Check, Rule
 

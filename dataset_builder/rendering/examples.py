@@ -8,8 +8,8 @@ from typing import get_args
 
 import numpy as np
 
+from dataset_builder.label.example_label import LayerAccuracy, PassRecord, RenderRecord
 from dataset_builder.label.example_plan import ExamplePlan
-from dataset_builder.label.record import LayerAccuracy, PassRecord, RenderRecord
 from dataset_builder.label.scene_plan import Vector
 from dataset_builder.layers import LAYERS, Pass
 from dataset_builder.planning.effects.decisions import guide_extents

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from dataset_builder.label.example_plan import ExamplePlan, RoughPlan
-from dataset_builder.label.light_plan import IlluminationPlan
+from dataset_builder.label.scene_plan import IlluminationPlan
 from dataset_builder.layers import Pass
 from dataset_builder.rendering.passes import ViewSensor
 from dataset_builder.rendering.scene.local_frame import LocalFrame

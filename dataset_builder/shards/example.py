@@ -13,9 +13,8 @@ import numpy as np
 
 from dataset_builder.digest import pixel_digest, sha256_bytes
 from dataset_builder.errors import Problem, ShardError
-from dataset_builder.label.example_label import ExampleLabel
+from dataset_builder.label.example_label import ExampleLabel, RenderRecord
 from dataset_builder.label.example_plan import ExamplePlan
-from dataset_builder.label.record import RenderRecord
 from dataset_builder.layers import LAYERS
 from dataset_builder.shards import exr
 from dataset_builder.shards.label_text import SCHEMA_VERSION, encode_label, statistics

@@ -7,7 +7,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from dataset_builder.digest import canonical_json, digest
 from dataset_builder.errors import Problem, ShardError
-from dataset_builder.label.record import Denoised
+from dataset_builder.label.example_label import Denoised
 from dataset_builder.layers import LAYERS, Extent
 from dataset_builder.shards import exr
 from dataset_builder.shards.folder import FORMAT

@@ -12,8 +12,8 @@ import numpy as np
 from dataset_builder.digest import digest
 from dataset_builder.engine.source import source_digest
 from dataset_builder.files import write_atomic
+from dataset_builder.label.example_label import RenderRecord
 from dataset_builder.label.example_plan import ExamplePlan
-from dataset_builder.label.record import RenderRecord
 from dataset_builder.layers import LAYERS
 from dataset_builder.rendering.backend import renderer_versions
 from dataset_builder.rendering.examples import Rendered, render_view

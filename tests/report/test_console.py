@@ -17,7 +17,7 @@ from dataset_builder.cli.common import plain_console
 from dataset_builder.engine.rejections import keep_pixels
 from dataset_builder.engine.unit import Outcome
 from dataset_builder.errors import ShardError, UserError
-from dataset_builder.label.effects_plan import Decision
+from dataset_builder.label.example_plan import Decision
 from dataset_builder.lightnet.training.events import Checked, Finished, Started, Stepped
 from dataset_builder.planning.catalogue import ExampleRef, PairRef, ViewRef
 from dataset_builder.planning.cost import estimate

@@ -45,12 +45,8 @@ def build_method(spec: TrainingSpec, vgg_weights: Path | None = None) -> Method:
         return _BUILDERS[spec.method](spec, vgg_weights)
 
 
-def _lightnet(spec: TrainingSpec, vgg_weights: Path | None) -> Method:
-    return LighTNet(spec.model, LightObjective(spec.objective, vgg_weights))
-
-
 _BUILDERS: dict[str, Callable[[TrainingSpec, Path | None], Method]] = {
-    "lightnet": _lightnet,
+    "lightnet": lambda spec, vgg_weights: LighTNet(spec.model, LightObjective(spec.objective, vgg_weights)),
     "pix2pix": lambda spec, _: Pix2Pix(spec.model),
     "dpr": lambda spec, _: Dpr(spec.model),
     "ssvbrdf": lambda spec, _: Ssvbrdf(spec.model),

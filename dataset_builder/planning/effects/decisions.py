@@ -9,10 +9,8 @@ from pathlib import Path
 from typing import get_args
 
 from dataset_builder.errors import PlanError, Problem
-from dataset_builder.label.effects_plan import Decision, EffectsPlan, Feature, PassEffects
-from dataset_builder.label.example_plan import RenderPlan
-from dataset_builder.label.light_plan import IlluminationPlan
-from dataset_builder.label.scene_plan import FogPlan, PlacedObject, RoomPlan
+from dataset_builder.label.example_plan import Decision, EffectsPlan, Feature, PassEffects, RenderPlan
+from dataset_builder.label.scene_plan import FogPlan, IlluminationPlan, PlacedObject, RoomPlan
 from dataset_builder.layers import EVERYWHERE, LAYERS, PASSES, Extent
 from dataset_builder.planning.effects.features import scene_features
 from dataset_builder.planning.effects.materials_used import MaterialUse, SceneUse, scene_use

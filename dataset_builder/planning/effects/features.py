@@ -4,9 +4,8 @@ from collections.abc import Callable, Sequence
 from typing import get_args
 
 from dataset_builder.assets.asset import Material, disperses, is_pane, is_solid, metallic_range
-from dataset_builder.label.effects_plan import Decision, Feature
-from dataset_builder.label.light_plan import LightPlan
-from dataset_builder.label.scene_plan import FogPlan
+from dataset_builder.label.example_plan import Decision, Feature
+from dataset_builder.label.scene_plan import FogPlan, LightPlan
 from dataset_builder.light_kinds import LIGHT_KINDS
 from dataset_builder.planning.effects.materials_used import MaterialUse, SceneUse, is_smooth
 

@@ -16,8 +16,7 @@ from math import ceil, exp, log
 import numpy as np
 
 from dataset_builder.assets.asset import is_pane, is_solid
-from dataset_builder.label.light_plan import IlluminationPlan, LightPlan
-from dataset_builder.label.scene_plan import FogPlan, RoomPlan
+from dataset_builder.label.scene_plan import FogPlan, IlluminationPlan, LightPlan, RoomPlan
 from dataset_builder.light_kinds import LIGHT_KINDS
 from dataset_builder.planning.effects.materials_used import MaterialUse, is_smooth
 

@@ -9,8 +9,7 @@ import numpy as np
 
 from dataset_builder.digest import sha256_file
 from dataset_builder.errors import PlanError, Problem
-from dataset_builder.label.light_plan import LightPlan
-from dataset_builder.label.scene_plan import Vector
+from dataset_builder.label.scene_plan import LightPlan, Vector
 from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.planning.view.cameras import towards, vector
 from dataset_builder.planning.view.emission import sky_directions

@@ -6,7 +6,7 @@ from math import atan, pi, radians, sqrt
 
 import numpy as np
 
-from dataset_builder.label.light_plan import LightPlan
+from dataset_builder.label.scene_plan import LightPlan
 from dataset_builder.light_kinds import LIGHT_KINDS, LightName
 
 PLANCK_FIRST = 3.741771852e-16

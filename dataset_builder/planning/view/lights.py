@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from dataset_builder.errors import PlanError, Problem
-from dataset_builder.label.light_plan import IlluminationPlan, LightPlan
-from dataset_builder.label.scene_plan import CameraPlan
+from dataset_builder.label.scene_plan import CameraPlan, IlluminationPlan, LightPlan
 from dataset_builder.light_kinds import LIGHT_KINDS, LightName
 from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.planning.view.cameras import inside, towards, vector

@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dataset_builder.label.light_plan import IlluminationPlan, LightPlan
-from dataset_builder.label.scene_plan import CameraPlan, FogPlan, Vector
+from dataset_builder.label.scene_plan import CameraPlan, FogPlan, IlluminationPlan, LightPlan, Vector
 from dataset_builder.light_kinds import LENGTHS, LIGHT_KINDS
 from dataset_builder.rendering.scene.triangle_soup import Soup
 

@@ -17,8 +17,7 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 
-from dataset_builder.label.light_plan import IlluminationPlan
-from dataset_builder.label.scene_plan import CameraPlan
+from dataset_builder.label.scene_plan import CameraPlan, IlluminationPlan
 from dataset_builder.rendering.buffers import owned
 from dataset_builder.rendering.scene.emitters import emitters
 from dataset_builder.rendering.scene.shapes import Triangles, mesh_of, upload

@@ -13,7 +13,7 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 
-from dataset_builder.label.light_plan import LightPlan
+from dataset_builder.label.scene_plan import LightPlan
 from dataset_builder.rendering.buffers import owned
 
 MAX_RADIUS = 0.05

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dataset_builder.label.effects_plan import Decision
-from dataset_builder.label.example_plan import ExamplePlan
+from dataset_builder.label.example_plan import Decision, ExamplePlan
 from dataset_builder.layers import LAYERS
 from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.rendering.backend import activate

@@ -9,8 +9,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 
 from dataset_builder.geometry.pinhole import Pinhole, unit
 from dataset_builder.label.example_plan import RenderPlan
-from dataset_builder.label.light_plan import IlluminationPlan
-from dataset_builder.label.scene_plan import CameraPlan
+from dataset_builder.label.scene_plan import CameraPlan, IlluminationPlan
 from dataset_builder.rendering import passes
 from dataset_builder.rendering.scene.local_frame import LocalFrame
 from dataset_builder.rendering.scene.open_scene import body_of, open_scene

@@ -12,7 +12,7 @@ from dataset_builder.errors import UserError
 from dataset_builder.geometry.repair import repair
 from dataset_builder.geometry.rough_base import displace
 from dataset_builder.geometry.subdivision import split_long_edges
-from dataset_builder.label.light_plan import IlluminationPlan
+from dataset_builder.label.scene_plan import IlluminationPlan
 from dataset_builder.planning.view.lights import source_light
 from dataset_builder.rendering.scene.emitters import emitters
 from dataset_builder.rendering.surface.texels import pack

@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 
-from dataset_builder.label.light_plan import IlluminationPlan, LightPlan
-from dataset_builder.label.scene_plan import CameraPlan
+from dataset_builder.label.scene_plan import CameraPlan, IlluminationPlan, LightPlan
 from dataset_builder.light_kinds import LENGTHS, LIGHT_KINDS
 from dataset_builder.rendering.scene.triangle_soup import merge
 from dataset_builder.seeding import rng

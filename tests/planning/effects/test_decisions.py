@@ -11,9 +11,17 @@ import pytest
 
 from dataset_builder.assets.asset import Material, Texture
 from dataset_builder.errors import PlanError
-from dataset_builder.label.effects_plan import EffectsPlan, Feature
-from dataset_builder.label.light_plan import IlluminationPlan, LightPlan
-from dataset_builder.label.scene_plan import FogPlan, MaterialChange, ObjectPlan, Param, PlacedObject, RoomPlan
+from dataset_builder.label.example_plan import EffectsPlan, Feature
+from dataset_builder.label.scene_plan import (
+    FogPlan,
+    IlluminationPlan,
+    LightPlan,
+    MaterialChange,
+    ObjectPlan,
+    Param,
+    PlacedObject,
+    RoomPlan,
+)
 from dataset_builder.planning.effects.decisions import PASSES, plan_effects
 from dataset_builder.planning.effects.features import scene_features
 from dataset_builder.planning.effects.materials_used import MaterialUse, SceneUse

@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dataset_builder.assets.asset import Material, Texture, roughness_range
-from dataset_builder.label.light_plan import IlluminationPlan, LightPlan
-from dataset_builder.label.scene_plan import FogPlan, RoomPlan
+from dataset_builder.label.scene_plan import FogPlan, IlluminationPlan, LightPlan, RoomPlan
 from dataset_builder.planning.effects.materials_used import MaterialUse
 from dataset_builder.planning.effects.reach import (
     MAX_DEPTH,

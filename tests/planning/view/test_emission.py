@@ -5,7 +5,7 @@ from math import pi
 import numpy as np
 import pytest
 
-from dataset_builder.label.light_plan import LightPlan
+from dataset_builder.label.scene_plan import LightPlan
 from dataset_builder.planning.view.emission import (
     BEAM_SHARE,
     LUMINANCE,
