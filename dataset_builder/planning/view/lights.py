@@ -171,13 +171,16 @@ def _refuse(where: str, rule: str, hint: str) -> PlanError:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LitView:
-    """What target lights are planned for: an arrangement, its camera and what it sees, and the source's irradiance."""
+    """What target lights are planned for."""
 
     arrangement: Arrangement
     camera: CameraPlan
     sight: Sight
+    """What the camera sees."""
     unit: float
+    """The source's irradiance."""
     sky: float
+    """Share of a dome's irradiance that arrives, see `sky_share`."""
 
 
 def target_light(view: LitView, spec: TargetSpec, stream: Stream, where: str,
