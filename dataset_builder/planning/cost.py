@@ -51,18 +51,15 @@ class Rates:
 
 @dataclass(frozen=True, kw_only=True)
 class Cost:
-    """Totals."""
+    """Totals; a pass is a launch, bytes are those stored."""
 
     passes: float = 0.0
-    """Launches."""
     pixels: float = 0.0
     """Traced, summed over passes."""
     paths: float = 0.0
     """Pixels times spp."""
     seconds: float = 0.0
-    """Wall time."""
     bytes: float = 0.0
-    """Stored."""
 
     @classmethod
     def of(cls, values: np.ndarray) -> "Cost":
@@ -72,10 +69,8 @@ class Cost:
 
 @dataclass(frozen=True, kw_only=True)
 class CostEstimate:
-    """Cost of a dataset, its standard error from the views that were planned (0 where all were), and its sizes.
-
-    Views that cannot be planned are taken to cost what the others do, so that the estimate is on the safe side.
-    """
+    """Cost of a dataset, its standard error from the views that were planned (0 where all were), and its sizes; views
+    that cannot be planned are taken to cost what the others do, so that the estimate is on the safe side."""
 
     total: Cost
     error: Cost
