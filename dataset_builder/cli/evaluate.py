@@ -9,6 +9,7 @@ from dataset_builder.errors import UserError
 
 if TYPE_CHECKING:
     from dataset_builder.lightnet.results.compose_input import ComposeInput
+    from dataset_builder.lightnet.settings import DataSpec
 
 FILES = {"i_s": "--i-s", "s_prime": "--s-prime", "mask": "--mask", "background": "--background"}
 OPTIONAL = {"mask_rough": "--mask-rough"}
@@ -30,7 +31,7 @@ def add(verbs: common.Verbs) -> None:
     verb = common.add_verb(verbs, "evaluate", _evaluate, text)
     common.add_folder(verb)
     verb.add_argument("--checkpoint", type=Path, action="append", required=True, help="repeat to compare several")
-    verb.add_argument("--split", help="split to measure on (default: the one held out in training)")
+    verb.add_argument("--split", help="split to measure on (default: the one held out, or one not trained on)")
     verb.add_argument("--examples", type=common.positive, help="spread evenly over the split (default: all)")
     verb.add_argument("--out", type=Path, help="folder for the results (default: evaluation, beside the checkpoint)")
     common.add_networks(verb, trains=False)
@@ -40,7 +41,7 @@ def add(verbs: common.Verbs) -> None:
     verb.add_argument("--checkpoint", type=Path, required=True)
     verb.add_argument("--example", default="", metavar="KEY", help="example to compose, by its key")
     verb.add_argument("--index", type=int, default=0, help="or by its index in the split (default: the first)")
-    verb.add_argument("--split", help="split that --index refers to (default: the one held out in training)")
+    verb.add_argument("--split", help="split that --index refers to (default: as of evaluate)")
     for name, option in {**FILES, **OPTIONAL}.items():
         verb.add_argument(option, type=Path, metavar="FILE", dest=name, help=HELP[name])
     verb.add_argument("--out", type=Path, help="folder for the results (default: composite, beside the checkpoint)")
@@ -66,7 +67,7 @@ def _evaluate(options: argparse.Namespace) -> int:
     from rich.progress import track
 
     from dataset_builder.files import require_writable
-    from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
+    from dataset_builder.lightnet.data.lighting_dataset import LightingDataset, splits_of
     from dataset_builder.lightnet.results.evaluate import contender, evaluate, load_all, trivial
     from dataset_builder.report import evaluation_page as page
     from dataset_builder.report.example_sheet import write_sheet
@@ -74,7 +75,7 @@ def _evaluate(options: argparse.Namespace) -> int:
 
     console, loaded = common.wide_console(), load_all(options.checkpoint, options.device)
     data = next(iter(loaded.values())).spec.data
-    dataset = LightingDataset(options.folder, options.split or data.held_out, data)
+    dataset = LightingDataset(options.folder, options.split or data.measured(splits_of(options.folder)), data)
     out = options.out or options.checkpoint[0].parent / "evaluation"
     require_writable(out)
     indices = spread_indices(len(dataset), options.examples or 0)
@@ -102,7 +103,7 @@ def _compose(options: argparse.Namespace) -> int:
     from dataset_builder.report.example_sheet import write_composite
 
     trained = load_trained(options.checkpoint, options.device)
-    frame = _frame(options, options.split or trained.spec.data.held_out)
+    frame = _frame(options, trained.spec.data)
     composite = compose(trained, frame)
     out = options.out or options.checkpoint.parent / "composite"
     files = write_composite(composite, panels(frame, composite), out, title=frame.name)
@@ -112,14 +113,16 @@ def _compose(options: argparse.Namespace) -> int:
     return 0
 
 
-def _frame(options: argparse.Namespace, split: str) -> "ComposeInput":
+def _frame(options: argparse.Namespace, data: "DataSpec") -> "ComposeInput":
     """The example, or the files; not a mixture."""
+    from dataset_builder.lightnet.data.lighting_dataset import splits_of
     from dataset_builder.lightnet.results.compose_input import input_from_dataset, input_from_files
 
     files = {name: path for name in (*FILES, *OPTIONAL) if (path := getattr(options, name))}
     if options.folder:
         if files:
             raise UserError("expected a dataset or files, got both")
+        split = options.split or data.measured(splits_of(options.folder))
         return input_from_dataset(options.folder, key=options.example, split=split, index=options.index)
     if missing := [option for name, option in FILES.items() if name not in files]:
         raise UserError(f"expected a dataset, or files of {', '.join(FILES.values())}: {', '.join(missing)} missing")

@@ -57,9 +57,10 @@ class DataSpec(Model):
     """Training data and augmentation."""
 
     train: str = "train"
-    """Split to train on."""
+    """Split to train on; by default the first one where a dataset has no `train`."""
     held_out: str = "evaluation"
-    """Split for validation; never used for training."""
+    """Split for validation; never used for training. By default the first other one where a dataset has no
+    `evaluation`, and none where it has no other."""
     crop: Annotated[int, Field(ge=16)] = 128
     """Side of the training crop around the object, in pixels; at most the image's side, and rounded down to a multiple
     that the method needs."""
@@ -79,6 +80,18 @@ class DataSpec(Model):
     """Factor for `i_s`; 1 suits a source dome of radiance 1."""
     inside: Annotated[float, Field(gt=0, le=1)] = 0.5
     """Minimum mask value of a pixel that counts as object."""
+
+    def among(self, splits: Sequence[str]) -> "DataSpec":
+        """With splits that are there in the place of defaults that are not; `held_out` is "" where no other is left."""
+        asked = self.model_fields_set
+        train = next(iter(name for name in (self.train, *splits) if "train" in asked or name in splits), self.train)
+        others = [name for name in splits if name != train]
+        held_out = next((name for name in (self.held_out, *others) if "held_out" in asked or name in others), "")
+        return self.model_copy(update={"train": train, "held_out": held_out})
+
+    def measured(self, splits: Sequence[str]) -> str:
+        """The split to measure on: the one held out in training, else one that it did not see, else the first."""
+        return next((name for name in (self.held_out, *splits) if name in splits and name != self.train), splits[0])
 
 
 class OptimiserSpec(Model):
@@ -133,7 +146,7 @@ class TrainingSpec(Model):
 
     @model_validator(mode="after")
     def _splits_differ(self) -> "TrainingSpec":
-        if self.data.train == self.data.held_out:
+        if self.data.train == self.data.held_out and "held_out" in self.data.model_fields_set:
             raise broken(f"expected another split than train's, got {self.data.held_out}", path=("data", "held_out"))
         return self
 

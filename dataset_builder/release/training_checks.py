@@ -18,7 +18,7 @@ import torch
 from dataset_builder.errors import OutputError, Problem
 from dataset_builder.files import output_errors
 from dataset_builder.lightnet.data.batch import Batch
-from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
+from dataset_builder.lightnet.data.lighting_dataset import LightingDataset, splits_of
 from dataset_builder.lightnet.methods.checkpoint import load_trained
 from dataset_builder.lightnet.methods.method import TRIVIAL
 from dataset_builder.lightnet.results.clustered_means import ClusteredMean, estimate
@@ -33,7 +33,7 @@ LIGHTING = (3, 9)
 """Shape of an example's light: channels, spherical harmonics up to degree 2."""
 
 COUNTED = Rule(name="counted", high=0, why="every example that the manifest lists must be there",
-               statement="examples of both splits in the manifest that the loader neither loads nor lists as left out")
+               statement="examples of these splits in the manifest that the loader neither loads nor lists as left out")
 LEFT_OUT = Rule(name="left_out", high=0.05, why="such an object is too thin to learn from; a few are allowed",
                 statement="share of examples without a pixel inside")
 FINITE = Rule(name="finite", high=0, why="one NaN ends a training",
@@ -51,6 +51,7 @@ feature loss is off, the Lab angle trades brightness away, which L1 holds."""
 MARGIN, COPY_MARGIN = 0.5, 3.0
 """Decibels of mean PSNR that it must be ahead of each rival, and of the copy of I_s."""
 COPY = "copy_i_s"
+NO_OTHER = "the dataset has no split to hold out"
 SIGMAS = 2.0
 """Standard errors that a difference must exceed."""
 
@@ -66,8 +67,9 @@ class Read:
 
 
 def loader_checks(folder: Path, spec: DataSpec) -> list[Check]:
-    """Every rule over both splits of a training. Raises UserError as `LightingDataset` and reading an example do."""
-    sets = [LightingDataset(folder, split, spec) for split in (spec.train, spec.held_out)]
+    """Every rule over the splits of a training. Raises UserError as `LightingDataset` and reading an example do."""
+    spec = spec.among(splits_of(folder))
+    sets = [LightingDataset(folder, split, spec) for split in (spec.train, spec.held_out) if split]
     start = perf_counter()
     found = [read(one[index]) for one in sets for index in range(len(one))]
     rate = len(found) / max(perf_counter() - start, 1e-9)
@@ -120,13 +122,18 @@ def training_checks(job: TrainingJob, *, margin: float, copy_margin: float) \
         -> Generator[Event, None, tuple[list[Check], list[ScoreRow]]]:
     """Train and compare; yields news of the training, returns checks and rows. Raises UserError as `fit` does.
 
-    The job's folder is emptied where it holds an earlier training. The margins are in dB, see `compare`.
+    The job's folder is emptied where it holds an earlier training. The margins are in dB, see `compare`. Where nothing is
+    held out there is nothing to compare on, and nothing is trained.
     """
+    data = job.spec.data.among(splits_of(job.dataset))
+    if not data.held_out:
+        rules = [rule for name in TRIVIAL for rule in (ahead(name, margin), clearly(name))]
+        return [rule.pass_over(NO_OTHER) for rule in rules], []
     _start_afresh(job.out)
     yield from fit(job)
     # The last weights, not the best: those were chosen on the split that decides
     trained = load_trained(job.out / LAST, job.device)
-    held_out = LightingDataset(job.dataset, job.spec.data.held_out, job.spec.data)
+    held_out = LightingDataset(job.dataset, data.held_out, data)
     rows = list(evaluate([contender(trained.name, trained), *trivial()], held_out, range(len(held_out))))
     return compare(rows, trained.name, margin=margin, copy_margin=copy_margin), rows
 

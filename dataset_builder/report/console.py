@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain, islice
+from math import isfinite
 from pathlib import Path
 from typing import TypeVar
 
@@ -197,6 +198,8 @@ def lines_of(event: TrainingEvent) -> list[str]:
     if isinstance(event, Stepped):
         return [f"step {event.step} skipped: {event.skipped}"] if event.skipped else []
     if isinstance(event, Checked):
+        if not event.examples:
+            return [f"step {event.step}: checkpoint"]
         found = ", ".join(f"{name} {value:.4f}" for name, value in event.metrics.items())
         return [f"step {event.step}, {event.examples} held-out examples: {found}" + (" (best)" if event.best else "")]
     return finished_lines(event)
@@ -213,9 +216,11 @@ def started_lines(event: Started) -> list[str]:
 
 def finished_lines(event: Finished) -> list[str]:
     """Why it ended, the best check, and where the weights are."""
-    bad = f", {event.bad_steps} steps skipped" if event.bad_steps else ""
-    return [f"{REASONS[event.reason]} at step {event.step}{bad}; best on held-out examples: {event.best[1]:.2f} dB at "
-            f"step {event.best[0]}", f"last: {event.last_file}", f"best: {event.best_file}"]
+    end = f"{REASONS[event.reason]} at step {event.step}" + f", {event.bad_steps} steps skipped" * bool(event.bad_steps)
+    if not isfinite(event.best[1]):
+        return [end, f"last: {event.last_file}"]
+    return [f"{end}; best on held-out examples: {event.best[1]:.2f} dB at step {event.best[0]}",
+            f"last: {event.last_file}", f"best: {event.best_file}"]
 
 
 def step_text(event: Stepped) -> str:

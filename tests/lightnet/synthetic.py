@@ -4,7 +4,7 @@ Every example keeps I_t = D S + spec to float32 rounding wherever the mask is ab
 for. S' is S on a mesh whose facets are tilted at random, more so at higher noise levels.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -64,14 +64,18 @@ class Shape:
 
 
 def write_synthetic(folder: Path, *, train: int = 6, held_out: int = 3, size: int = 48, levels: int = 1, seed: int = 0,
-                    layers: Sequence[str] = PAPER_AND_ROUGH, per_shard: int = 4) -> Path:
+                    layers: Sequence[str] = PAPER_AND_ROUGH, per_shard: int = 4,
+                    splits: Mapping[str, int] | None = None) -> Path:
     """Write a finished dataset with the splits `train` and `evaluation`; returns its folder.
 
-    train, held_out: examples of each split. levels: noise levels; neighbouring examples are the levels of one view
-    under one light. layers: those of the paper, `mask_rough`, `s` (S) and `spec`.
+    train, held_out: examples of each split; or, by name, splits. levels: noise levels; neighbouring examples are the
+    levels of one view under one light. layers: those of the paper, `mask_rough`, `s` (S) and `spec`.
     """
-    spec = _spec(layers, size, per_shard)
-    counts = {"train": range(train), "evaluation": range(train, train + held_out)}
+    counts, named = dict[str, range](), {"train": train, "evaluation": held_out} if splits is None else splits
+    for name, count in named.items():
+        start = sum(map(len, counts.values()))
+        counts[name] = range(start, start + count)
+    spec = _spec(layers, size, per_shard, tuple(counts))
     with build_lock(folder, Claim(name=spec.name, version=spec.version)):
         indexes = []
         for split, indices in counts.items():
@@ -215,9 +219,9 @@ def _plan(index: int, split: str, view: str, shape: Shape, camera: CameraPlan, s
                                    "rough": plan.rough.model_copy(update={"level": level})})
 
 
-def _spec(layers: Sequence[str], size: int, per_shard: int) -> DatasetSpec:
+def _spec(layers: Sequence[str], size: int, per_shard: int, names: Sequence[str]) -> DatasetSpec:
     splits = [{"name": name, "objects": {"from": ["stool.yaml"], "count": 1},
-               "scenes": {"from": ["room.yaml"], "count": 1}} for name in ("train", "evaluation")]
+               "scenes": {"from": ["room.yaml"], "count": 1}} for name in names]
     return DatasetSpec.model_validate({
         "name": "synthetic", "title": "Synthetic", "image": {"width": size, "height": size},
         "layers": {name: "object" if name in OBJECT else "frame" for name in layers},

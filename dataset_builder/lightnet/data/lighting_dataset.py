@@ -22,7 +22,7 @@ LAYERS = ("mask", "s_prime", "i_s", "d", "r", "i_t")
 DIGITS = 6
 """Of the exposure, so that it is the same however many threads add up."""
 OTHER_SPLIT = "name one of these: `data.train` or `data.held_out` of the training, or --split"
-ONE_SPLIT = "training needs two splits with different objects: add a split to the dataset and build it again"
+ONE_SPLIT = "to measure on other objects, add a split to the dataset and build it again"
 NAMED = 5
 """Keys that a sentence names at most."""
 
@@ -54,7 +54,7 @@ class LightingDataset(Dataset[Batch]):
         not tell the light; ShardError where files are not what they were.
         """
         self.folder, self.split, self.spec = Path(folder), split, spec
-        _require(self.folder, split)
+        require(self.folder, split)
         self._data = open_dataset(folder, layers=LAYERS, verify=spec.verify)
         self.name = self._data.manifest.name
         self.size = (self._data.manifest.height, self._data.manifest.width)
@@ -109,6 +109,13 @@ class LightingDataset(Dataset[Batch]):
                 f"is below {self.spec.inside:g} everywhere: {named}")
 
 
+def splits_of(folder: Path) -> tuple[str, ...]:
+    """Names of the splits of a finished dataset that have examples. Raises UserError where there is none."""
+    if names := tuple(split.name for split in load_manifest(folder).splits if split.examples):
+        return names
+    raise _wrong(folder, "expected examples, got a dataset without any")
+
+
 def exposure_of(s_prime: np.ndarray, inside: np.ndarray) -> float:
     """Target exposure of an example: (3, H, W) S' over (H, W) inside, rounded so that it is the same everywhere.
 
@@ -120,7 +127,8 @@ def exposure_of(s_prime: np.ndarray, inside: np.ndarray) -> float:
     return float(f"{exposure:.{DIGITS}g}")
 
 
-def _require(folder: Path, split: str) -> None:
+def require(folder: Path, split: str) -> None:
+    """Raise UserError where a dataset lacks a layer to train on, or the split."""
     manifest = load_manifest(folder)
     layers, splits = [layer.name for layer in manifest.layers], [one.name for one in manifest.splits]
     problems = []
@@ -128,7 +136,8 @@ def _require(folder: Path, split: str) -> None:
         rule = f"expected {', '.join(LAYERS)} to train on, the dataset has no {', '.join(missing)}"
         problems.append(Problem(where=str(folder), path="layers", rule=rule, hint="build it with these layers"))
     if split not in splits:
-        problems.append(Problem(where=str(folder), path="splits", rule=f"expected {split}, got {', '.join(splits)}",
+        rule = f"expected {split or 'one to measure on'}, got {', '.join(splits)}"
+        problems.append(Problem(where=str(folder), path="splits", rule=rule,
                                 hint=OTHER_SPLIT if len(splits) > 1 else ONE_SPLIT))
     if problems:
         raise UserError(problems)

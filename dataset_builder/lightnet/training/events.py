@@ -49,7 +49,7 @@ class Stepped:
 
 @dataclass(frozen=True, kw_only=True)
 class Checked:
-    """Mean metrics on held-out examples after `step` batches."""
+    """Mean metrics on held-out examples after `step` batches; none where nothing is held out."""
 
     step: int
     metrics: dict[str, float]

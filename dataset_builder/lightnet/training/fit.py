@@ -19,7 +19,7 @@ from dataset_builder.errors import OutputError, Problem, UserError
 from dataset_builder.files import write_atomic
 from dataset_builder.lightnet.data import loader
 from dataset_builder.lightnet.data.batch import Batch
-from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
+from dataset_builder.lightnet.data.lighting_dataset import LightingDataset, splits_of
 from dataset_builder.lightnet.measures.metrics import mean_metrics, measure
 from dataset_builder.lightnet.methods.checkpoint import build_method, load_state, load_weights, save_state, spec_of
 from dataset_builder.lightnet.methods.method import (
@@ -43,6 +43,7 @@ from dataset_builder.spread import spread_indices
 LAST, BEST, LOG, SPEC, LOCK = "last.pt", "best.pt", "log.csv", "training.json", ".lock"
 FREE = ("data.workers", "data.verify", "most_bad_steps")
 """What may change between the runs of one training: who reads, how files are checked, and when it gives up."""
+ALONE = "the dataset has no split to hold out: no checks, and no best checkpoint"
 SEED_BITS = 63
 """Of PyTorch's seeds."""
 
@@ -104,12 +105,13 @@ class _Training:
     """One training from its checkpoint, or from nothing, to its end."""
 
     def __init__(self, job: TrainingJob):
-        spec = job.spec
+        data = job.spec.data.among(splits_of(job.dataset))
+        spec = job.spec.model_copy(update={"data": data})
         self.job, self.spec, self.identity = job, spec, job.identity()
         self.device = choose(job.device)
         self.precision: Precision = precision_on(self.device, spec.precision)
         self.train = LightingDataset(job.dataset, spec.data.train, spec.data, levels=job.levels)
-        self.held_out = LightingDataset(job.dataset, spec.data.held_out, spec.data, levels=job.levels)
+        self.held_out = LightingDataset(job.dataset, data.held_out, data, levels=job.levels) if data.held_out else None
         self.method: Method = build_method(spec, job.vgg_weights).to(self.device)
         self.optimisers, self.running = Optimisers(self.method, spec), running_statistics(self.method)
         self.progress, self.first = _Progress(), 0
@@ -141,9 +143,9 @@ class _Training:
     def started(self) -> Started:
         """What is about to be trained."""
         return Started(parameters=self.optimisers.counts(), first=self.first, steps=self.spec.steps,
-                       train=len(self.train), held_out=len(self.held_out), device=str(self.device),
+                       train=len(self.train), held_out=len(self.held_out or ()), device=str(self.device),
                        precision=self.precision, off=self.method.off,
-                       notes=(*self.train.notes, *self.held_out.notes))
+                       notes=(*self.train.notes, *(self.held_out.notes if self.held_out else [ALONE])))
 
     def run(self) -> Iterator[Event]:
         """All steps that are left, with their checks."""
@@ -189,13 +191,16 @@ class _Training:
                                           "most_bad_steps here")])
 
     def _check(self) -> Checked:
-        """Measure on held-out examples and write the checkpoint."""
+        """Measure on held-out examples, where there are some, and write the checkpoint."""
+        progress = self.progress
+        if self.held_out is None:
+            self._save(False)
+            return Checked(step=progress.step, metrics={}, examples=0, best=False, stale=0)
         indices = spread_indices(len(self.held_out), self.spec.check.examples)
         found = [measure(predict(self.method, batch.inputs, self.precision).i_t, batch.truth.i_t, batch.inputs.inside)
                  for batch in (whole.to(self.device) for whole in loader.whole_images(self.held_out, indices))]
         metrics = asdict(mean_metrics([one for several in found for one in several]))
-        progress, psnr = self.progress, metrics["psnr"]
-        better = psnr > progress.best[1]
+        better = (psnr := metrics["psnr"]) > progress.best[1]
         progress.stale = 0 if better else progress.stale + 1
         progress.best = (progress.step, psnr) if better else progress.best
         progress.history.append({"step": float(progress.step), **metrics})
@@ -231,6 +236,6 @@ class _Training:
 
 
 def _log(history: list[dict[str, float]]) -> str:
-    names = list(history[0])
+    names = list(history[0]) if history else ["step"]
     lines = [",".join(f"{entry[name]:.6g}" for name in names) for entry in history]
     return "\n".join([",".join(names), *lines]) + "\n"

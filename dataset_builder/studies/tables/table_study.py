@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from dataset_builder.digest import digest
-from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
+from dataset_builder.lightnet.data.lighting_dataset import LightingDataset, require, splits_of
 from dataset_builder.lightnet.methods.checkpoint import load_trained
 from dataset_builder.lightnet.methods.vgg import check_file
 from dataset_builder.lightnet.results.evaluate import Contender, ScoreRow, contender, evaluate, trivial
-from dataset_builder.lightnet.settings import TrainingSpec
+from dataset_builder.lightnet.settings import DataSpec, TrainingSpec
 from dataset_builder.lightnet.training.events import Event
 from dataset_builder.lightnet.training.fit import LAST, TrainingJob
 from dataset_builder.shards.reader import load_manifest
@@ -74,6 +74,8 @@ def run(study: TableStudy) -> Iterator[RowNews | RowMeasured]:
     """
     if study.vgg_weights:
         check_file(study.vgg_weights)
+    data = study.base.data.among(splits_of(study.dataset))
+    require(study.dataset, data.held_out)
     work = [(row, seed) for row in study.table.rows for seed in seeds_of(study, row)]
     for number, (row, seed) in enumerate(work, start=1):
         job = _job(study, row, seed)
@@ -82,7 +84,7 @@ def run(study: TableStudy) -> Iterator[RowNews | RowMeasured]:
             trainings.claim(job.out, identity)
             for event in () if row.spec is None else trainings.train(job):
                 yield RowNews(row=row, seed=seed, number=number, count=len(work), event=event)
-            trainings.write_scores(_measure(study, row, job), scores)
+            trainings.write_scores(_measure(study, row, job, data), scores)
         yield RowMeasured(row=row, seed=seed, number=number, count=len(work), kept=kept,
                           scores=trainings.read_scores(scores), facts=trainings.read_facts(job.out))
 
@@ -113,9 +115,9 @@ def _identity(study: TableStudy, row: TableRow, job: TrainingJob) -> str:
     return digest({"formula": row.name, "data": study.base.data.model_dump(mode="json"), "shards": shards})
 
 
-def _measure(study: TableStudy, row: TableRow, job: TrainingJob) -> tuple[ScoreRow, ...]:
+def _measure(study: TableStudy, row: TableRow, job: TrainingJob, data: DataSpec) -> tuple[ScoreRow, ...]:
     """Every held-out example. The last weights, not the best ones: those were chosen by what is measured here."""
-    held_out = LightingDataset(study.dataset, job.spec.data.held_out, job.spec.data)
+    held_out = LightingDataset(study.dataset, data.held_out, job.spec.data)
     return tuple(evaluate([_contender(row, job)], held_out, range(len(held_out))))
 
 
