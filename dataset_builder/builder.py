@@ -31,6 +31,8 @@ from dataset_builder.shards.writer import publish_shard
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.resolve import LoadedSpec
 
+LEAST_SHARDS = 4
+"""Shards that a split is cut into at least, one example each at the least, so that as many readers have work."""
 MAX_REASONS = 5
 """Reasons that are told where every example of a split was rejected."""
 
@@ -70,14 +72,18 @@ class _Progress:
 
 
 def shard_tasks(examples: Sequence[ExampleRef], spec: DatasetSpec) -> list[ShardTask]:
-    """Fixed numbers of neighbouring examples per shard and split; example i of a split lies in shard i // size."""
+    """Fixed numbers of neighbouring examples per shard and split; example i of a split lies in shard i // size.
+
+    The size is that of the spec, less where a split would have fewer than `LEAST_SHARDS`.
+    """
     by_split: dict[str, list[ExampleRef]] = defaultdict(list)
     for ref in examples:
         by_split[ref.view.pair.split].append(ref)
-    size = spec.storage.examples_per_shard
-    return [ShardTask(slot=shard_slot(spec, split, first // size), split=split, keep=None,
-                      examples=tuple(refs[first:first + size]))
-            for split, refs in by_split.items() for first in range(0, len(refs), size)]
+    sizes = {split: max(min(spec.storage.examples_per_shard, len(refs) // LEAST_SHARDS), 1)
+             for split, refs in by_split.items()}
+    return [ShardTask(slot=shard_slot(spec, split, first // sizes[split]), split=split, keep=None,
+                      examples=tuple(refs[first:first + sizes[split]]))
+            for split, refs in by_split.items() for first in range(0, len(refs), sizes[split])]
 
 
 def decide(tasks: Sequence[ShardTask], whole: Sequence[ShardIndex], spec_digest: str, made_by: dict[str, str],

@@ -9,10 +9,10 @@ from dataset_builder.builder import ShardTask, decide, shard_tasks
 from dataset_builder.digest import digest
 from dataset_builder.planning.catalogue import ExampleRef, PairRef, ViewRef
 from dataset_builder.planning.cost import expected_bytes
-from dataset_builder.shards.manifest import Rejected
+from dataset_builder.shards.manifest import Rejected, shard_slot
 from dataset_builder.shards.publish import whole_shards
 from dataset_builder.shards.writer import writer_versions
-from tests.shards.tiny_dataset import VERSIONS, build, index_path, make_spec, shard_path
+from tests.shards.tiny_dataset import SHARDS, VERSIONS, build, index_path, make_spec, shard_path
 
 MADE_BY = {**writer_versions(), **VERSIONS}
 
@@ -24,7 +24,10 @@ def refs(*splits: str) -> list[ExampleRef]:
             for index, split in enumerate(splits)]
 
 
-TASKS = shard_tasks(refs("train", "train", "train", "test"), make_spec())
+EXAMPLES = refs("train", "train", "train", "test")
+TASKS = [ShardTask(slot=shard_slot(make_spec(), split, number), split=split, keep=None,
+                   examples=tuple(EXAMPLES[index] for index in members)) for (split, number), members in SHARDS.items()]
+"""Of the tiny dataset, which is not cut as a build would cut it."""
 
 
 def indices(task: ShardTask) -> tuple[int, ...]:
@@ -32,21 +35,25 @@ def indices(task: ShardTask) -> tuple[int, ...]:
 
 
 def test_neighbours_share_a_shard_and_splits_do_not() -> None:
-    assert [(task.slot, task.split, indices(task)) for task in TASKS] == [
-        ("tiny-v1-train-000000", "train", (0, 1)), ("tiny-v1-train-000001", "train", (2,)),
-        ("tiny-v1-test-000000", "test", (3,))]
-    assert all(task.keep is None for task in TASKS)
+    tasks = shard_tasks(refs(*["train"] * 9, "test", "test"), make_spec())
+    assert [(task.slot, task.split, indices(task)) for task in tasks] == [
+        *((f"tiny-v1-train-{number:06d}", "train", members)
+          for number, members in enumerate([(0, 1), (2, 3), (4, 5), (6, 7), (8,)])),
+        ("tiny-v1-test-000000", "test", (9,)), ("tiny-v1-test-000001", "test", (10,))]
+    assert all(task.keep is None for task in tasks)
 
 
-@pytest.mark.parametrize(("size", "shards"), [
-    (1, [(0,), (1,), (2,), (3,), (4,)]), (2, [(0, 1), (2, 3), (4,)]), (4, [(0, 1, 2, 3), (4,)]),
-    (5, [(0, 1, 2, 3, 4)]), (9, [(0, 1, 2, 3, 4)])])
-def test_example_i_of_a_split_lies_in_shard_i_over_size(size: int, shards: list[tuple[int, ...]]) -> None:
-    storage = make_spec().storage.model_copy(update={"examples_per_shard": size})
-    spec = make_spec().model_copy(update={"storage": storage})
-    tasks = shard_tasks(refs(*["train"] * 5), spec)
-    assert [indices(task) for task in tasks] == shards
-    assert [int(task.slot[-6:]) for task in tasks] == list(range(len(shards)))
+@pytest.mark.parametrize(("most", "count", "sizes"), [
+    (1, 5, [1] * 5), (2, 9, [2, 2, 2, 2, 1]), (4, 18, [4, 4, 4, 4, 2]), (9, 40, [9, 9, 9, 9, 4]),
+    (16, 64, [16] * 4), (16, 16, [4] * 4), (16, 15, [3] * 5), (16, 7, [1] * 7), (16, 3, [1] * 3), (16, 1, [1]),
+    (16, 30, [7, 7, 7, 7, 2])])
+def test_a_split_is_cut_into_four_shards_or_more(most: int, count: int, sizes: list[int]) -> None:
+    """Example i lies in shard i over size; four readers have work wherever there are four examples."""
+    storage = make_spec().storage.model_copy(update={"examples_per_shard": most})
+    tasks = shard_tasks(refs(*["train"] * count), make_spec().model_copy(update={"storage": storage}))
+    assert [index for task in tasks for index in indices(task)] == list(range(count))
+    assert [len(task.examples) for task in tasks] == sizes and len(tasks) >= min(count, 4)
+    assert [int(task.slot[-6:]) for task in tasks] == list(range(len(sizes)))
 
 
 def kept(folder: Path, tasks: list[ShardTask] = TASKS, spec: str = "tiny", made_by: dict[str, str] = MADE_BY,

@@ -151,7 +151,7 @@ class StorageSpec(Model):
     dtype: Literal["float32", "float16"] = "float32"
     """Pixel type; with float16, examples with values beyond its range are rejected."""
     examples_per_shard: Annotated[int, Field(ge=1, le=5000)] = 16
-    """Number of consecutive examples per tar file."""
+    """Maximum number of consecutive examples per tar file; fewer in a split that would have fewer than 4 files."""
     standard_errors: bool = False
     """Also store a standard-error layer for every radiometric layer."""
 

@@ -91,7 +91,7 @@ def test_what_a_build_made(small_dataset: Path) -> None:
     outcomes = [outcome(0, source=2.0, rough=0.5), outcome(1, rough=1.25)]
     assert pass_seconds(outcomes) == {"source": 2.0, "rough": 1.75}
     text = printed([build_table(manifest, outcomes, 4.0)])
-    assert row(text, "train") == ["8", "3"] and row(text, "test") == ["2", "1"] and row(text, "all") == ["10", "4"]
+    assert row(text, "train") == ["8", "4"] and row(text, "test") == ["2", "2"] and row(text, "all") == ["10", "6"]
     assert row(text, "time") == ["4 s", "0.50 M paths/s"]
     assert row(text, "source") == ["2.0 s", ""] and text.index("source") < text.index("rough")
     assert "rejected" not in text

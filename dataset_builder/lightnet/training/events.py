@@ -69,7 +69,7 @@ class Finished:
     """`steps`, all were done; `patience`, no check was better for long enough; `already`, an earlier run had come to
     the end."""
     best: tuple[int, float]
-    """Step and PSNR of the best check."""
+    """Step and PSNR of the best check; PSNR is -inf where there was none."""
     bad_steps: int
     last_file: Path
     best_file: Path
