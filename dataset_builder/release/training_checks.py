@@ -122,8 +122,8 @@ def training_checks(job: TrainingJob, *, margin: float, copy_margin: float) \
         -> Generator[Event, None, tuple[list[Check], list[ScoreRow]]]:
     """Train and compare; yields news of the training, returns checks and rows. Raises UserError as `fit` does.
 
-    The job's folder is emptied where it holds an earlier training. The margins are in dB, see `compare`. Where nothing is
-    held out there is nothing to compare on, and nothing is trained.
+    The job's folder is emptied where it holds an earlier training. The margins are in dB, see `compare`. Where
+    nothing is held out there is nothing to compare on, and nothing is trained.
     """
     data = job.spec.data.among(splits_of(job.dataset))
     if not data.held_out:
