@@ -118,7 +118,8 @@ def converged(plan: ExamplePlan) -> ExamplePlan:
     spp = {name: getattr(render, name) * FACTOR for name in ("spp_source", "spp_target", "spp_rough")}
     passes = tuple(entry.model_copy(update=on_object) for entry in plan.effects.passes)
     smaller = plan.model_copy(update={"effects": plan.effects.model_copy(update={"passes": passes})})
-    return _changed(smaller, "reference", layers=(*layers, ("mask", "object")), denoise=(), goals=goals, **spp)
+    return _changed(smaller, "reference", layers=(*layers, ("mask", "object")), denoise=(), goals=goals,
+                    spp_parts=(), **spp)
 
 
 def _changed(plan: ExamplePlan, name: str, **changed: object) -> ExamplePlan:

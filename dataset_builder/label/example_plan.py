@@ -87,6 +87,15 @@ class GoalPlan(Model):
     """Most spp of any pixel."""
 
 
+class SppPart(Model):
+    """One part of a pass's spp, sampled after the parts before it."""
+
+    render_pass: str
+    """Name of the pass."""
+    spp: int
+    """Samples per pixel."""
+
+
 class RenderPlan(Model):
     """How pixels are computed. One spp per pass; `layers` says which layers on which pixels."""
 
@@ -104,10 +113,13 @@ class RenderPlan(Model):
     """Samples per pixel under the target light."""
     spp_rough: int
     """Samples per pixel of the rough mesh."""
+    spp_parts: tuple[SppPart, ...] = ()
+    """Passes whose spp is taken in several parts, with the parts in order; none for passes that take it at once."""
     batches: int
     """Independent batches per pixel, from whose spread the standard error comes."""
     goals: tuple[GoalPlan, ...] = ()
-    """By layer; passes of layers without one take a fixed spp."""
+    """By layer, several of one layer in the order that they are reached; passes of layers without one take a fixed
+    spp."""
     rr_depth: int
     """Path length in edges from which Russian roulette may end a path."""
     texture_size: int = 4096
@@ -118,6 +130,12 @@ class RenderPlan(Model):
     """Whether these are shipped as they were before, too, as `<layer>_raw`."""
     seed: str
     """Decimal 64-bit seed of all sampling."""
+
+    def parts(self, render_pass: str) -> tuple[int, ...]:
+        """The parts of a pass's spp, in order."""
+        name = "first_hit" if render_pass.startswith("first_hit") else render_pass
+        several = tuple(part.spp for part in self.spp_parts if part.render_pass == name)
+        return several or (getattr(self, f"spp_{name}"),)
 
 
 class ExamplePlan(Model):

@@ -8,7 +8,7 @@ from functools import cached_property, partial
 from typing import Generic, TypeVar
 
 from dataset_builder.errors import PlanError, Problem
-from dataset_builder.label.example_plan import ExamplePlan, GoalPlan, RenderPlan, RoughPlan
+from dataset_builder.label.example_plan import ExamplePlan, GoalPlan, RenderPlan, RoughPlan, SppPart
 from dataset_builder.label.scene_plan import IlluminationPlan
 from dataset_builder.layers import LAYERS, Extent
 from dataset_builder.planning.catalogue import ExampleRef, PairRef, ViewRef, examples
@@ -20,6 +20,7 @@ from dataset_builder.planning.view.lights import LitView, sky_share, source_ligh
 from dataset_builder.seeding import derive_seed, rng
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.numbers import draw
+from dataset_builder.spec.render import SppSpec
 from dataset_builder.spec.resolve import LoadedSpec
 
 SCHEMA_VERSION = "1.0.0"
@@ -145,12 +146,15 @@ def render_plan(spec: DatasetSpec, view: ViewRef) -> RenderPlan:
     """How the pixels of a view are computed."""
     render = spec.render
     goals = tuple(GoalPlan(layer=name, error=goal.error or 0.0, seconds=goal.seconds or 0.0, cap=goal.cap)
-                  for name, goal in render.accuracy.items())
+                  for name in render.accuracy for goal in render.goals(name))
+    parts = tuple(SppPart(render_pass=name, spp=spp) for name in SppSpec.model_fields
+                  for spp in render.spp.parts(name) if len(render.spp.parts(name)) > 1)
     return RenderPlan(width=spec.image.width, height=spec.image.height, layers=layers_asked(spec),
-                      spp_first_hit=render.spp.first_hit, spp_source=render.spp.source, spp_target=render.spp.target,
-                      spp_rough=render.spp.rough, batches=render.batches, goals=goals, rr_depth=render.rr_depth,
-                      texture_size=render.texture_size, denoise=render.denoise.layers,
-                      keep_raw=render.denoise.keep_raw, seed=str(derive_seed(spec.seed, *view.path, "render")))
+                      spp_first_hit=render.spp.total("first_hit"), spp_source=render.spp.total("source"),
+                      spp_target=render.spp.total("target"), spp_rough=render.spp.total("rough"), spp_parts=parts,
+                      batches=render.batches, goals=goals, rr_depth=render.rr_depth, texture_size=render.texture_size,
+                      denoise=render.denoise.layers, keep_raw=render.denoise.keep_raw,
+                      seed=str(derive_seed(spec.seed, *view.path, "render")))
 
 
 def plan_example(loaded: LoadedSpec, index: int, planner: Planner | None = None) -> ExamplePlan:

@@ -16,6 +16,8 @@ from dataset_builder.planning.effects.decisions import guide_extents
 from dataset_builder.rendering import plugins
 from dataset_builder.rendering.denoise import denoised
 from dataset_builder.rendering.light_probe import CHANNELS
+from dataset_builder.rendering.pass_inputs import needed_passes, needs_lighting
+from dataset_builder.rendering.pass_memory import NO_MEMORY, PassMemory
 from dataset_builder.rendering.passes import (
     FIRST_HIT_CHANNELS,
     RADIANCE_CHANNELS,
@@ -24,7 +26,7 @@ from dataset_builder.rendering.passes import (
     first_hit_layers,
 )
 from dataset_builder.rendering.sampling.moments import Estimate, quantile, relative, root_mean_square
-from dataset_builder.rendering.view_passes import PassResult, ViewPasses, needed_passes, needs_lighting
+from dataset_builder.rendering.view_passes import PassResult, ViewPasses
 
 ERROR_SUFFIX, RAW_SUFFIX = "_se", "_raw"
 EVIDENCE = ("i_t", "s", "spec", "air")
@@ -36,7 +38,7 @@ class Rendered:
 
     layers: name -> (H, W, C) float32. evidence: images of the same kind that gates need and that are not shipped.
     record: figures for the label, the same bits on every repetition. seconds: wall time of every pass this example was
-    first to need.
+    first to need and that ran; recalled: those that were remembered instead.
     """
 
     plan: ExamplePlan
@@ -44,9 +46,10 @@ class Rendered:
     evidence: dict[str, np.ndarray]
     record: RenderRecord
     seconds: dict[str, float]
+    recalled: tuple[str, ...]
 
 
-def render_view(plans: Sequence[ExamplePlan], mesh_root: Path) -> Iterator[Rendered]:
+def render_view(plans: Sequence[ExamplePlan], mesh_root: Path, memory: PassMemory = NO_MEMORY) -> Iterator[Rendered]:
     """Render examples of one view, in the order given; `backend.activate` must have run in this process.
 
     Raises ValueError for plans of different views: they could not share passes.
@@ -54,13 +57,14 @@ def render_view(plans: Sequence[ExamplePlan], mesh_root: Path) -> Iterator[Rende
     if len(views := {plan.view for plan in plans}) != 1:
         raise ValueError(f"expected plans of one view, got {sorted(views)}")
     plugins.register()
-    shared = ViewPasses(plan=plans[0], mesh_root=mesh_root)
+    shared = ViewPasses(plan=plans[0], mesh_root=mesh_root, memory=memory)
     for plan in plans:
         shared.spent.clear()
+        shared.recalled.clear()
         shared.run(plan)
         layers = _layers(shared, plan)
         yield Rendered(plan=plan, layers=layers, evidence=_evidence(shared, plan), record=_record(shared, plan),
-                       seconds=dict(shared.spent))
+                       seconds=dict(shared.spent), recalled=tuple(shared.recalled))
 
 
 def _layers(shared: ViewPasses, plan: ExamplePlan) -> dict[str, np.ndarray]:
@@ -80,7 +84,7 @@ def layer_image(shared: ViewPasses, plan: ExamplePlan, name: str, extent: str) -
     if name == "instance":
         return _image(plan, shared.instances().pixels, shared.instances().found.mean)
     result = shared.result(LAYERS[name].render_pass, plan)
-    values, inside = _values(result, name, shared.scenes.local_frame.unit), _inside(shared, plan, name, extent)
+    values, inside = _values(result, name, shared.first_hit().facts["unit"]), _inside(shared, plan, name, extent)
     return _image(plan, result.pixels[inside], values[inside])
 
 
@@ -134,14 +138,14 @@ def _record(shared: ViewPasses, plan: ExamplePlan) -> RenderRecord:
     ran = needed_passes(plan)
     nothing = Estimate.exact(np.zeros((1, CHANNELS)))
     light = shared.lighting(plan).found if needs_lighting(plan) else nothing
-    roughness = shared.scenes.twin(plan.rough).roughness if "first_hit_rough" in ran else None
+    rough = shared.first_hit_rough(plan).facts if "first_hit_rough" in ran else {}
     return RenderRecord(
         passes=tuple(_pass_record(shared, plan, name) if name in ran else PassRecord(name=name)
                      for name in get_args(Pass)),
         layers=tuple(_accuracy(shared, plan, name, extent) for name, extent in plan.render.layers
                      if name in RADIANCE_LAYERS),
-        roughness_rms=roughness.rms if roughness else 0.0, roughness_max=roughness.maximum if roughness else 0.0,
-        bounding_radius=roughness.radius if roughness else 0.0,
+        roughness_rms=rough.get("rms", 0.0), roughness_max=rough.get("maximum", 0.0),
+        bounding_radius=rough.get("radius", 0.0),
         lighting_sh=_by_colour(light.mean), lighting_sh_se=_by_colour(light.error))
 
 

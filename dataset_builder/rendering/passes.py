@@ -69,7 +69,7 @@ def radiance(view: ViewSensor, opened: OpenScene, pixels: np.ndarray, *, max_dep
     return radiance_sampler(view, opened, max_depth)(pixels, spp, view.render.batches, seed)
 
 
-def first_hit(view: ViewSensor, opened: OpenScene, pixels: np.ndarray, *, spp: int, seed: int) -> Estimate:
+def first_hit(view: ViewSensor, opened: OpenScene, pixels: np.ndarray, spp: int, batches: int, seed: int) -> Estimate:
     """The light-free layers, channels as `FIRST_HIT_CHANNELS` cuts them: means over all samples, hits or not."""
     sensor = view.sensor()
     forward = mi.Vector3f(sensor.world_transform() @ mi.Vector3f(0, 0, 1))
@@ -86,7 +86,7 @@ def first_hit(view: ViewSensor, opened: OpenScene, pixels: np.ndarray, *, spp: i
                     *(diffuse * diffuse)]
         return [channels[0], *(dr.select(met, channel, 0) for channel in channels[1:])]
 
-    return view.estimate(integrand, pixels, spp, view.render.batches, seed)
+    return view.estimate(integrand, pixels, spp, batches, seed)
 
 
 def instances(view: ViewSensor, opened: OpenScene, pixels: np.ndarray) -> np.ndarray:

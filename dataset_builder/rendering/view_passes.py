@@ -1,13 +1,13 @@
 """The passes of one view, shared: light-free layers once, source light once, target light and what arrives of it at the
 object once per light, S' once per level.
 
-A pass runs when it is first asked for, on the pixels that its layers are wanted on, and is kept for the other examples
-of the view.
+A pass runs when it is first needed, on the pixels of its layers, unless it is remembered, and is kept for the other
+examples of the view.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property, partial
 from pathlib import Path
 from time import perf_counter
 
@@ -15,11 +15,23 @@ import numpy as np
 
 from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.label.example_plan import ExamplePlan, GoalPlan, RenderPlan
-from dataset_builder.layers import LAYERS, PASSES, Pass
+from dataset_builder.layers import PASSES, Pass
 from dataset_builder.rendering import passes
 from dataset_builder.rendering.light_probe import lighting
+from dataset_builder.rendering.pass_inputs import (
+    INSTANCE,
+    LIGHTING,
+    RADIANCE,
+    all_passes,
+    asked,
+    goals_at,
+    needed_passes,
+    needs_lighting,
+    steps_of,
+)
+from dataset_builder.rendering.pass_memory import NO_MEMORY, PassFound, PassMemory
 from dataset_builder.rendering.passes import FIRST_HIT_CHANNELS, RADIANCE_CHANNELS, RADIANCE_LAYERS, ViewSensor
-from dataset_builder.rendering.sampling.adaptive import Goal, Refined, Stop, refine
+from dataset_builder.rendering.sampling.adaptive import Goal, Sample, Sampled, Stop, more_samples, refine
 from dataset_builder.rendering.sampling.moments import Estimate
 from dataset_builder.rendering.scene.open_scene import OpenScene
 from dataset_builder.rendering.scene.triangle_soup import Soup
@@ -27,33 +39,42 @@ from dataset_builder.rendering.scene.window import covered_window
 from dataset_builder.rendering.view_scenes import ViewScenes
 from dataset_builder.seeding import derive_seed
 
+Pixels = Callable[[], np.ndarray]
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PassResult:
-    """What one pass found. pixels: (P,) indices row * width + column, in rising order; seconds: scene building
-    included."""
+    """What one pass found."""
 
     pixels: np.ndarray
+    """(P,) indices row * width + column, in rising order."""
     found: Estimate
-    seconds: float
-    stopped: Mapping[str, Stop] = field(default_factory=dict)
+    stopped: Mapping[str, Stop]
     """Why sampling of each layer with a goal ended."""
+    facts: Mapping[str, float]
+    """Figures of the geometry: `unit`, metres per unit of the local frame, and of the rough mesh `rms`, `maximum` and
+    `radius`."""
 
 
 @dataclass(kw_only=True)
 class ViewPasses:
-    """Passes of the view that `plan` belongs to. spent: seconds of passes run since it was cleared."""
+    """Passes of the view that `plan` belongs to."""
 
     plan: ExamplePlan
     mesh_root: Path
+    memory: PassMemory = NO_MEMORY
+    """Where results are looked up and kept."""
     spent: dict[str, float] = field(default_factory=dict)
+    """Seconds of the passes that ran since it was cleared."""
+    recalled: list[str] = field(default_factory=list)
+    """Passes that were remembered whole since it was cleared."""
     _results: dict[tuple[str, ...], PassResult] = field(default_factory=dict)
 
     def run(self, plan: ExamplePlan) -> None:
         """Every pass that a layer of the example needs, in the order that opens the fewest scenes; none stays open."""
         try:
             self.first_hit()
-            if any(name == "instance" for name, _ in plan.render.layers):
+            if INSTANCE in all_passes(plan):
                 self.instances()
             for render_pass in needed_passes(plan):
                 self.result(render_pass, plan)
@@ -81,78 +102,63 @@ class ViewPasses:
 
     def first_hit(self) -> PassResult:
         """Light-free layers of the 3DM."""
-        def make(pixels: np.ndarray) -> Estimate:
-            return passes.first_hit(self.view, self.scenes.dark(), pixels, spp=self._render.spp_first_hit,
-                                    seed=self._seed("first_hit"))
-        return self._once(("first_hit",),
-                          lambda: self._wanted("first_hit", self._window(self.scenes.clean_object)), make)
+        def sampler() -> Sample:
+            return partial(passes.first_hit, self.view, self.scenes.dark())
+
+        return self._once(("first_hit",), self.plan, lambda: self._window(self.scenes.clean_object), sampler,
+                          facts=lambda: {"unit": self.scenes.local_frame.unit})
 
     def first_hit_rough(self, plan: ExamplePlan) -> PassResult:
         """Light-free layers of the R3DM, once per light: its lamps stand in the scene, and the bits shall be the
         plan's."""
-        def make(pixels: np.ndarray) -> Estimate:
-            return passes.first_hit(self.view, self._rough(plan), pixels, spp=self._render.spp_first_hit,
-                                    seed=self._seed("first_hit_rough", plan.rough.level))
+        def sampler() -> Sample:
+            return partial(passes.first_hit, self.view, self._rough(plan))
 
-        def window() -> np.ndarray:
-            return self._window(self.scenes.rough_object(plan.rough))
-        return self._once(("first_hit_rough", str(plan.light), plan.rough.model_dump_json()),
-                          lambda: self._wanted("first_hit_rough", window()), make)
+        return self._once(("first_hit_rough", str(plan.light), plan.rough.model_dump_json()), plan,
+                          lambda: self._window(self.scenes.rough_object(plan.rough)), sampler, plan.rough.level,
+                          facts=lambda: asdict(self.scenes.twin(plan.rough).roughness))
 
     def instances(self) -> PassResult:
         """Instance at every pixel's centre."""
-        def make(pixels: np.ndarray) -> Estimate:
-            found = passes.instances(self.view, self.scenes.dark(), pixels)
-            return Estimate.exact(found[:, None])
-        return self._once(("instance",), lambda: np.arange(self._render.width * self._render.height), make)
+        def sampler() -> Sample:
+            return lambda pixels, *_: Estimate.exact(passes.instances(self.view, self.scenes.dark(), pixels)[:, None])
+
+        return self._once((INSTANCE,), self.plan, self._frame, sampler)
 
     def source(self) -> PassResult:
         """The 3DM under the source illumination, with what blocks it out of the way."""
-        return self._lit(("source",), self.plan, self.scenes.source, self.covered, self._render.spp_source,
-                         self._seed("source"))
+        return self._lit(("source",), self.plan, self.scenes.source, self.covered)
 
     def target(self, plan: ExamplePlan) -> PassResult:
         """The 3DM under one target illumination."""
-        return self._lit(("target", str(plan.light)), plan, lambda: self.scenes.target(plan), self.covered,
-                         self._render.spp_target, self._seed("target", plan.light))
+        return self._lit(("target", str(plan.light)), plan, lambda: self.scenes.target(plan), self.covered, plan.light)
 
     def rough(self, plan: ExamplePlan) -> PassResult:
         """The R3DM of one noise level under one target illumination."""
         return self._lit(("rough", str(plan.light), plan.rough.model_dump_json()), plan, lambda: self._rough(plan),
-                         lambda: self.covered_by_either(plan), self._render.spp_rough,
-                         self._seed("rough", plan.light, plan.rough.level))
+                         lambda: self.covered_by_either(plan), plan.light, plan.rough.level)
 
     def lighting(self, plan: ExamplePlan) -> PassResult:
         """Spherical harmonics of what arrives at the middle of the 3DM's box under one target illumination, with the
-        3DM hidden: one pixel, channels as `light_probe.lighting` has them. The frame's origin is that middle, and its
+        3DM hidden: one pixel, channels as `rendering.light_probe` has them. The frame's origin is that middle, and its
         axes are the world's."""
-        def make(_: np.ndarray) -> Estimate:
-            return lighting(self.scenes.surroundings(plan), max_depth=plan.effects.of("target").max_depth,
-                            rr_depth=self._render.rr_depth, seed=self._seed("lighting", plan.light))
-        return self._once(("lighting", str(plan.light)), lambda: np.zeros(1, dtype=np.int64), make)
+        def sampler() -> Sample:
+            return lambda pixels, spp, batches, seed: lighting(
+                self.scenes.surroundings(plan), max_depth=plan.effects.of("target").max_depth,
+                rr_depth=self._render.rr_depth, seed=seed)
+
+        return self._once((LIGHTING, str(plan.light)), plan, lambda: np.zeros(1, dtype=np.int64), sampler, plan.light)
 
     def _rough(self, plan: ExamplePlan) -> OpenScene:
-        return self.scenes.rough(plan, lit=_asked(plan, "rough"))
+        return self.scenes.rough(plan, lit=asked(plan, "rough"))
 
-    def _lit(self, key: tuple[str, ...], plan: ExamplePlan, opened: Callable[[], OpenScene],
-             covered: Callable[[], np.ndarray], first: int, seed: int) -> PassResult:
-        """A pass with light, in as many iterations as its layers' goals ask for."""
-        name = key[0]
+    def _lit(self, key: tuple[str, ...], plan: ExamplePlan, opened: Callable[[], OpenScene], covered: Pixels,
+             *seed: int) -> PassResult:
+        """A pass with light."""
+        def sampler() -> Sample:
+            return passes.radiance_sampler(self.view, opened(), plan.effects.of(key[0]).max_depth)
 
-        def make(pixels: np.ndarray) -> Refined:
-            sample = passes.radiance_sampler(self.view, opened(), plan.effects.of(name).max_depth)
-            goals = [self._goal(goal, pixels, covered()) for goal in plan.render.goals
-                     if LAYERS[goal.layer].render_pass == name]
-            return refine(sample, pixels, self._render.width, first=first, batches=self._render.batches, goals=goals,
-                          seed=seed)
-        return self._once(key, lambda: self._wanted(name, covered()), make)
-
-    def _goal(self, goal: GoalPlan, pixels: np.ndarray, covered: np.ndarray) -> Goal:
-        """A layer's goal on the pixels of its own extent."""
-        extent = dict(self._render.layers).get(goal.layer, "object")
-        inside = np.isin(pixels, covered) if extent == "object" else np.ones(len(pixels), dtype=bool)
-        return Goal(layer=goal.layer, channels=RADIANCE_CHANNELS[RADIANCE_LAYERS[goal.layer]], inside=inside,
-                    error=goal.error, seconds=goal.seconds, cap=goal.cap)
+        return self._once(key, plan, covered, sampler, *seed)
 
     # Pixels
 
@@ -168,46 +174,70 @@ class ViewPasses:
         points = soup.corners[soup.instance == self.plan.target.instance].reshape(-1, 3)
         return covered_window(Pinhole.of(self.view.camera, self._render.width, self._render.height), points)
 
-    def _wanted(self, render_pass: str, pixels: np.ndarray) -> np.ndarray:
-        """The frame if the pass is planned there, else `pixels`."""
-        everywhere = self.plan.effects.of(render_pass).extent == "frame"
-        return np.arange(self._render.width * self._render.height) if everywhere else pixels
+    def _frame(self) -> np.ndarray:
+        return np.arange(self._render.width * self._render.height)
 
-    # Bookkeeping
+    # Sampling
 
     @property
     def _render(self) -> RenderPlan:
         return self.plan.render
 
-    def _seed(self, *path: str | int) -> int:
-        return derive_seed(int(self._render.seed), *path)
+    def _once(self, key: tuple[str, ...], plan: ExamplePlan, pixels: Pixels, sampler: Callable[[], Sample],
+              *seed: int, facts: Callable[[], Mapping[str, float]] = dict) -> PassResult:
+        """The result of the pass `key[0]`: what this view has of it, or what is remembered, or both and new samples.
 
-    def _once(self, key: tuple[str, ...], where: Callable[[], np.ndarray],
-              make: Callable[[np.ndarray], Estimate | Refined]) -> PassResult:
+        pixels: of the object, unless the pass is planned on the frame; sampler: opens the scene; seed: numbers that the
+        pass's random numbers derive from, besides its name.
+        """
         if key not in self._results:
-            pixels = where()
-            start = perf_counter()
-            made = make(pixels) if len(pixels) else Estimate.empty()
-            refined = made if isinstance(made, Refined) else Refined(found=made, stopped={}, iterations=1)
-            self._results[key] = PassResult(pixels=pixels, found=refined.found, seconds=perf_counter() - start,
-                                            stopped=refined.stopped)
-            self.spent[key[0]] = self.spent.get(key[0], 0.0) + self._results[key].seconds
+            name = key[0]
+            steps, found = self.memory.recall(plan, name)
+            if found and steps == steps_of(plan, name):
+                self.recalled.append(name)
+            else:
+                wide = name in PASSES and self.plan.effects.of(name).extent == "frame"
+                traced = found.pixels if found else self._frame() if wide else pixels()
+                start = perf_counter()
+                before = found or PassFound(pixels=traced, sampled=Sampled(halves=(Estimate.empty(),)), facts=facts())
+                found = self._sampled(name, plan, before, steps, sampler, pixels,
+                                      derive_seed(int(self._render.seed), name, *seed))
+                self.spent[name] = self.spent.get(name, 0.0) + perf_counter() - start
+            self._results[key] = self._finished(name, found)
         return self._results[key]
 
+    def _sampled(self, name: str, plan: ExamplePlan, found: PassFound, done: int, sampler: Callable[[], Sample],
+                 covered: Pixels, seed: int) -> PassFound:
+        """A pass's steps from number `done` on, each remembered as soon as it is there."""
+        pixels, batches = found.pixels, self._render.batches
+        parts = self._render.parts(name) if name in PASSES else (1,)
+        # Before the scene is opened: one at a time
+        goals = [[self._goal(goal, pixels, covered()) for goal in goals_at(plan, name, step)]
+                 for step in range(steps_of(plan, name))]
+        sample = sampler() if len(pixels) else None
+        for step in range(done, steps_of(plan, name)):
+            known = found.sampled if step else None
+            if sample and goals[step]:
+                found = replace(found, sampled=refine(sample, pixels, self._render.width, first=sum(parts),
+                                                      goals=goals[step], batches=batches, seed=seed, before=known))
+            elif sample:
+                found = replace(found, sampled=more_samples(sample, pixels, known, spp=parts[step], part=step,
+                                                            batches=batches, seed=seed))
+            self.memory.keep(plan, name, step + 1, found)
+        return found
 
-def needed_passes(plan: ExamplePlan) -> tuple[Pass, ...]:
-    """The passes that the layers of an example need, in order; the first always, for it finds the object's pixels."""
-    return tuple(name for name in PASSES if name == "first_hit" or _asked(plan, name)
-                 or (name == "first_hit_rough" and _asked(plan, "rough")))
+    def _goal(self, goal: GoalPlan, pixels: np.ndarray, covered: np.ndarray) -> Goal:
+        """A layer's goal on the pixels of its own extent."""
+        extent = dict(self._render.layers).get(goal.layer, "object")
+        inside = np.isin(pixels, covered) if extent == "object" else np.ones(len(pixels), dtype=bool)
+        return Goal(layer=goal.layer, channels=RADIANCE_CHANNELS[RADIANCE_LAYERS[goal.layer]], inside=inside,
+                    error=goal.error, seconds=goal.seconds, cap=goal.cap)
 
-
-def needs_lighting(plan: ExamplePlan) -> bool:
-    """Whether an example has layers under its target illumination."""
-    return _asked(plan, "target") or _asked(plan, "rough")
-
-
-def _asked(plan: ExamplePlan, render_pass: Pass) -> bool:
-    return any(LAYERS[name].render_pass == render_pass for name, _ in plan.render.layers)
+    def _finished(self, name: str, found: PassFound) -> PassResult:
+        sampled, width = found.sampled, self._render.width
+        lit = name in RADIANCE and len(found.pixels)
+        estimate = sampled.estimate(found.pixels, width) if lit else sampled.halves[0]
+        return PassResult(pixels=found.pixels, found=estimate, stopped=sampled.stopped, facts=found.facts)
 
 
 def _with_mask(result: PassResult) -> np.ndarray:

@@ -1,5 +1,6 @@
 """Size of the images and how their pixels are computed, as written."""
 
+from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, Tag, model_validator
@@ -30,17 +31,38 @@ class ImageSpec(Model):
     """Pixels."""
 
 
-class SppSpec(Model):
-    """Monte Carlo samples per pixel of each pass."""
+def _one_or_many(value: Any) -> str:
+    return "|many" if isinstance(value, list | tuple) else "|one"
 
-    first_hit: PositiveInt = 64
+
+Spp = Annotated[
+    Annotated[PositiveInt, Tag("|one")] | Annotated[tuple[PositiveInt, ...], Field(min_length=1), Tag("|many")],
+    branches(_one_or_many, "expected a whole number or a list of them"),
+]
+"""Samples per pixel, or several parts of them that are taken one after the other."""
+
+
+class SppSpec(Model):
+    """Monte Carlo samples per pixel of each pass. `[64, 192]` takes 64, then 192 more: a number that is raised by
+    appending to the list keeps the samples of an earlier build."""
+
+    first_hit: Spp = 64
     """Light-free layers, of both meshes."""
-    source: PositiveInt = 64
+    source: Spp = 64
     """`i_s`."""
-    target: PositiveInt = 64
+    target: Spp = 64
     """`i_t`, `s`, `spec`."""
-    rough: PositiveInt = 64
+    rough: Spp = 64
     """`s_prime`."""
+
+    def parts(self, render_pass: str) -> tuple[int, ...]:
+        """The parts that the samples of a pass are taken in, one or more."""
+        spp = getattr(self, render_pass)
+        return spp if isinstance(spp, tuple) else (spp,)
+
+    def total(self, render_pass: str) -> int:
+        """Samples per pixel of a pass."""
+        return sum(self.parts(render_pass))
 
 
 class GoalSpec(Model):
@@ -91,11 +113,18 @@ Depth = Annotated[
 ]
 
 
+Goals = Annotated[
+    Annotated[GoalSpec, Tag("|one")] | Annotated[tuple[GoalSpec, ...], Field(min_length=1), Tag("|many")],
+    branches(_one_or_many, "expected a goal or a list of goals"),
+]
+"""A goal, or several that are reached one after the other: each begins with the samples of the one before."""
+
+
 def _every_pass(value: Any) -> Any:
-    """One whole number stands for the same spp in every pass."""
-    if not isinstance(value, int) or isinstance(value, bool):
+    """One whole number, or one list of them, stands for the same spp in every pass."""
+    if isinstance(value, bool) or not isinstance(value, int | list | tuple):
         return value
-    if value < 1:
+    if isinstance(value, int) and value < 1:
         raise ValueError(f"expected >= 1, got {value}")
     return dict.fromkeys(SppSpec.model_fields, value)
 
@@ -103,10 +132,11 @@ def _every_pass(value: Any) -> Any:
 class RenderSpec(Model):
     """How pixels are computed."""
 
-    spp: Annotated[SppSpec, BeforeValidator(_every_pass, json_schema_input_type=PositiveInt | SppSpec)] = SppSpec()
+    spp: Annotated[SppSpec, BeforeValidator(_every_pass, json_schema_input_type=Spp | SppSpec)] = SppSpec()
     """A mapping of passes, or one number for all. Where a layer of the pass has a goal, this is the first round."""
-    accuracy: dict[NoisyLayer, GoalSpec] = {}
-    """Goals by layer; a pass continues until all of its layers have reached theirs. Without goals, spp is fixed."""
+    accuracy: dict[NoisyLayer, Goals] = {}
+    """Goals by layer, or a list of them that are reached one after the other; a pass continues until all of its layers
+    have reached theirs. Without goals, spp is fixed."""
     batches: Annotated[int, Field(ge=2)] = 4
     """Independent batches that spp is split into; standard errors come from their spread."""
     max_depth: Depth = "auto"
@@ -125,16 +155,31 @@ class RenderSpec(Model):
     @model_validator(mode="after")
     def _batches_divide_spp(self) -> "RenderSpec":
         for name in ("source", "target", "rough"):
-            spp = getattr(self.spp, name)
-            if spp % self.batches:
-                raise broken(f"expected a multiple of batches ({self.batches}), got {spp}", path=("spp", name))
+            for spp in self.spp.parts(name):
+                if spp % self.batches:
+                    raise broken(f"expected a multiple of batches ({self.batches}), got {spp}", path=("spp", name))
         return self
+
+    def goals(self, layer: str) -> tuple[GoalSpec, ...]:
+        """Goals of a layer in the order that they are reached; none where its spp is fixed."""
+        found = self.accuracy.get(layer, ())
+        return found if isinstance(found, tuple) else (found,)
 
     @model_validator(mode="after")
     def _caps_allow_the_first_round(self) -> "RenderSpec":
-        for name, goal in self.accuracy.items():
+        for name in self.accuracy:
             render_pass = LAYERS[name].render_pass
-            if goal.cap < (spp := getattr(self.spp, render_pass)):
-                raise broken(f"expected >= the spp of its pass, {spp} of {render_pass}, got {goal.cap}",
-                             path=("accuracy", name, "cap"))
+            for goal in self.goals(name):
+                if goal.cap < (spp := self.spp.total(render_pass)):
+                    raise broken(f"expected >= the spp of its pass, {spp} of {render_pass}, got {goal.cap}",
+                                 path=("accuracy", name, "cap"))
+        return self
+
+    @model_validator(mode="after")
+    def _goals_ask_for_more_and_more(self) -> "RenderSpec":
+        for name in self.accuracy:
+            for first, then in pairwise(self.goals(name)):
+                if then.cap < first.cap or (then.error or 0.0) > (first.error or 1.0):
+                    raise broken("expected goals that ask for more and more: errors that fall and caps that do not",
+                                 path=("accuracy", name))
         return self

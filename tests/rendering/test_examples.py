@@ -58,9 +58,9 @@ def _watched_sampler(sample: Callable[..., Any], ran: list[tuple[str, int, bool]
 
 
 def _watched(name: str, run: Callable[..., Any], ran: list[tuple[str, int, bool]], lights: list[Any]) -> Any:
-    def watched(view: Any, opened: Any, pixels: np.ndarray, **rest: Any) -> Any:
+    def watched(view: Any, opened: Any, pixels: np.ndarray, *rest: int) -> Any:
         ran.append((name, len(pixels), lights[-1] is not None))
-        return run(view, opened, pixels, **rest)
+        return run(view, opened, pixels, *rest)
     return watched
 
 

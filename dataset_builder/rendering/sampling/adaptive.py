@@ -7,7 +7,7 @@ pixel is independent of what it finds there. The result is their plain average.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import sqrt
 from time import perf_counter
 from typing import Literal
@@ -58,24 +58,39 @@ class Goal:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Refined:
-    """What sampling found, why it ended for each layer that had a goal, and how many iterations it took."""
+class Sampled:
+    """What a pass took so far, so that sampling can go on from there."""
 
-    found: Estimate
-    stopped: Mapping[str, Stop]
-    iterations: int
+    halves: tuple[Estimate, ...]
+    """One estimate where spp is fixed; two that judge each other where there are goals."""
+    iterations: tuple[int, ...] = (1,)
+    """That each half took."""
+    stopped: Mapping[str, Stop] = field(default_factory=dict)
+    """Why sampling of each layer with a goal ended."""
+
+    def estimate(self, pixels: np.ndarray, width: int) -> Estimate:
+        """All samples together, each pixel's error moderated by its neighbours'."""
+        return moderated(averaged(self.halves) if len(self.halves) > 1 else self.halves[0], pixels, width)
+
+
+def more_samples(sample: Sample, pixels: np.ndarray, before: Sampled | None, *, spp: int, part: int, batches: int,
+                 seed: int) -> Sampled:
+    """`spp` further samples of every pixel, as part number `part` of the pass: the first has the pass's own seed."""
+    found = sample(pixels, spp, batches, derive_seed(seed, "part", part) if part else seed)
+    return Sampled(halves=((pooled([before.halves[0], found]) if before else found).rounded(),))
 
 
 def refine(sample: Sample, pixels: np.ndarray, width: int, *, first: int, batches: int, goals: Sequence[Goal],
-           seed: int, clock: Callable[[], float] = perf_counter) -> Refined:
-    """Sample pixels until every goal is reached, capped or out of time; without goals, `first` samples each.
+           seed: int, before: Sampled | None = None, clock: Callable[[], float] = perf_counter) -> Sampled:
+    """Sample pixels until every goal is reached, capped or out of time.
 
-    pixels: (P,) indices row * width + column, rising. batches: independent ones in every iteration. seed: 64 bits.
+    pixels: (P,) indices row * width + column, rising. first: samples of every pixel that there are before any decision,
+    unless there are some `before`. batches: independent ones in every iteration. seed: 64 bits.
     """
-    if not goals:
-        return Refined(found=moderated(sample(pixels, first, batches, seed), pixels, width), stopped={}, iterations=1)
     start, each = clock(), max(MIN_BATCHES, batches // 2)
-    halves = [[sample(pixels, max(each, first // 2), each, derive_seed(seed, "half", k))] for k in (0, 1)]
+    halves = [[half] for half in before.halves] if before else [
+        [sample(pixels, max(each, first // 2), each, derive_seed(seed, "half", k))] for k in (0, 1)]
+    count = list(before.iterations) if before else [1, 1]
     while True:
         found = [pooled(half) for half in halves]
         known = [moderated(half, pixels, width) for half in found]
@@ -90,9 +105,10 @@ def refine(sample: Sample, pixels: np.ndarray, width: int, *, first: int, batche
             spent = clock() - start
             extra = np.max([_within(goal, found[k], extras[k][goal.layer], spent) for goal in open_goals], axis=0)
             if extra.any():
-                half.append(_more(sample, pixels, extra, each, derive_seed(seed, "round", k, len(half))))
+                half.append(_more(sample, pixels, extra, each, derive_seed(seed, "round", k, count[k])))
+                count[k] += 1
     ended = {layer: stop for layer, stop in stopped.items() if stop}
-    return Refined(found=moderated(averaged(found), pixels, width), stopped=ended, iterations=max(map(len, halves)))
+    return Sampled(halves=tuple(half.rounded() for half in found), iterations=tuple(count), stopped=ended)
 
 
 def _error_of_a_half(goal: Goal) -> float:

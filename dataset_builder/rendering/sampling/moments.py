@@ -46,6 +46,12 @@ class Estimate:
         return Estimate(mean=np.pad(self.mean, more), error=np.pad(self.error, more), spp=self.spp,
                         freedom=np.pad(self.freedom, more, mode="edge"))
 
+    def rounded(self) -> "Estimate":
+        """In single precision, which is what is kept and shipped of an estimate: the same bits, kept or not."""
+        mean, error, freedom = (values.astype(np.float32).astype(np.float64)
+                                for values in (self.mean, self.error, self.freedom))
+        return Estimate(mean=mean, error=error, spp=self.spp, freedom=freedom)
+
     def interval(self, level: float = 0.95) -> np.ndarray:
         """(P, C) half width of the confidence interval of each mean (Student's t)."""
         return t.ppf((1 + level) / 2, np.maximum(self.freedom, 1)) * self.error

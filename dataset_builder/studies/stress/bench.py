@@ -85,7 +85,7 @@ def render(soup: Soup, illumination: IlluminationPlan, shot: Shot, size: Size) -
     view = passes.ViewSensor(camera=frame.camera(shot.camera), render=_render_plan(width, height, shot.batches))
     pixels, replicas = np.arange(width * height), shot.replicas or size.replicas
     with open_scene(body_of(frame.soup(soup)), frame.illumination(illumination)) as opened:
-        first = passes.first_hit(view, opened, pixels, spp=size.spp, seed=shot.seed)
+        first = passes.first_hit(view, opened, pixels, size.spp, shot.batches, shot.seed)
         found = passes.radiance(view, opened, np.tile(pixels, replicas), max_depth=shot.max_depth,
                                 spp=shot.spp or size.spp, seed=shot.seed)
     light = {name: found.mean[:, channels].reshape(replicas, height, width, 3)

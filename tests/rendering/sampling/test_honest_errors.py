@@ -10,7 +10,7 @@ import pytest
 from dataset_builder.planning.plan import Planner
 from dataset_builder.rendering import plugins
 from dataset_builder.rendering.passes import RADIANCE_CHANNELS, radiance_sampler
-from dataset_builder.rendering.sampling.adaptive import Goal, refine
+from dataset_builder.rendering.sampling.adaptive import Goal, more_samples, refine
 from dataset_builder.rendering.view_passes import ViewPasses
 from dataset_builder.spec.load import load_dataset
 
@@ -48,8 +48,9 @@ def refined(scenes: Any) -> Iterator[Any]:
     def run(number: int, error: float, seed: int, first: int = 16) -> Any:
         shared, channels, pixels, _ = scenes[number]
         goal = Goal(layer="l", channels=channels, inside=np.ones(len(pixels), bool), error=error, seconds=0, cap=4096)
-        return refine(sampler(shared), pixels, SIZE, first=first, batches=BATCHES, goals=[goal] if error else [],
-                      seed=seed).found
+        done = (refine(sampler(shared), pixels, SIZE, first=first, batches=BATCHES, goals=[goal], seed=seed) if error
+                else more_samples(sampler(shared), pixels, None, spp=first, part=0, batches=BATCHES, seed=seed))
+        return done.estimate(pixels, SIZE)
 
     yield run
     for shared, *_ in scenes:

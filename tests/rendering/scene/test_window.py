@@ -26,7 +26,7 @@ def test_window_holds_every_covered_pixel_and_little_else():
     view = passes.ViewSensor(camera=camera(), render=render_plan(size))
     frame = np.arange(size * size)
     with open_scene(body_of(soup), None) as opened:
-        found = passes.first_hit(view, opened, frame, spp=16, seed=3)
+        found = passes.first_hit(view, opened, frame, 16, view.render.batches, 3)
     covered = frame[found.mean[:, 0] > 0]
     window = covered_window(Pinhole.of(view.camera, size, size), soup.corners.reshape(-1, 3))
     assert len(covered) > 0 and set(covered) <= set(window)

@@ -85,7 +85,7 @@ def test_diffuse_scene_is_d_times_s_to_rounding(name):
 def test_specular_part_is_what_diffuse_leaves(surface):
     with lit_stage(corner_of_a_room(ball(MATERIALS[surface])), *LIGHTS["sphere"]) as opened:
         found = radiance(opened, 64)
-        first = passes.first_hit(view_of(), opened, FRAME, spp=64, seed=9)
+        first = passes.first_hit(view_of(), opened, FRAME, 64, view_of().render.batches, 9)
     d = first.mean[:, FIRST_HIT_CHANNELS["d"]]
     parts = {name: channels(found, name) for name in ("image", "shading", "specular")}
     residual = parts["image"][0] - d * parts["shading"][0] - parts["specular"][0]

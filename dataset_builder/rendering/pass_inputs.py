@@ -1,0 +1,131 @@
+"""Which passes an example needs, and what of its plan each of them depends on.
+
+Two examples that agree in a pass's inputs share what it finds, whatever else their plans say: names, notes, places in
+the dataset and layers that the pass does not make have no part in it. Nothing here renders.
+"""
+
+from collections import Counter, defaultdict
+from typing import Any
+
+from dataset_builder.digest import digest
+from dataset_builder.label.example_plan import ExamplePlan, GoalPlan
+from dataset_builder.label.scene_plan import IlluminationPlan, PlacedObject
+from dataset_builder.layers import LAYERS, PASSES, Pass
+from dataset_builder.spec.model import Model
+
+INSTANCE, LIGHTING = "instance", "lighting"
+"""Passes without a layer in the table of their own: what is met at pixel centres, and the light around the object."""
+
+RADIANCE = ("source", "target", "rough")
+RUNS = (*PASSES, INSTANCE, LIGHTING)
+"""Everything that is rendered as a pass of its own."""
+
+UNSEEN = frozenset({"name", "category", "licence", "coverage", "visibility", "temperature", "image"})
+"""Fields of plans that no pixel depends on; images count by their content."""
+
+Inputs = dict[str, Any]
+"""What a pass depends on, by topic, as plain data. The topics are the words that people read."""
+
+
+def needed_passes(plan: ExamplePlan) -> tuple[Pass, ...]:
+    """The passes that the layers of an example need, in order; the first always, for it finds the object's pixels."""
+    return tuple(name for name in PASSES if name == "first_hit" or asked(plan, name)
+                 or (name == "first_hit_rough" and asked(plan, "rough")))
+
+
+def needs_lighting(plan: ExamplePlan) -> bool:
+    """Whether an example has layers under its target illumination."""
+    return asked(plan, "target") or asked(plan, "rough")
+
+
+def asked(plan: ExamplePlan, render_pass: Pass) -> bool:
+    """Whether a layer of the example comes from a pass."""
+    return any(LAYERS[name].render_pass == render_pass for name, _ in plan.render.layers)
+
+
+def all_passes(plan: ExamplePlan) -> tuple[str, ...]:
+    """Every pass that runs for an example, those without a layer in the table included."""
+    instance = (INSTANCE,) if any(name == INSTANCE for name, _ in plan.render.layers) else ()
+    return (*needed_passes(plan), *instance, *((LIGHTING,) if needs_lighting(plan) else ()))
+
+
+def steps_of(plan: ExamplePlan, name: str) -> int:
+    """Steps that a pass is sampled in, each of which may be kept: goals that follow each other, else parts of spp."""
+    if name in (INSTANCE, LIGHTING):
+        return 1
+    goals = Counter(goal.layer for goal in plan.render.goals if LAYERS[goal.layer].render_pass == name)
+    return max(goals.values()) if goals else len(plan.render.parts(name))
+
+
+def goals_at(plan: ExamplePlan, name: str, step: int) -> tuple[GoalPlan, ...]:
+    """Goals of a pass's layers at one step; a layer that has fewer keeps its last."""
+    by_layer = defaultdict[str, list[GoalPlan]](list)
+    for goal in plan.render.goals:
+        if LAYERS[goal.layer].render_pass == name:
+            by_layer[goal.layer].append(goal)
+    return tuple(goals[min(step, len(goals) - 1)] for goals in by_layer.values())
+
+
+def inputs_of(plan: ExamplePlan, name: str, steps: int | None = None) -> Inputs:
+    """What the first `steps` (all of them by default) of the pass `name` of an example depend on."""
+    found: Inputs = {"pass": name, "seed": plan.render.seed, "room": _plain(plan.room), "object": _placed(plan.target),
+                     "furniture": [_placed(placed) for placed in plan.furniture], "fog": _plain(plan.fog),
+                     "effects": list(plan.effects.features), "texture size": plan.render.texture_size}
+    if name == LIGHTING:
+        return found | _light(plan, "target") | {"path length": _path_length(plan, "target")}
+    found |= {"camera": _plain(plan.camera), "image size": [plan.render.width, plan.render.height]}
+    if name == INSTANCE:
+        return found
+    samples = _samples(plan, name, steps_of(plan, name) if steps is None else steps)
+    found |= {"pixels": plan.effects.of(name).extent, "samples": samples}
+    if name.endswith("rough"):
+        found["rough mesh"] = _plain(plan.rough)
+    if name in RADIANCE:
+        found["path length"] = _path_length(plan, name)
+        if found["pixels"] == "object" or samples["goals"]:
+            samples["object"] = _object_pixels(plan, name)
+    if name in RADIANCE or (name == "first_hit_rough" and asked(plan, "rough")):
+        found |= _light(plan, name if name in RADIANCE else "rough")
+    return found
+
+
+def key_of(inputs: Inputs, made_by: dict[str, str]) -> str:
+    """Key of what a pass finds: its inputs, its name among them, and the versions that make it."""
+    return digest({"inputs": inputs, "versions": made_by})
+
+
+def _samples(plan: ExamplePlan, name: str, steps: int) -> dict[str, Any]:
+    goals = [[goal.model_dump(mode="json") for goal in goals_at(plan, name, step)] for step in range(steps)]
+    extents = {goal.layer: dict(plan.render.layers).get(goal.layer, "object") for goal in goals_at(plan, name, 0)}
+    parts = plan.render.parts(name)
+    return {"spp": parts if extents else parts[:steps], "batches": plan.render.batches,
+            "goals": goals if extents else [], "extents": extents}
+
+
+def _object_pixels(plan: ExamplePlan, name: str) -> dict[str, Any]:
+    """What says which pixels are the object's: the samples of the light-free passes, where they are taken."""
+    free = ("first_hit", "first_hit_rough") if name == "rough" else ("first_hit",)
+    return {"parts": plan.render.parts("first_hit"), "pixels": [plan.effects.of(one).extent for one in free]}
+
+
+def _path_length(plan: ExamplePlan, name: str) -> list[int]:
+    return [plan.effects.of(name).max_depth, plan.render.rr_depth]
+
+
+def _light(plan: ExamplePlan, name: str) -> dict[str, Any]:
+    """The lights that a pass simulates, and what is taken out of their way."""
+    source = name == "source"
+    light: IlluminationPlan = plan.source_light if source else plan.target_light
+    lights = [_plain(light.lights[index]) for index in plan.effects.of(name).lights]
+    found = {"lights": lights, "open": list(light.open)}
+    return {"source light": found} if source else {"target light": found | {"number": plan.light}}
+
+
+def _placed(placed: PlacedObject) -> dict[str, Any]:
+    """What stands where; a mesh file counts by its content, not by its path."""
+    path = frozenset({"source"} if placed.object.kind == "file" else ())
+    return {**_plain(placed), "object": _plain(placed.object, path)}
+
+
+def _plain(model: Model, without: frozenset[str] = frozenset()) -> dict[str, Any]:
+    return model.model_dump(mode="json", exclude=set(UNSEEN | without))

@@ -1,0 +1,113 @@
+"""What passes found, remembered by what they depend on: as bytes, in whatever store the caller has."""
+
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+
+from dataset_builder.label.example_plan import ExamplePlan
+from dataset_builder.rendering.pass_inputs import inputs_of, key_of, steps_of
+from dataset_builder.rendering.sampling.adaptive import Sampled
+from dataset_builder.rendering.sampling.moments import Estimate
+
+ARRAYS = ("mean", "error", "freedom")
+
+
+class Store(Protocol):
+    """Bytes by key; what was put may have gone."""
+
+    def get(self, key: str) -> bytes | None:
+        """The bytes of a key, or None."""
+
+    def put(self, key: str, value: bytes) -> None:
+        """Keep bytes under a key."""
+
+
+class Nothing:
+    """A store that forgets everything."""
+
+    def get(self, key: str) -> bytes | None:
+        """Nothing."""
+
+    def put(self, key: str, value: bytes) -> None:
+        """Forget."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PassFound:
+    """What a pass found so far."""
+
+    pixels: np.ndarray
+    """(P,) indices row * width + column, rising."""
+    sampled: Sampled
+    facts: Mapping[str, float] = field(default_factory=dict)
+    """Figures of the geometry that labels need and that would otherwise be worked out from it again."""
+
+
+class PassMemory:
+    """Results of passes in a store, under the versions that made them."""
+
+    def __init__(self, store: Store, made_by: Mapping[str, str]):
+        self._store, self._made_by = store, dict(made_by)
+
+    def recall(self, plan: ExamplePlan, name: str) -> tuple[int, PassFound | None]:
+        """Steps of a pass that are known, as many as possible, and what they found."""
+        for steps in range(steps_of(plan, name), 0, -1):
+            data = self._store.get(self._key(plan, name, steps))
+            if data and (found := from_bytes(data)):
+                return steps, found
+        return 0, None
+
+    def keep(self, plan: ExamplePlan, name: str, steps: int, found: PassFound) -> None:
+        """Remember what the first `steps` of a pass found. Raises OutputError where the disk refuses."""
+        self._store.put(self._key(plan, name, steps), to_bytes(found))
+
+    def _key(self, plan: ExamplePlan, name: str, steps: int) -> str:
+        return key_of(inputs_of(plan, name, steps), self._made_by)
+
+
+NO_MEMORY = PassMemory(Nothing(), {})
+
+
+def to_bytes(found: PassFound) -> bytes:
+    """A pass as an npz file without pickles; values that are one number throughout are stored once."""
+    arrays: dict[str, Any] = {"pixels": found.pixels.astype(np.int64), "iterations": np.array(found.sampled.iterations),
+              "stopped": _pairs(found.sampled.stopped), "facts": np.array(list(found.facts)),
+              "values": np.array(list(found.facts.values()), dtype=np.float64)}
+    for number, half in enumerate(found.sampled.halves):
+        arrays |= {f"{name}{number}": _once(getattr(half, name).astype(np.float32)) for name in ARRAYS}
+        arrays[f"spp{number}"] = _once(half.spp.astype(np.int64))
+        arrays[f"shape{number}"] = np.array(half.mean.shape)
+    stream = io.BytesIO()
+    np.savez(stream, **arrays)
+    return stream.getvalue()
+
+
+def from_bytes(data: bytes) -> PassFound | None:
+    """The pass that `to_bytes` stored; None where the bytes are of another kind."""
+    try:
+        with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
+            halves = tuple(_half(arrays, number) for number in range(len(arrays["iterations"])))
+            sampled = Sampled(halves=halves, iterations=tuple(arrays["iterations"].tolist()),
+                              stopped=dict(arrays["stopped"].reshape(-1, 2).tolist()))
+            facts = dict(zip(arrays["facts"].tolist(), arrays["values"].tolist(), strict=True))
+            return PassFound(pixels=arrays["pixels"], sampled=sampled, facts=facts)
+    except (OSError, ValueError, KeyError, EOFError):
+        return None
+
+
+def _half(arrays: Mapping[str, np.ndarray], number: int) -> Estimate:
+    shape = tuple(arrays[f"shape{number}"])
+    mean, error, freedom = (np.broadcast_to(arrays[f"{name}{number}"], shape).astype(np.float64) for name in ARRAYS)
+    return Estimate(mean=mean, error=error, freedom=freedom,
+                    spp=np.broadcast_to(arrays[f"spp{number}"], shape[:1]).copy())
+
+
+def _once(values: np.ndarray) -> np.ndarray:
+    return values.flat[:1].reshape(()) if values.size and (values == values.flat[0]).all() else values
+
+
+def _pairs(pairs: Mapping[str, str]) -> np.ndarray:
+    return np.array([*pairs.items()], dtype=str).reshape(-1, 2)
