@@ -8,11 +8,14 @@ from functools import partial
 from pathlib import Path
 
 from dataset_builder import __version__
+from dataset_builder.digest import digest
 from dataset_builder.engine import local
+from dataset_builder.engine.byte_store import CACHE_SIZE
 from dataset_builder.engine.calibration import calibrate
+from dataset_builder.engine.made_by import versions
 from dataset_builder.engine.rejections import Rejections
 from dataset_builder.engine.timings import Timings
-from dataset_builder.engine.unit import BuildJob, Outcome, remembered, run_unit, versions
+from dataset_builder.engine.unit import BuildJob, Outcome, remembered, run_unit
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.files import require_space
 from dataset_builder.label.example_label import Denoised
@@ -31,7 +34,7 @@ from dataset_builder.shards.writer import publish_shard
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.resolve import LoadedSpec
 
-LEAST_SHARDS = 4
+MIN_SHARDS = 4
 """Shards that a split is cut into at least, one example each at the least, so that as many readers have work."""
 MAX_REASONS = 5
 """Reasons that are told where every example of a split was rejected."""
@@ -44,6 +47,8 @@ class ShardTask:
     slot: str
     split: str
     examples: tuple[ExampleRef, ...]
+    spec_digest: str
+    """Of what the examples of its split depend on."""
     keep: ShardIndex | None
 
 
@@ -71,46 +76,56 @@ class _Progress:
         return all(ref.key in self.digests or ref.key in self.rejected for ref in task.examples)
 
 
-def shard_tasks(examples: Sequence[ExampleRef], spec: DatasetSpec) -> list[ShardTask]:
+def split_digests(examples: Sequence[ExampleRef], loaded: LoadedSpec) -> dict[str, str]:
+    """Digest of what the examples of each split depend on."""
+    first = {ref.view.pair.split: ref.index for ref in reversed(examples)}
+    return {split.name: loaded.split_digest(split, first[split.name]) for split in loaded.dataset.splits}
+
+
+def shard_tasks(examples: Sequence[ExampleRef], spec: DatasetSpec, digests: Mapping[str, str]) -> list[ShardTask]:
     """Fixed numbers of neighbouring examples per shard and split; example i of a split lies in shard i // size.
 
-    The size is that of the spec, less where a split would have fewer than `LEAST_SHARDS`.
+    The size is that of the spec, less where a split would have fewer than `MIN_SHARDS`. digests: of the splits.
     """
     by_split: dict[str, list[ExampleRef]] = defaultdict(list)
     for ref in examples:
         by_split[ref.view.pair.split].append(ref)
-    sizes = {split: max(min(spec.storage.examples_per_shard, len(refs) // LEAST_SHARDS), 1)
+    sizes = {split: max(min(spec.storage.examples_per_shard, len(refs) // MIN_SHARDS), 1)
              for split, refs in by_split.items()}
     return [ShardTask(slot=shard_slot(spec, split, first // sizes[split]), split=split, keep=None,
-                      examples=tuple(refs[first:first + sizes[split]]))
+                      spec_digest=digests[split], examples=tuple(refs[first:first + sizes[split]]))
             for split, refs in by_split.items() for first in range(0, len(refs), sizes[split])]
 
 
-def decide(tasks: Sequence[ShardTask], whole: Sequence[ShardIndex], spec_digest: str, made_by: dict[str, str],
+def decide(tasks: Sequence[ShardTask], whole: Sequence[ShardIndex], made_by: dict[str, str],
            rejected: Mapping[str, Rejected]) -> list[ShardTask]:
     """Which of the whole shards stay: same spec, same versions, and every example in it or known to be rejected."""
     def fits(task: ShardTask, index: ShardIndex) -> bool:
         there = {example.key for example in index.examples}
-        return (index.shard.slot, index.spec_digest, index.versions) == (task.slot, spec_digest, made_by) \
+        return (index.shard.slot, index.spec_digest, index.versions) == (task.slot, task.spec_digest, made_by) \
             and all(ref.key in there or ref.key in rejected for ref in task.examples)
 
     return [replace(task, keep=next((index for index in whole if fits(task, index)), None)) for task in tasks]
 
 
 def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: int | None = None,
-          only: Sequence[int] = (), replace_other: bool = False) -> Iterator[Event]:
+          only: Sequence[int] = (), replace_other: bool = False, cache: Path | None = None,
+          cache_size: int = CACHE_SIZE) -> Iterator[Event]:
     """Build `loaded` into `folder`, yielding news, first of all how many examples there are to make.
 
     backend: auto | cuda | llvm. workers: processes that render, None for one per core, or a single one on a GPU.
     `only`: indices of examples to stage, without publishing anything. `replace_other`: another dataset or major version
-    in `folder` may go. What was there before stays until this dataset is whole. Raises PlanError where nothing can be
-    planned or an index is none, OutputError where the folder or the disk refuses; in both cases what was finished is
-    kept, and a second run goes on from there.
+    in `folder` may go. What was there before stays until this dataset is whole. cache, cache_size: folder for what
+    passes find, so that an edit repeats only the passes that it touches (`.build/passes` in the output folder where
+    none is given), and most bytes that it may hold; 0 keeps nothing. Raises PlanError where nothing can be planned or
+    an index is none, OutputError where the folder or the disk refuses; in both cases what was finished is kept, and a
+    second run goes on from there.
     """
     claim = Claim(name=loaded.dataset.name, version=loaded.dataset.version)
     require_ours(folder, claim, replace=replace_other)
     workers = workers or (1 if choose(backend).variant.startswith("cuda") else cores())
-    job = BuildJob.of(loaded, folder, backend=backend, threads=max(1, cores() // workers))
+    job = BuildJob.of(loaded, folder, backend=backend, threads=max(1, cores() // workers), cache=cache,
+                      cache_size=cache_size)
     denoise = bool(loaded.dataset.render.denoise.layers)
     if denoise:
         oidn.require()
@@ -122,9 +137,10 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
         # Refused before anything is made
         _require_space(folder, loaded.dataset, len(chosen))
     with build_lock(folder, claim, replace=replace_other):
-        rejections, timings = Rejections(folder, loaded.spec_digest, made_by), Timings(folder)
-        tasks = decide(shard_tasks(planner.examples, loaded.dataset), list(whole_shards(folder)), loaded.spec_digest,
-                       made_by, rejections.known)
+        digests = split_digests(planner.examples, loaded)
+        rejections, timings = Rejections(folder, digest(digests), made_by), Timings(folder)
+        tasks = decide(shard_tasks(planner.examples, loaded.dataset, digests), list(whole_shards(folder)), made_by,
+                       rejections.known)
         progress = _Progress(rejected=dict(rejections.known),
                              shards={task.slot: task.keep for task in tasks if task.keep})
         missing = [task for task in tasks if not task.keep]
@@ -187,7 +203,7 @@ def _publish(task: ShardTask, folder: Path, loaded: LoadedSpec, made_by: dict[st
     examples = [(ref.key, progress.digests[ref.key]) for ref in task.examples if ref.key in progress.digests]
     if not examples:
         return
-    index = publish_shard(folder, slot=task.slot, split=task.split, examples=examples, spec_digest=loaded.spec_digest,
+    index = publish_shard(folder, slot=task.slot, split=task.split, examples=examples, spec_digest=task.spec_digest,
                           versions=made_by)
     for key, _ in examples:
         Staging(folder).drop(key)

@@ -24,8 +24,10 @@ def refs(*splits: str) -> list[ExampleRef]:
             for index, split in enumerate(splits)]
 
 
+DIGESTS = dict.fromkeys(("train", "test"), digest("tiny"))
 EXAMPLES = refs("train", "train", "train", "test")
 TASKS = [ShardTask(slot=shard_slot(make_spec(), split, number), split=split, keep=None,
+                   spec_digest=DIGESTS[split],
                    examples=tuple(EXAMPLES[index] for index in members)) for (split, number), members in SHARDS.items()]
 """Of the tiny dataset, which is not cut as a build would cut it."""
 
@@ -35,7 +37,7 @@ def indices(task: ShardTask) -> tuple[int, ...]:
 
 
 def test_neighbours_share_a_shard_and_splits_do_not() -> None:
-    tasks = shard_tasks(refs(*["train"] * 9, "test", "test"), make_spec())
+    tasks = shard_tasks(refs(*["train"] * 9, "test", "test"), make_spec(), DIGESTS)
     assert [(task.slot, task.split, indices(task)) for task in tasks] == [
         *((f"tiny-v1-train-{number:06d}", "train", members)
           for number, members in enumerate([(0, 1), (2, 3), (4, 5), (6, 7), (8,)])),
@@ -50,7 +52,7 @@ def test_neighbours_share_a_shard_and_splits_do_not() -> None:
 def test_a_split_is_cut_into_four_shards_or_more(most: int, count: int, sizes: list[int]) -> None:
     """Example i lies in shard i over size; four readers have work wherever there are four examples."""
     storage = make_spec().storage.model_copy(update={"examples_per_shard": most})
-    tasks = shard_tasks(refs(*["train"] * count), make_spec().model_copy(update={"storage": storage}))
+    tasks = shard_tasks(refs(*["train"] * count), make_spec().model_copy(update={"storage": storage}), DIGESTS)
     assert [index for task in tasks for index in indices(task)] == list(range(count))
     assert [len(task.examples) for task in tasks] == sizes and len(tasks) >= min(count, 4)
     assert [int(task.slot[-6:]) for task in tasks] == list(range(len(sizes)))
@@ -59,8 +61,8 @@ def test_a_split_is_cut_into_four_shards_or_more(most: int, count: int, sizes: l
 def kept(folder: Path, tasks: list[ShardTask] = TASKS, spec: str = "tiny", made_by: dict[str, str] = MADE_BY,
          rejected: dict[str, Rejected] | None = None) -> list[str]:
     """Slots of the shards that stay."""
-    whole = list(whole_shards(folder))
-    return [task.slot for task in decide(tasks, whole, digest(spec), made_by, rejected or {}) if task.keep]
+    tasks = [replace(task, spec_digest=digest(spec)) for task in tasks]
+    return [task.slot for task in decide(tasks, list(whole_shards(folder)), made_by, rejected or {}) if task.keep]
 
 
 def test_finished_shards_of_the_same_spec_and_versions_stay(tmp_path: Path) -> None:

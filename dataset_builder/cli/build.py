@@ -6,7 +6,7 @@ from pathlib import Path
 from time import perf_counter
 
 from dataset_builder.api import DATASETS
-from dataset_builder.cli.common import Verbs, add_backend, add_spec, add_verb, plain_console, positive
+from dataset_builder.cli.common import Verbs, add_backend, add_cache, add_spec, add_verb, plain_console, positive
 from dataset_builder.errors import UserError
 from dataset_builder.processes import cores
 
@@ -18,11 +18,16 @@ def add(verbs: Verbs) -> None:
     plan.add_argument("--example", type=int, action="append", default=[],
                       help="print the whole plan of example N as JSON")
     plan.add_argument("--views", type=positive, default=24, help="views to plan in full; the rest is extrapolated")
+    plan.add_argument("--against", type=Path, metavar="DIR",
+                      help="compare with the dataset in DIR: what would run again, and what changed")
+    add_cache(plan)
+    add_backend(plan)
     build = add_verb(verbs, "build", _build, "build a dataset, or resume an interrupted build")
     add_spec(build)
     build.add_argument("--out", type=Path, help=f"output folder (default: {DATASETS}/NAME)")
     build.add_argument("--replace", action="store_true",
                        help="let the other dataset or major version go that the output folder holds")
+    add_cache(build)
     build.add_argument("--workers", type=positive, help="processes (default: one per core, one with a GPU)")
     add_backend(build)
     build.add_argument("--example", type=int, action="append", default=[],
@@ -30,15 +35,22 @@ def add(verbs: Verbs) -> None:
 
 
 def _plan(options: argparse.Namespace) -> int:
+    from dataset_builder.engine.against import against
+    from dataset_builder.engine.unit import BuildJob
     from dataset_builder.planning.cost import estimate
     from dataset_builder.planning.plan import Planner, first_plan, plan_example
+    from dataset_builder.report.against_table import against_table
     from dataset_builder.report.console import decisions_table, estimate_table
     from dataset_builder.spec.load import load_dataset
 
     loaded = load_dataset(options.spec, options.overrides)
     for index in options.example:
         print(json.dumps(plan_example(loaded, index).model_dump(mode="json"), indent=2))
-    if not options.example:
+    if options.against:
+        job = BuildJob.of(loaded, options.against, backend=options.backend, threads=1, cache=options.cache,
+                          cache_size=options.cache_size)
+        plain_console().print(against_table(against(Planner(loaded), options.against, job)))
+    elif not options.example:
         planner = Planner(loaded)
         plain_console().print(estimate_table(estimate(planner, views=options.views, cores=cores()), cores()))
         if first := first_plan(planner):
@@ -50,6 +62,7 @@ def _build(options: argparse.Namespace) -> int:
     from dataset_builder.builder import build
     from dataset_builder.engine.unit import Outcome
     from dataset_builder.rendering.backend import choose
+    from dataset_builder.report.against_table import runs_line
     from dataset_builder.report.console import build_table, follow, rejected_lines
     from dataset_builder.spec.load import load_dataset
 
@@ -58,7 +71,7 @@ def _build(options: argparse.Namespace) -> int:
     console.print(f"backend: {choose(options.backend).summary}", highlight=False)
     folder = options.out or DATASETS / loaded.dataset.name
     news = build(loaded, folder, backend=options.backend, workers=options.workers, only=options.example,
-                 replace_other=options.replace)
+                 replace_other=options.replace, cache=options.cache, cache_size=options.cache_size)
     outcomes: list[Outcome] = []
     manifest = None
     for event in follow(news, console):
@@ -73,6 +86,7 @@ def _build(options: argparse.Namespace) -> int:
                       "finish", highlight=False, soft_wrap=True)
     else:
         console.print(build_table(manifest, outcomes, perf_counter() - start))
+        console.print(runs_line(outcomes), highlight=False)
         console.print(f"dataset: {folder}\n{_sheet(folder)}", highlight=False, markup=False, soft_wrap=True)
     return 0
 

@@ -2,8 +2,11 @@
 
 import argparse
 from collections.abc import Callable
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from dataset_builder.engine.byte_store import CACHE_SIZE, GB
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -67,6 +70,25 @@ def lightnet(config: Path | None, overrides: list[str], steps: int | None) -> "T
     from dataset_builder.studies.trainings import base_of
 
     return base_of(load_training(config, [*overrides, *([f"steps={steps}"] if steps else [])]))
+
+
+def add_cache(verb: argparse.ArgumentParser) -> None:
+    """Where results of passes are kept, and how much of them."""
+    verb.add_argument("--cache", type=Path, metavar="DIR",
+                      help="folder for results of passes, which datasets may share (default: in the output folder)")
+    verb.add_argument("--cache-size", type=_gigabytes, default=CACHE_SIZE, metavar="GB",
+                      help=f"most that is kept there; 0 keeps nothing (default: {CACHE_SIZE / GB:g})")
+
+
+def _gigabytes(text: str) -> int:
+    """Bytes of a number of gigabytes."""
+    try:
+        size = float(text)
+    except ValueError:
+        size = -1.0
+    if not 0 <= size < inf:
+        raise argparse.ArgumentTypeError(f"expected a number >= 0, got {text}")
+    return round(size * GB)
 
 
 def positive(text: str) -> int:

@@ -15,6 +15,7 @@ from dataset_builder.digest import digest
 
 ROOT = Path(__file__).parent.parent
 UNIT = "engine.unit"
+PASSES = "rendering.view_passes"
 CALIBRATION = "engine.calibration"
 """What the figures of denoised layers come from, which their examples carry."""
 

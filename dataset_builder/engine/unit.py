@@ -1,6 +1,5 @@
 """One unit of work, in any process: plan the examples of a view, render, gate, encode and stage them."""
 
-import importlib.metadata
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -10,23 +9,25 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dataset_builder.digest import digest
-from dataset_builder.engine import source
-from dataset_builder.engine.rejections import keep_pixels
+from dataset_builder.digest import sha256_file
+from dataset_builder.engine.byte_store import CACHE_SIZE, PASSES, ByteStore
+from dataset_builder.engine.made_by import pass_versions, plan_digest, versions
+from dataset_builder.engine.rejected_pixels import keep_pixels
 from dataset_builder.errors import OutputError, PlanError, Problem, SpecError, UserError
 from dataset_builder.label.example_label import Denoised
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.planning.catalogue import ExampleRef, ViewUnit
 from dataset_builder.planning.plan import Planner
-from dataset_builder.rendering import oidn
-from dataset_builder.rendering.backend import activate, renderer_versions
+from dataset_builder.rendering.backend import activate
 from dataset_builder.shards.example import Example, encode_members, preview
+from dataset_builder.shards.folder import MANIFEST, WORK
 from dataset_builder.shards.gates import check_gates
 from dataset_builder.shards.identities import Violation, check_layers, identity_table, storable
 from dataset_builder.shards.manifest import Rejected
+from dataset_builder.shards.published_examples import PublishedExamples
 from dataset_builder.shards.segment import segment
 from dataset_builder.shards.staging import Staging
-from dataset_builder.shards.writer import entry, writer_versions
+from dataset_builder.shards.writer import entry
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.load import load_dataset
 from dataset_builder.spec.resolve import LoadedSpec
@@ -46,7 +47,8 @@ class BuildJob:
     """What a worker needs to know to find the spec and the output; the same for every unit of a build.
 
     spec_digest: of the spec that the build began with; another one found at `spec_path` later is refused. denoised:
-    figures of every layer that is denoised, for the record of each example.
+    figures of every layer that is denoised, for the record of each example. cache, cache_size: where results of passes
+    are kept, and how many bytes of them. replaces: digest of the `dataset.json` that was there before.
     """
 
     spec_path: Path
@@ -56,19 +58,31 @@ class BuildJob:
     backend: str
     threads: int
     denoised: tuple[Denoised, ...] = ()
+    cache: Path | None = None
+    cache_size: int = 0
+    replaces: str = ""
 
     @classmethod
-    def of(cls, loaded: LoadedSpec, folder: Path, *, backend: str, threads: int) -> "BuildJob":
+    def of(cls, loaded: LoadedSpec, folder: Path, *, backend: str, threads: int, cache: Path | None = None,
+           cache_size: int = CACHE_SIZE) -> "BuildJob":
         """The job that builds `loaded` into `folder`; threads: of each process that renders."""
+        manifest = folder / MANIFEST
+        replaces = sha256_file(manifest) if manifest.is_file() else ""
         return cls(spec_path=loaded.path, overrides=loaded.overrides, spec_digest=loaded.spec_digest, folder=folder,
-                   backend=backend, threads=threads)
+                   backend=backend, threads=threads, cache=cache, cache_size=cache_size, replaces=replaces)
+
+    @property
+    def store(self) -> ByteStore:
+        """Where results of passes are kept: in the output folder unless the job names another one."""
+        return ByteStore(self.cache or self.folder / WORK / PASSES, self.cache_size)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
     """What became of one example: digest it is staged under (empty where it was not planned), or why it is rejected.
 
-    seconds: by pass and by step (`plan`, `encode`); kept: True where that was known already and nothing was rendered.
+    seconds: by pass and by step (`plan`, `encode`); kept: True where that was known already and nothing was rendered;
+    recalled: passes whose results were remembered.
     """
 
     ref: ExampleRef
@@ -77,25 +91,7 @@ class Outcome:
     kept: bool
     paths: int
     seconds: dict[str, float]
-
-
-def versions(backend: str, denoise: bool = False) -> dict[str, str]:
-    """Versions of whatever turns a plan into bytes: a change of any makes an example another one.
-
-    denoise: whether layers are denoised; the denoiser must be installed then.
-    """
-    names = ("open3d", "scipy", "trimesh", *((oidn.PACKAGE,) if denoise else ()))
-    libraries = {name: importlib.metadata.version(name) for name in names}
-    code = source.source_digest(source.UNIT, *((source.CALIBRATION,) if denoise else ()))
-    return {**writer_versions(), **renderer_versions(backend), **libraries, "source": code}
-
-
-def plan_digest(plan: ExamplePlan, spec: DatasetSpec, made_by: dict[str, str],
-                denoised: Sequence[Denoised] = ()) -> str:
-    """Key of a finished example: its plan, how it is stored and gated, what made it, and the figures it carries."""
-    stored = {"dtype": spec.storage.dtype, "gates": spec.gates.model_dump(mode="json")}
-    return digest({"plan": plan.model_dump(mode="json"), "storage": stored, "versions": made_by,
-                   "denoised": [figures.model_dump(mode="json") for figures in denoised]})
+    recalled: tuple[str, ...] = ()
 
 
 def run_unit(job: BuildJob, unit: ViewUnit) -> list[Outcome]:
@@ -127,16 +123,34 @@ def remembered(ref: ExampleRef, rejected: Rejected) -> Outcome:
 def _make(planned: Sequence[tuple[ExampleRef, ExamplePlan]], loaded: LoadedSpec, job: BuildJob) -> Iterator[Outcome]:
     # Verbs that render nothing import this module, too; they need not wait for Mitsuba
     from dataset_builder.rendering.examples import render_view
+    from dataset_builder.rendering.pass_memory import PassMemory
 
     made_by = versions(job.backend, bool(loaded.dataset.render.denoise.layers))
     staging = Staging(job.folder)
     digests = {ref.key: plan_digest(plan, loaded.dataset, made_by, job.denoised) for ref, plan in planned}
-    missing = [(ref, plan) for ref, plan in planned if not staging.has(ref.key, digests[ref.key])]
+    missing = [(ref, plan) for ref, plan in planned if not _taken_over(ref, digests[ref.key], staging, job)]
     there = {ref.key for ref, _ in planned} - {ref.key for ref, _ in missing}
     yield from (_outcome(ref, digest=digests[ref.key], kept=True) for ref, _ in planned if ref.key in there)
     if missing:
-        rendered = render_view([plan for _, plan in missing], loaded.path.parent)
+        memory = PassMemory(job.store, pass_versions(job.backend))
+        rendered = render_view([plan for _, plan in missing], loaded.path.parent, memory)
         yield from _finished(missing, rendered, digests, loaded.dataset, job)
+
+
+def _taken_over(ref: ExampleRef, key_digest: str, staging: Staging, job: BuildJob) -> bool:
+    """Whether an example is staged; one that is published is staged again, for the shard that it lies in now."""
+    if staging.has(ref.key, key_digest):
+        return True
+    if (known := published_examples(job.folder, job.replaces).get(key_digest)) is None:
+        return False
+    staging.put(ref.key, key_digest, known.segment, known.entry)
+    return True
+
+
+@lru_cache(maxsize=2)
+def published_examples(folder: Path, replaces: str) -> PublishedExamples:
+    """The dataset that a build finds in its folder, with the digest `replaces`, read once by each process."""
+    return PublishedExamples(folder)
 
 
 def _finished(missing: Sequence[tuple[ExampleRef, ExamplePlan]], rendered: Iterator["Rendered"],
@@ -168,12 +182,13 @@ def _finish(ref: ExampleRef, rendered: "Rendered", key_digest: str, spec: Datase
         reason = "; ".join(violation.reason for violation in violations)
         keep_pixels(job.folder, ref.key, rendered.layers)
         return _outcome(ref, rejected=_rejected(ref, violations[0].identity, reason), digest=key_digest, paths=paths,
-                        seconds=rendered.seconds)
+                        seconds=rendered.seconds, recalled=rendered.recalled)
     members = encode_members(example_of(rendered, job.denoised), dtype=spec.storage.dtype,
                              preview_png=preview(rendered.layers))
     Staging(job.folder).put(ref.key, key_digest, segment(members),
                             entry(key=ref.key, view=rendered.plan.view, members=members))
-    return _outcome(ref, digest=key_digest, paths=paths, seconds=rendered.seconds | {"encode": perf_counter() - start})
+    return _outcome(ref, digest=key_digest, paths=paths, seconds=rendered.seconds | {"encode": perf_counter() - start},
+                    recalled=rendered.recalled)
 
 
 def _violations(rendered: "Rendered", spec: DatasetSpec) -> list[Violation]:
@@ -193,8 +208,9 @@ def _rejected(ref: ExampleRef, gate: str, reason: str) -> Rejected:
 
 
 def _outcome(ref: ExampleRef, *, digest: str = "", rejected: Rejected | None = None, kept: bool = False, paths: int = 0,
-             seconds: dict[str, float] | None = None) -> Outcome:
-    return Outcome(ref=ref, digest=digest, rejected=rejected, kept=kept, paths=paths, seconds=seconds or {})
+             seconds: dict[str, float] | None = None, recalled: tuple[str, ...] = ()) -> Outcome:
+    return Outcome(ref=ref, digest=digest, rejected=rejected, kept=kept, paths=paths, seconds=seconds or {},
+                   recalled=recalled)
 
 
 @lru_cache(maxsize=2)

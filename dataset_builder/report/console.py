@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from dataset_builder.builder import Event
-from dataset_builder.engine.rejections import pixels_of
+from dataset_builder.engine.rejected_pixels import pixels_of
 from dataset_builder.engine.unit import Outcome
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.lightnet.training.events import Checked, Finished, Started, Stepped

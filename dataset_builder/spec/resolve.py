@@ -27,6 +27,10 @@ AnyModel = TypeVar("AnyModel", bound=Model)
 KeyPath = tuple[str | int, ...]
 
 
+SAID = ("version", "title", "description", "licence", "splits")
+"""Keys of a dataset that no example depends on, but for the splits of its own."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LoadedSpec:
     """One dataset and its files.
@@ -61,6 +65,22 @@ class LoadedSpec:
         meshes = {key: mesh.content() for key, mesh in self.meshes.items()}
         return {"dataset": self.dataset.model_dump(mode="json", by_alias=True), "meshes": meshes,
                 "images": dict(self.images), **plain}
+
+    def split_digest(self, split: SplitSpec, first: int) -> str:
+        """SHA-256 over what the examples of a split depend on, the first of which has the index `first`.
+
+        Not over other splits and what only they use, nor over what is said of the dataset as a whole.
+        """
+        rooms, objects = set[str](), set(split.objects.source)
+        for name in split.scenes.source:
+            rooms.add(self.scenes[name].room)
+            objects |= {piece.object for piece in self.scenes[name].furniture}
+        content = self.content()
+        dataset = {key: value for key, value in content["dataset"].items() if key not in SAID}
+        own = {"scenes": set(split.scenes.source), "rooms": rooms, "objects": objects, "meshes": objects}
+        return digest({"dataset": dataset, "split": split.model_dump(mode="json", by_alias=True), "first": first,
+                       "images": content["images"], **{kind: {key: value for key, value in content[kind].items()
+                                                              if key in names} for kind, names in own.items()}})
 
 
 def validated(document: Document, model: type[AnyModel]) -> AnyModel | list[Problem]:

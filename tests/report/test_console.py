@@ -14,7 +14,7 @@ from rich.table import Table
 from dataset_builder.assets.procedural.furniture import FINISHES
 from dataset_builder.builder import Event
 from dataset_builder.cli.common import plain_console
-from dataset_builder.engine.rejections import keep_pixels
+from dataset_builder.engine.rejected_pixels import keep_pixels
 from dataset_builder.engine.unit import Outcome
 from dataset_builder.errors import ShardError, UserError
 from dataset_builder.label.example_plan import Decision

@@ -76,3 +76,40 @@ def test_the_digest_follows_the_content(tiny, file: str, old: str, new: str) -> 
     text = (path.parent / file).read_text()
     assert old in text
     assert load_dataset(tiny(**files | {file: text.replace(old, new)})).spec_digest != before
+
+
+def digests(path: Path) -> dict[str, str]:
+    """What the examples of each split depend on."""
+    loaded = load_dataset(path)
+    return {split.name: loaded.split_digest(split, 4) for split in loaded.dataset.splits}
+
+
+@pytest.mark.parametrize("added", ["title: Other\n", "description: Other words.\n", "version: 1.2.3\n"])
+def test_what_is_said_of_a_dataset_makes_no_other_examples(tiny, added: str) -> None:
+    before, whole = digests(tiny()), load_dataset(tiny()).spec_digest
+    path = tiny(**{"tiny.yaml": tiny().read_text() + added})
+    assert digests(path) == before and load_dataset(path).spec_digest != whole
+
+
+def test_a_split_depends_on_nothing_of_another(tiny) -> None:
+    before = digests(tiny())
+    text = tiny().read_text() + ("  - name: more\n    objects: {count: 1, from: [objects/new.yaml]}\n"
+                                 "    scenes: {count: 1, from: [scenes/new.yaml]}\n")
+    files = {"tiny.yaml": text, "objects/new.yaml": "family: bench\n", "scenes/new.yaml": "room: ../rooms/new.yaml\n",
+             "rooms/new.yaml": "depth: 6\n"}
+    after = digests(tiny(**files))
+    assert {name: after[name] for name in before} == before and set(after) - set(before) == {"more"}
+    other = digests(tiny(**{**files, "rooms/new.yaml": "depth: 7\n"}))
+    assert {name for name in after if after[name] != other[name]} == {"more"}
+
+
+def test_a_split_depends_on_all_that_it_uses_and_on_its_place(tiny) -> None:
+    before = digests(tiny())
+    for file, text, touched in (
+            ("rooms/den.yaml", "depth: 9\n", {"train", "test"}), ("objects/chair.yaml", "family: chair\n", {"train"}),
+            ("tiny.yaml", tiny().read_text().replace("seed: 3", "seed: 4"), {"train", "test"})):
+        after = digests(tiny(**{file: text}))
+        assert {name for name in before if after[name] != before[name]} == touched
+    loaded = load_dataset(tiny())
+    split = loaded.dataset.splits[0]
+    assert loaded.split_digest(split, 0) != loaded.split_digest(split, 1)

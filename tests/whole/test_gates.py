@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dataset_builder.cli.main import main
-from dataset_builder.engine import rejections
+from dataset_builder.engine import rejected_pixels
 from dataset_builder.errors import UserError
 from dataset_builder.rendering import view_scenes
 from dataset_builder.shards.example import decode_png
@@ -49,7 +49,7 @@ def test_their_pixels_are_kept_to_be_looked_at(small_spec: Path, strict: Path, t
         assert np.array_equal(layers["i_t"], open_dataset(strict)["00000000"]["i_t"])
     assert decode_png(kept[1].read_bytes()).shape == (20, 48, 3)
     # No more than a few, and none of another spec
-    monkeypatch.setattr(rejections, "MOST_PICTURES", 2)
+    monkeypatch.setattr(rejected_pixels, "MAX_PICTURES", 2)
     run_build(small_spec, tmp_path, *STRICT)
     pictures = tmp_path / WORK / "rejected"
     assert sorted(path.name for path in pictures.iterdir()) == [path.name for path in kept[:4]]
@@ -59,8 +59,8 @@ def test_their_pixels_are_kept_to_be_looked_at(small_spec: Path, strict: Path, t
 
 def test_pixels_that_are_not_finite_are_kept_too(tmp_path: Path) -> None:
     layers = {"i_t": np.full((2, 3, 3), np.nan, np.float32), "mask": np.full((2, 3, 1), np.inf, np.float32)}
-    rejections.keep_pixels(tmp_path, "00000001", layers)
-    path = rejections.pixels_of(tmp_path, "00000001")
+    rejected_pixels.keep_pixels(tmp_path, "00000001", layers)
+    path = rejected_pixels.pixels_of(tmp_path, "00000001")
     assert path is not None and np.isnan(np.load(path)["i_t"]).all()
 
 

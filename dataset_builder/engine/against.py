@@ -1,0 +1,104 @@
+"""What a build of a spec into a folder would run again, and what changed: from plans alone, before anything renders."""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from dataset_builder.engine.made_by import pass_versions, plan_digest, versions
+from dataset_builder.engine.unit import BuildJob
+from dataset_builder.errors import PlanError, ShardError
+from dataset_builder.label.example_plan import ExamplePlan
+from dataset_builder.planning.plan import Planner
+from dataset_builder.rendering.pass_inputs import Inputs, all_passes, inputs_of, key_of
+from dataset_builder.shards.published_examples import PublishedExamples
+from dataset_builder.shards.reader import open_dataset
+
+NEW, GONE = "new", "no longer kept"
+"""Why a pass runs that the folder's dataset does not have, or has, but without the samples of it."""
+
+Place = tuple[str, int, int]
+"""Seed of a view's sampling, number of the light, noise level: the same for one example whatever its key."""
+
+
+@dataclass(kw_only=True)
+class PassRuns:
+    """How often a pass would run."""
+
+    total: int = 0
+    """Times that a build from nothing would run it."""
+    runs: int = 0
+    """Times that it has to run now."""
+    changed: Counter[str] = field(default_factory=Counter)
+    """What changed, in words, with the number of runs that it touches."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Against:
+    """What a build would do with a folder as it is."""
+
+    examples: int
+    kept: int
+    """Examples that are published already and stay as they are."""
+    unplanned: int
+    """Examples that cannot be planned."""
+    passes: Mapping[str, PassRuns]
+
+
+def against(planner: Planner, folder: Path, job: BuildJob) -> Against:
+    """Compare the plans of a whole dataset with what is published in `folder` and with the results that the job's store
+    keeps. Raises ShardError where a dataset in the folder cannot be read."""
+    spec = planner.loaded.dataset
+    made_by, pass_made_by = versions(job.backend, bool(spec.render.denoise.layers)), pass_versions(job.backend)
+    published, old = PublishedExamples(folder), _plans_in(folder)
+    passes, seen, kept, unplanned = dict[str, PassRuns](), set[str](), 0, 0
+    for plan in _plans(planner):
+        if plan is None:
+            unplanned += 1
+            continue
+        same = plan_digest(plan, spec, made_by, job.denoised) in published
+        kept += same
+        before = old.get(_place(plan))
+        for name in all_passes(plan):
+            inputs = inputs_of(plan, name)
+            if (key := key_of(inputs, pass_made_by)) in seen:
+                continue
+            seen.add(key)
+            runs = passes.setdefault(name, PassRuns())
+            runs.total += 1
+            if not same and not job.store.has(key):
+                runs.runs += 1
+                runs.changed.update(_changed(before, name, inputs))
+    return Against(examples=len(planner.examples), kept=kept, unplanned=unplanned, passes=passes)
+
+
+def _plans(planner: Planner) -> Iterator[ExamplePlan | None]:
+    for ref in planner.examples:
+        try:
+            yield planner.example(ref)
+        except PlanError:
+            yield None
+
+
+def _plans_in(folder: Path) -> dict[Place, ExamplePlan]:
+    """Plans of the published examples, but for those of another version of this package: nothing of them compares."""
+    dataset, plans = open_dataset(folder, layers=[]), dict[Place, ExamplePlan]()
+    for keys in dataset.splits.values():
+        for key in keys:
+            with suppress(ShardError):
+                plan = dataset.label(key).plan
+                plans[_place(plan)] = plan
+    return plans
+
+
+def _place(plan: ExamplePlan) -> Place:
+    return plan.render.seed, plan.light, plan.rough.level
+
+
+def _changed(before: ExamplePlan | None, name: str, inputs: Inputs) -> list[str]:
+    """Topics in which a pass's inputs differ from what they were."""
+    if before is None or name not in all_passes(before):
+        return [NEW]
+    were = inputs_of(before, name)
+    return [topic for topic in inputs if inputs[topic] != were.get(topic)] or [GONE]

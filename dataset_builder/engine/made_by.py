@@ -1,0 +1,38 @@
+"""What examples and results of passes are known by: plans, and the versions of whatever makes them."""
+
+import importlib.metadata
+from collections.abc import Sequence
+
+from dataset_builder.digest import digest
+from dataset_builder.engine import source
+from dataset_builder.label.example_label import Denoised
+from dataset_builder.label.example_plan import ExamplePlan
+from dataset_builder.rendering import oidn
+from dataset_builder.rendering.backend import renderer_versions
+from dataset_builder.shards.writer import writer_versions
+from dataset_builder.spec.dataset import DatasetSpec
+
+
+def versions(backend: str, denoise: bool = False) -> dict[str, str]:
+    """Versions of whatever turns a plan into bytes: a change of any makes an example another one.
+
+    denoise: whether layers are denoised; the denoiser must be installed then.
+    """
+    names = ("open3d", "scipy", "trimesh", *((oidn.PACKAGE,) if denoise else ()))
+    libraries = {name: importlib.metadata.version(name) for name in names}
+    code = source.source_digest(source.UNIT, *((source.CALIBRATION,) if denoise else ()))
+    return {**writer_versions(), **renderer_versions(backend), **libraries, "source": code}
+
+
+def pass_versions(backend: str) -> dict[str, str]:
+    """Versions of whatever turns a plan into the results of its passes."""
+    libraries = {name: importlib.metadata.version(name) for name in ("numpy", "open3d", "scipy", "trimesh")}
+    return {**renderer_versions(backend), **libraries, "source": source.source_digest(source.PASSES)}
+
+
+def plan_digest(plan: ExamplePlan, spec: DatasetSpec, made_by: dict[str, str],
+                denoised: Sequence[Denoised] = ()) -> str:
+    """Key of a finished example: its plan, how it is stored and gated, what made it, and the figures it carries."""
+    stored = {"dtype": spec.storage.dtype, "gates": spec.gates.model_dump(mode="json")}
+    return digest({"plan": plan.model_dump(mode="json"), "storage": stored, "versions": made_by,
+                   "denoised": [figures.model_dump(mode="json") for figures in denoised]})

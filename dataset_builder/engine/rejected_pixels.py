@@ -1,0 +1,37 @@
+"""Pixels of the first few examples that failed a gate, kept to be looked at."""
+
+from collections.abc import Mapping
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+
+from dataset_builder.files import write_atomic
+from dataset_builder.shards.example import preview
+from dataset_builder.shards.folder import WORK
+
+PICTURES = "rejected"
+MAX_PICTURES = 32
+
+
+def keep_pixels(folder: Path, key: str, layers: Mapping[str, np.ndarray]) -> None:
+    """Keep the layers of a rejected example as `.build/rejected/<key>.npz`, float32, and a picture of them beside it,
+    of the first `MAX_PICTURES` examples of a build. Raises OutputError where they cannot be written."""
+    path = folder / WORK / PICTURES / f"{key}.npz"
+    if len([other for other in pictures(folder) if other.suffix == path.suffix and other != path]) < MAX_PICTURES:
+        stream = BytesIO()
+        np.savez_compressed(stream, **layers)  # type: ignore[arg-type]
+        write_atomic(path, stream.getvalue())
+        finite = {name: np.nan_to_num(image) for name, image in layers.items()}
+        write_atomic(path.with_suffix(".png"), preview(finite))
+
+
+def pixels_of(folder: Path, key: str) -> Path | None:
+    """Where the layers of a rejected example lie; None where they were not kept."""
+    path = folder / WORK / PICTURES / f"{key}.npz"
+    return path if path.is_file() else None
+
+
+def pictures(folder: Path) -> list[Path]:
+    """Every file that is kept."""
+    return sorted((folder / WORK / PICTURES).glob("*.*"))

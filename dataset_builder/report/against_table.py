@@ -1,0 +1,33 @@
+"""What a build would run again, as a table and as one line."""
+
+from collections.abc import Iterable
+
+from rich.markup import escape
+from rich.table import Table
+
+from dataset_builder.engine.against import Against
+from dataset_builder.engine.unit import Outcome
+from dataset_builder.rendering.pass_inputs import RUNS
+
+NOTHING = "nothing: every example is published or its passes are kept"
+
+
+def against_table(found: Against) -> Table:
+    """Runs of every pass, out of those of a build from nothing, and what changed."""
+    title = f"{found.kept} of {found.examples} examples are published as they are"
+    table = Table("pass", "runs", "of", "what changed", title=title, title_justify="left")
+    for name, runs in found.passes.items():
+        changed = ", ".join(f"{topic} ({count})" for topic, count in runs.changed.most_common())
+        table.add_row(name, str(runs.runs), str(runs.total), escape(changed))
+    if found.unplanned:
+        table.add_row("cannot be planned", "", "", f"{found.unplanned} examples", style="red")
+    return table
+
+
+def runs_line(outcomes: Iterable[Outcome]) -> str:
+    """How many passes a build ran, and how many it had the results of."""
+    ran = recalled = 0
+    for outcome in outcomes:
+        ran += sum(name in RUNS for name in outcome.seconds)
+        recalled += len(outcome.recalled)
+    return f"passes: {ran} ran, {recalled} were known from an earlier build"

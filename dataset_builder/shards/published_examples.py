@@ -1,0 +1,54 @@
+"""Examples of a published dataset by what they were made from, so that a build can take them over without rendering."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from dataset_builder.digest import sha256_bytes
+from dataset_builder.errors import ShardError
+from dataset_builder.shards.example import Member
+from dataset_builder.shards.folder import MANIFEST
+from dataset_builder.shards.manifest import ExampleRecord, Manifest, ShardIndex, from_json
+from dataset_builder.shards.segment import segment
+from dataset_builder.shards.staging import Staged
+from dataset_builder.shards.structure import read_members
+from dataset_builder.shards.writer import entry, index_path, shard_path
+
+
+@dataclass(frozen=True)
+class PublishedExamples:
+    """The examples of the dataset in a folder; none where there is no dataset that can be read."""
+
+    folder: Path
+
+    @cached_property
+    def _places(self) -> dict[str, tuple[str, ExampleRecord]]:
+        """Stem of the shard and record of every example, by its digest."""
+        found = dict[str, tuple[str, ExampleRecord]]()
+        try:
+            manifest = from_json(Manifest, (self.folder / MANIFEST).read_bytes(), where=MANIFEST)
+            for shard in manifest.shards:
+                index = from_json(ShardIndex, index_path(self.folder, shard.stem).read_bytes(), where=shard.name)
+                found |= {example.digest: (shard.stem, example) for example in index.examples}
+        except (ShardError, OSError):
+            return found
+        return found
+
+    def __contains__(self, digest: str) -> bool:
+        return digest in self._places
+
+    def get(self, digest: str) -> Staged | None:
+        """The example that is known by `digest` as it would be staged; None where there is none, or it is damaged."""
+        if digest not in self._places:
+            return None
+        stem, example = self._places[digest]
+        try:
+            payloads = read_members(shard_path(self.folder, stem), example.members)
+        except (ShardError, OSError):
+            return None
+        members = [Member(name=record.name, data=data, pixel_digest=record.pixel_digest)
+                   for record, data in zip(example.members, payloads, strict=True)]
+        if any(sha256_bytes(member.data) != record.sha256
+               for member, record in zip(members, example.members, strict=True)):
+            return None
+        return Staged(segment=segment(members), entry=entry(key=example.key, view=example.view, members=members))
