@@ -139,6 +139,8 @@ def test_shell_blocks_run(page: Path, site: Path) -> None:
         tool, *arguments = shlex.split(line)
         if tool == "make":
             assert arguments[0] in targets, line
+        elif tool == "source":
+            assert arguments == [".venv/bin/activate"], line
         elif tool == "dataset-builder":
             assert main(cheap(arguments)) == 0, line
         else:
@@ -171,6 +173,20 @@ def test_links_lead_somewhere(page: Path) -> None:
     for target in re.findall(r"\]\(([^)\s]+)\)", prose(page)):
         if not re.match(r"https?://", target):
             assert (page.parent / target.partition("#")[0]).exists(), target
+
+
+def test_every_page_is_in_the_index() -> None:
+    named = set(re.findall(r"\]\(([^)#\s]+)", prose(ROOT / "docs" / "index.md")))
+    assert {page.name for page in (ROOT / "docs").glob("*.md")} - {"index.md"} <= named
+    assert "docs/index.md" in (ROOT / "README.md").read_text()
+
+
+@pytest.mark.parametrize("page", [*PAGES, *OTHERS], ids=lambda page: page.stem)
+def test_files_in_running_text_exist(page: Path) -> None:
+    """`rendering/transport/integrator.py` and the like, from the repository or from the package."""
+    for code in inline(page):
+        if re.fullmatch(r"[\w./-]+/[\w.-]*\.(py|sh)", code):
+            assert any((ROOT / base / code).exists() for base in ("", "dataset_builder")), code
 
 
 @pytest.mark.parametrize("page", [*PAGES, *OTHERS], ids=lambda page: page.stem)
