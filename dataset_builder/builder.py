@@ -23,6 +23,7 @@ from dataset_builder.planning.catalogue import ExampleRef, units
 from dataset_builder.planning.cost import expected_bytes
 from dataset_builder.planning.plan import Planner, layers_asked
 from dataset_builder.planning.precheck import probe
+from dataset_builder.planning.scene.contents import object_sources
 from dataset_builder.processes import cores
 from dataset_builder.rendering import oidn
 from dataset_builder.rendering.backend import choose
@@ -161,7 +162,7 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
         finally:
             timings.write()
         if not only:
-            yield Event(manifest=_finish(tasks, folder, loaded, progress, job.denoised))
+            yield Event(manifest=_finish(tasks, folder, planner, progress, job.denoised))
 
 
 def _chosen(examples: Sequence[ExampleRef], only: Sequence[int]) -> frozenset[ExampleRef]:
@@ -211,10 +212,11 @@ def _publish(task: ShardTask, folder: Path, loaded: LoadedSpec, made_by: dict[st
     yield Event(shard=index)
 
 
-def _finish(tasks: Sequence[ShardTask], folder: Path, loaded: LoadedSpec, progress: _Progress,
+def _finish(tasks: Sequence[ShardTask], folder: Path, planner: Planner, progress: _Progress,
             denoised: Sequence[Denoised]) -> Manifest:
     """Publish the shards as a dataset in the place of the old one. Raises PlanError where a split has no examples
     left."""
+    loaded = planner.loaded
     indices = [progress.shards[task.slot] for task in tasks if task.slot in progress.shards]
     for split in loaded.dataset.splits:
         if not any(index.shard.split == split.name for index in indices):
@@ -222,7 +224,8 @@ def _finish(tasks: Sequence[ShardTask], folder: Path, loaded: LoadedSpec, progre
             raise _nothing_left(split.name, keys, progress.rejected)
     manifest = make_manifest(loaded.dataset, layers=dict(layers_asked(loaded.dataset)), shards=indices,
                              rejected=progress.rejected.values(), spec_digest=loaded.spec_digest,
-                             generator=f"dataset-builder {__version__}", denoised=denoised)
+                             generator=f"dataset-builder {__version__}", denoised=denoised,
+                             parts=object_sources(planner.contents))
     publish_dataset(folder, manifest)
     Staging(folder).clear()
     return manifest

@@ -57,6 +57,19 @@ class ObjectPlan(Model):
     """Axis of a mesh file that points up; `z` for a family."""
 
 
+class ObjectSource(Model):
+    """What some objects of a dataset were made from, and who may do what with it."""
+
+    kind: Literal["procedural", "file"]
+    """As of the objects."""
+    source: str
+    """Family name, or path of the mesh file as the spec gives it."""
+    licence: str
+    """SPDX identifier."""
+    objects: tuple[str, ...]
+    """Names of those objects, targets before furniture."""
+
+
 class PlacedObject(Model):
     """An object standing in the room: turned by `yaw` about +Z, then moved to `position`."""
 

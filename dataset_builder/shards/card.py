@@ -4,10 +4,13 @@ import json
 import re
 from collections.abc import Iterable, Sequence
 
+from dataset_builder.shards.card_text import noise, pitfalls, plain, recipes
 from dataset_builder.shards.manifest import Manifest
 
 NUMBERED = "NNNNNN-TTTTTTTT.tar"
 """How the name of a shard ends, with its number and its tag; the first of a split need not have number 0."""
+NAMED = 3
+"""Objects of one source that are named; of the rest only how many there are."""
 _MARKUP = re.compile(r"[\\`*_\[\]<>#&~]|^[-+=:]|^[0-9]+[.)](?= )")
 _SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
 
@@ -20,7 +23,7 @@ def card(manifest: Manifest) -> str:
 def _head(manifest: Manifest) -> str:
     """`configs` is never left out: without it the Hub may take an index for the data."""
     return f"""---
-license: {json.dumps(manifest.licence.lower(), ensure_ascii=False)}
+{_licence(manifest.licence.lower())}
 pretty_name: {json.dumps(manifest.title, ensure_ascii=False)}
 tags: [webdataset, openexr, synthetic]
 task_categories: [image-to-image]
@@ -57,6 +60,11 @@ while it was rendered, minimum, maximum and mean of every layer) and `.preview.p
 |---|---|---|---|---|---|---|---|
 {_rows((f"`.{layer.name}.exr`", layer.symbol, layer.extent, layer.channels, layer.dtype, layer.range, layer.unit,
         layer.meaning) for layer in manifest.layers)}
+In plain words:
+
+| layer | shows | noise |
+|---|---|---|
+{_rows((f"`{layer.name}`", plain(layer.name), noise(layer, manifest)) for layer in manifest.layers)}
 Colours are linear, scene-referred Rec.709: no tone mapping, no gamma, no clipping. Lengths are metres, Z is up.
 """
 
@@ -72,9 +80,34 @@ Every example keeps these rules; `dataset-builder verify` checks them again:
 | rule | statement | tolerance |
 |---|---|---|
 {_rows((f"`{identity.name}`", identity.rule, f"{identity.tolerance:g}") for identity in manifest.identities)}
-## Excluded examples
+{_sources(manifest)}## Excluded examples
 
 {_rejected(manifest)}"""
+
+
+def _sources(manifest: Manifest) -> str:
+    """What the objects were made from, and under which licences; empty where that is not known."""
+    if not manifest.parts:
+        return ""
+    kinds = {"file": "mesh file", "procedural": "embedded"}
+    rows = _rows((_plain(part.source), kinds[part.kind], part.licence, _named(part.objects)) for part in manifest.parts)
+    return f"""### Sources
+
+| source | kind | licence | objects |
+|---|---|---|---|
+{rows}
+"""
+
+
+def _named(objects: Sequence[str]) -> str:
+    more = len(objects) - NAMED
+    return ", ".join(objects[:NAMED]) + (f" and {more} more" if more > 0 else "")
+
+
+def _licence(name: str) -> str:
+    """Lines of the head; the Hub knows no licences of one's own."""
+    quoted = json.dumps(name, ensure_ascii=False)
+    return f"license: other\nlicense_name: {quoted}" if name.startswith("licenseref-") else f"license: {quoted}"
 
 
 def _denoised(manifest: Manifest) -> str:
@@ -100,25 +133,22 @@ cannot be told from 0. Pixel bias is the root mean square of the error that stay
 def _use(manifest: Manifest) -> str:
     return f"""{_denoised(manifest)}## Known artefacts
 
-Layers that need light carry Monte Carlo noise; their standard errors are in the label, or are separate layers.
-Values above 1 are normal in radiance layers.
-
+{_bullets(pitfalls(manifest))}
 ## Reading
 
 Shards are plain tar files after webdataset's rule. `dataset.json` lists them with sizes and SHA-256, `index/` says
 where in a shard every file is, and `sha256sum -c SHA256SUMS` checks a download.
 
-```python
-from dataset_builder import open_dataset
-
-example = open_dataset("{manifest.name}", layers=["{manifest.layers[0].name}"])["{manifest.splits[0].name}", 0]
-```
-
+{recipes(manifest)}
 ## Maintenance
 
 Version {manifest.version}: a new major version changes data, a new minor version adds some, a patch repacks the same.
 Licence: {_plain(manifest.licence)}. Made by {_plain(manifest.creator)}.
 """
+
+
+def _bullets(sentences: Iterable[str]) -> str:
+    return "".join(f"- {sentence}\n" for sentence in sentences)
 
 
 def _size(examples: int) -> str:

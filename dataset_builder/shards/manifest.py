@@ -8,6 +8,7 @@ from pydantic import Field, ValidationError, model_validator
 from dataset_builder.digest import canonical_json, digest
 from dataset_builder.errors import Problem, ShardError
 from dataset_builder.label.example_label import Denoised
+from dataset_builder.label.scene_plan import ObjectSource
 from dataset_builder.layers import LAYERS, Extent
 from dataset_builder.shards import exr
 from dataset_builder.shards.folder import FORMAT
@@ -156,6 +157,7 @@ class Manifest(Model):
     shards: tuple[ShardRecord, ...]
     totals: Totals
     rejected: tuple[Rejected, ...]
+    parts: tuple[ObjectSource, ...] = ()
 
     @model_validator(mode="after")
     def _names_differ(self) -> "Manifest":
@@ -182,7 +184,8 @@ def tagged(index: ShardIndex, slot: str) -> ShardIndex:
 
 def make_manifest(spec: DatasetSpec, *, layers: Mapping[str, Extent], shards: Sequence[ShardIndex],
                   rejected: Iterable[Rejected], spec_digest: str, generator: str, creator: str = "dataset-builder",
-                  url: str = "", date_published: str = LAYOUT_DATE, denoised: Iterable[Denoised] = ()) -> Manifest:
+                  url: str = "", date_published: str = LAYOUT_DATE, denoised: Iterable[Denoised] = (),
+                  parts: Iterable[ObjectSource] = ()) -> Manifest:
     """The manifest of a dataset whose examples hold `layers` (name -> extent) and lie in `shards`, in that order."""
     refused = tuple(sorted(rejected, key=lambda item: item.key))
     empty = Manifest(
@@ -196,6 +199,7 @@ def make_manifest(spec: DatasetSpec, *, layers: Mapping[str, Extent], shards: Se
                          for name, rule, tolerance in identity_table(spec.storage.dtype)),
         splits=tuple(SplitRecord(name=split.name, examples=0, shards=()) for split in spec.splits), shards=(),
         totals=Totals(examples=0, shards=0, bytes=0, rejected=len(refused)), rejected=refused,
+        parts=tuple(parts),
     )
     return with_shards(empty, [index.shard for index in shards])
 

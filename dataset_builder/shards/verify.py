@@ -8,6 +8,7 @@ from pathlib import Path
 
 from dataset_builder.digest import open_regular, sha256_file
 from dataset_builder.errors import Problem, ShardError
+from dataset_builder.shards.croissant import split_rows
 from dataset_builder.shards.folder import CROISSANT, MANIFEST, PREVIEWS, SECONDS, SUMS, WORK, left_over, placed
 from dataset_builder.shards.identities import identity_table
 from dataset_builder.shards.manifest import Manifest, ShardIndex, ShardRecord, from_json
@@ -117,13 +118,16 @@ def _croissant(folder: Path, manifest: Manifest) -> Iterator[Problem]:
     except ShardError:
         return
     try:
-        items = json.loads(data)["distribution"]
-        listed = {item["@id"]: item["sha256"] for item in items if item["@type"] == "cr:FileObject"}
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        document = json.loads(data)
+        listed = {item["@id"]: item["sha256"] for item in document["distribution"] if item["@type"] == "cr:FileObject"}
+        splits = [records["data"] for records in document["recordSet"] if records.get("dataType") == "cr:Split"]
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         yield _problem(CROISSANT, "", f"expected Croissant's JSON ({error!r})")
         return
     if listed != {shard.name: shard.sha256 for shard in manifest.shards}:
         yield _problem(CROISSANT, "distribution", f"expected the shards and SHA-256 of {MANIFEST}")
+    if splits != [split_rows(manifest)]:
+        yield _problem(CROISSANT, "recordSet", f"expected the splits of {MANIFEST}, and how many examples each has")
 
 
 def _different(shards: Sequence[ShardRecord]) -> Iterator[tuple[ShardRecord, int]]:

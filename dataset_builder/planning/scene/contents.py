@@ -1,15 +1,15 @@
 """Contents of a split: its objects and its scenes, with every parameter drawn; no two splits share one."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import PurePosixPath
 from posixpath import normpath
-from typing import Any
+from typing import Any, Literal
 
 from dataset_builder.assets.procedural.furniture import FINISHES
 from dataset_builder.digest import digest
 from dataset_builder.errors import PlanError, Problem
-from dataset_builder.label.scene_plan import FogPlan, ObjectPlan, Param, RoomPlan
+from dataset_builder.label.scene_plan import FogPlan, ObjectPlan, ObjectSource, Param, RoomPlan
 from dataset_builder.planning.scene.assets_of_plan import drawn_changes, require_roles
 from dataset_builder.planning.scene.layout import Place
 from dataset_builder.seeding import derive_seed, rng
@@ -186,3 +186,13 @@ def _across(drawn: dict[str, SplitContents], named: Callable[[SplitContents], li
     for split in drawn.values():
         once += {content: (name, content) for name, content in reversed(named(split))}.values()
     return _clashes(once, path, hint)
+
+
+def object_sources(drawn: Mapping[str, SplitContents]) -> tuple[ObjectSource, ...]:
+    """What all objects and pieces of furniture were made from: mesh files first, then families, by name."""
+    names: dict[tuple[Literal["procedural", "file"], str, str], list[str]] = {}
+    for split in drawn.values():
+        for plan in (*split.objects, *(piece.object for scene in split.scenes for piece in scene.furniture)):
+            names.setdefault((plan.kind, plan.source, plan.licence), []).append(plan.name)
+    return tuple(ObjectSource(kind=kind, source=source, licence=licence, objects=tuple(own))
+                 for (kind, source, licence), own in sorted(names.items()))
