@@ -161,6 +161,7 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
                     yield from _publish(task, folder, loaded, made_by, progress)
         finally:
             timings.write()
+            job.store.trim()
         if not only:
             yield Event(manifest=_finish(tasks, folder, planner, progress, job.denoised))
 

@@ -60,7 +60,7 @@ def _plan(options: argparse.Namespace) -> int:
 
 def _build(options: argparse.Namespace) -> int:
     from dataset_builder.builder import build
-    from dataset_builder.engine.unit import Outcome
+    from dataset_builder.engine.unit import BuildJob, Outcome
     from dataset_builder.rendering.backend import choose
     from dataset_builder.report.against_table import runs_line
     from dataset_builder.report.console import build_table, follow, rejected_lines
@@ -86,7 +86,9 @@ def _build(options: argparse.Namespace) -> int:
                       "finish", highlight=False, soft_wrap=True)
     else:
         console.print(build_table(manifest, outcomes, perf_counter() - start))
-        console.print(runs_line(outcomes), highlight=False)
+        job = BuildJob.of(loaded, folder, backend=options.backend, threads=1, cache=options.cache,
+                          cache_size=options.cache_size)
+        console.print(runs_line(outcomes, job.store.size()), highlight=False)
         console.print(f"dataset: {folder}\n{_sheet(folder)}", highlight=False, markup=False, soft_wrap=True)
     return 0
 

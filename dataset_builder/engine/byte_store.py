@@ -59,8 +59,11 @@ class ByteStore:
             self.trim()
 
     def trim(self) -> None:
-        """Remove what was not used for longest, until a sixteenth of the limit is free. Raises OutputError."""
+        """Remove what was not used for longest, until a sixteenth of the limit is free; a store that is to keep nothing
+        leaves what others kept. Raises OutputError."""
         self._written = 0
+        if not self._limit:
+            return
         left = self.size() - (self._limit - self._limit // ROOM)
         for _, size, path in sorted(self._entries()) if left > 0 else ():
             if left <= 0:

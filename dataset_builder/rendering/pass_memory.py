@@ -77,7 +77,7 @@ def to_bytes(found: PassFound) -> bytes:
               "stopped": _pairs(found.sampled.stopped), "facts": np.array(list(found.facts)),
               "values": np.array(list(found.facts.values()), dtype=np.float64)}
     for number, half in enumerate(found.sampled.halves):
-        arrays |= {f"{name}{number}": _once(getattr(half, name).astype(np.float32)) for name in ARRAYS}
+        arrays |= {f"{name}{number}": _narrow(_once(getattr(half, name))) for name in ARRAYS}
         arrays[f"spp{number}"] = _once(half.spp.astype(np.int64))
         arrays[f"shape{number}"] = np.array(half.mean.shape)
     stream = io.BytesIO()
@@ -107,6 +107,12 @@ def _half(arrays: Mapping[str, np.ndarray], number: int) -> Estimate:
 
 def _once(values: np.ndarray) -> np.ndarray:
     return values.flat[:1].reshape(()) if values.size and (values == values.flat[0]).all() else values
+
+
+def _narrow(values: np.ndarray) -> np.ndarray:
+    """In single precision where that loses nothing."""
+    narrow = values.astype(np.float32)
+    return narrow if np.array_equal(narrow, values, equal_nan=True) else values
 
 
 def _pairs(pairs: Mapping[str, str]) -> np.ndarray:

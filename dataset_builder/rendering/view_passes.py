@@ -223,6 +223,8 @@ class ViewPasses:
             elif sample:
                 found = replace(found, sampled=more_samples(sample, pixels, known, spp=parts[step], part=step,
                                                             batches=batches, seed=seed))
+            if name in RADIANCE:
+                found = replace(found, sampled=found.sampled.rounded())
             self.memory.keep(plan, name, step + 1, found)
         return found
 

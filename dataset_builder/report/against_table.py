@@ -6,10 +6,9 @@ from rich.markup import escape
 from rich.table import Table
 
 from dataset_builder.engine.against import Against
+from dataset_builder.engine.byte_store import GB
 from dataset_builder.engine.unit import Outcome
 from dataset_builder.rendering.pass_inputs import RUNS
-
-NOTHING = "nothing: every example is published or its passes are kept"
 
 
 def against_table(found: Against) -> Table:
@@ -24,10 +23,11 @@ def against_table(found: Against) -> Table:
     return table
 
 
-def runs_line(outcomes: Iterable[Outcome]) -> str:
-    """How many passes a build ran, and how many it had the results of."""
+def runs_line(outcomes: Iterable[Outcome], kept: int) -> str:
+    """How many passes a build ran, how many it had the results of, and the bytes that it keeps of all."""
     ran = recalled = 0
     for outcome in outcomes:
         ran += sum(name in RUNS for name in outcome.seconds)
         recalled += len(outcome.recalled)
-    return f"passes: {ran} ran, {recalled} were known from an earlier build"
+    size = f"{kept / GB:.2f} GB of results are kept (--cache-size)" if kept else "no results are kept"
+    return f"passes: {ran} ran, {recalled} were known from an earlier build; {size}"

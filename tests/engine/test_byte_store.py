@@ -78,3 +78,11 @@ def test_a_disk_that_refuses_is_told(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError):
         ByteStore(tmp_path / "file", 10_000).put(key(1), b"one")
+
+
+def test_a_store_that_keeps_nothing_leaves_what_others_kept(tmp_path: Path) -> None:
+    ByteStore(tmp_path, 10_000).put(key(1), b"one")
+    nothing = ByteStore(tmp_path, 0)
+    nothing.put(key(2), b"two")
+    nothing.trim()
+    assert ByteStore(tmp_path, 10_000).get(key(1)) == b"one" and len(files(tmp_path)) == 1

@@ -7,7 +7,7 @@ pixel is independent of what it finds there. The result is their plain average.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import sqrt
 from time import perf_counter
 from typing import Literal
@@ -68,6 +68,10 @@ class Sampled:
     stopped: Mapping[str, Stop] = field(default_factory=dict)
     """Why sampling of each layer with a goal ended."""
 
+    def rounded(self) -> "Sampled":
+        """In single precision, as it is kept: the same bits, kept or not."""
+        return replace(self, halves=tuple(half.rounded() for half in self.halves))
+
     def estimate(self, pixels: np.ndarray, width: int) -> Estimate:
         """All samples together, each pixel's error moderated by its neighbours'."""
         return moderated(averaged(self.halves) if len(self.halves) > 1 else self.halves[0], pixels, width)
@@ -77,7 +81,7 @@ def more_samples(sample: Sample, pixels: np.ndarray, before: Sampled | None, *, 
                  seed: int) -> Sampled:
     """`spp` further samples of every pixel, as part number `part` of the pass: the first has the pass's own seed."""
     found = sample(pixels, spp, batches, derive_seed(seed, "part", part) if part else seed)
-    return Sampled(halves=((pooled([before.halves[0], found]) if before else found).rounded(),))
+    return Sampled(halves=(pooled([before.halves[0], found]) if before else found,))
 
 
 def refine(sample: Sample, pixels: np.ndarray, width: int, *, first: int, batches: int, goals: Sequence[Goal],
@@ -108,7 +112,7 @@ def refine(sample: Sample, pixels: np.ndarray, width: int, *, first: int, batche
                 half.append(_more(sample, pixels, extra, each, derive_seed(seed, "round", k, count[k])))
                 count[k] += 1
     ended = {layer: stop for layer, stop in stopped.items() if stop}
-    return Sampled(halves=tuple(half.rounded() for half in found), iterations=tuple(count), stopped=ended)
+    return Sampled(halves=tuple(found), iterations=tuple(count), stopped=ended)
 
 
 def _error_of_a_half(goal: Goal) -> float:

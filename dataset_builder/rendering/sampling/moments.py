@@ -47,7 +47,7 @@ class Estimate:
                         freedom=np.pad(self.freedom, more, mode="edge"))
 
     def rounded(self) -> "Estimate":
-        """In single precision, which is what is kept and shipped of an estimate: the same bits, kept or not."""
+        """In single precision."""
         mean, error, freedom = (values.astype(np.float32).astype(np.float64)
                                 for values in (self.mean, self.error, self.freedom))
         return Estimate(mean=mean, error=error, spp=self.spp, freedom=freedom)
