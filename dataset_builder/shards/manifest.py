@@ -238,12 +238,9 @@ def from_json(model: type[M], data: bytes, *, where: str, extra: Literal["forbid
         return model.model_validate_json(data, extra=extra)
     except ValidationError as error:
         issues = error.errors(include_url=False, include_context=False, include_input=False)[:MOST_PROBLEMS]
-        problems = [Problem(where=where, path=_path(issue["loc"]), rule=issue["msg"]) for issue in issues]
+        problems = [Problem(where=where, rule=issue["msg"],
+                            path=".".join(str(part)[:LONGEST_VALUE] for part in issue["loc"])) for issue in issues]
         raise ShardError(problems) from error
-
-
-def _path(location: tuple[int | str, ...]) -> str:
-    return ".".join(str(part)[:LONGEST_VALUE] for part in location)
 
 
 def _split_record(name: str, shards: Sequence[ShardRecord]) -> SplitRecord:

@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from dataset_builder.shards.reader import load_manifest
 from tests.shards.tiny_dataset import default_examples
 
 NEEDED = {1: "OpenEXR", 2: "torch", 3: "webdataset", 4: "datasets"}
+"""The last is in no extra: with pyarrow and pandas it takes some 250 MB."""
 PAGE = Path(__file__).parents[2] / "docs" / "layers.md"
 
 
@@ -29,7 +31,7 @@ def test_recipes_run(dataset: Path, number: int, monkeypatch: pytest.MonkeyPatch
     """Each after those that it builds on: `pixels`, and the list of shards."""
     blocks = recipes(dataset)
     assert len(blocks) == 5
-    pytest.importorskip(NEEDED.get(number, "dataset_builder"), reason=f"needs {NEEDED.get(number)}, not in an extra")
+    pytest.importorskip(NEEDED.get(number, "dataset_builder"), reason=f"needs {NEEDED.get(number)}")
     monkeypatch.chdir(dataset.parent)
     monkeypatch.setenv("HF_HOME", str(tmp_path / "hf"))
     names: dict[str, Any] = {}
@@ -44,6 +46,13 @@ def test_recipes_run(dataset: Path, number: int, monkeypatch: pytest.MonkeyPatch
     else:
         shape = {2: "torch.Size([3, 6, 8, 3])", 3: "(6, 8, 3) 00000002", 4: "(6, 8, 3) 00000002"}[number]
         assert shape in said and said.count("00000003") == 0
+    if number == 2:
+        shares = []
+        for worker in range(3):
+            names["get_worker_info"] = lambda share=worker: SimpleNamespace(id=share, num_workers=3)
+            shares.append([(key, image) for key, image in names["Layers"]()])
+        assert [[key for key, _ in share] for share in shares] == [["00000000", "00000001"], ["00000002"], []]
+        assert np.array_equal(shares[1][0][1], default_examples()[2].layers["i_s"])
 
 
 def test_every_layer_has_plain_words_and_the_page_has_the_same() -> None:
