@@ -48,10 +48,11 @@ def test_recipes_run(dataset: Path, number: int, monkeypatch: pytest.MonkeyPatch
         assert shape in said and said.count("00000003") == 0
     if number == 2:
         shares = []
-        for worker in range(3):
-            names["get_worker_info"] = lambda share=worker: SimpleNamespace(id=share, num_workers=3)
-            shares.append([(key, image) for key, image in names["Layers"]()])
-        assert [[key for key, _ in share] for share in shares] == [["00000000", "00000001"], ["00000002"], []]
+        for worker, count in ((0, 3), (1, 3), (2, 3), (0, 1)):
+            names["get_worker_info"] = lambda share=worker, all=count: SimpleNamespace(id=share, num_workers=all)
+            shares.append(list(names["Layers"]()))
+        keys = [[int(key) for key, _ in share] for share in shares]
+        assert keys == [[0, 1], [2], [], [0, 1, 2]] and all(len(key) == 8 for key, _ in shares[3])
         assert np.array_equal(shares[1][0][1], default_examples()[2].layers["i_s"])
 
 
