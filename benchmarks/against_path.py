@@ -20,8 +20,7 @@ from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.rendering import passes
 from dataset_builder.rendering.examples import render_view
 from dataset_builder.rendering.scene.open_scene import body_of, open_scene, sensor_of
-from dataset_builder.rendering.scene.rough_mesh import rough_twin
-from dataset_builder.rendering.scene.triangle_soup import clean, merge, surroundings
+from dataset_builder.rendering.scene.triangle_soup import clean, merge, rough_twin, surroundings
 
 SPP, SIZE, EXAMPLES = 64, 256, (0, 3, 20)
 ASKED = ("render.max_depth=8", "render.rr_depth=5", f"image.width={SIZE}", f"image.height={SIZE}", f"render.spp={SPP}")

@@ -13,8 +13,7 @@ from dataset_builder.engine import local
 from dataset_builder.engine.byte_store import CACHE_SIZE
 from dataset_builder.engine.calibration import calibrate
 from dataset_builder.engine.made_by import versions
-from dataset_builder.engine.rejections import Rejections
-from dataset_builder.engine.timings import Timings
+from dataset_builder.engine.outcomes import Rejections, Timings
 from dataset_builder.engine.unit import BuildJob, Outcome, remembered, run_unit
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.files import require_space

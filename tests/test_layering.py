@@ -16,7 +16,7 @@ ORDER = (
     ("lightnet",),
     ("api",), ("builder",), ("engine",), ("shards",),
     ("rendering",), ("rendering.sampling", "rendering.scene"), ("rendering.transport",), ("rendering.surface",),
-    ("rendering.backend", "rendering.buffers", "rendering.oidn", "rendering.plugin_class"),
+    ("rendering.backend", "rendering.buffers", "rendering.oidn"),
     ("planning",), ("planning.effects", "planning.view"), ("planning.scene",),
     ("planning.catalogue",),
     ("assets.procedural",), ("assets",), ("geometry",), ("label",), ("spec",),
@@ -32,7 +32,7 @@ STRANGERS = {("lightnet", "api"), ("lightnet", "builder"), ("lightnet", "engine"
 
 HOMES = {
     "mitsuba": "rendering", "drjit": "rendering", "ruamel": "spec.load", "open3d": "geometry",
-    "OpenEXR": ("shards.exr", "rendering.scene.exr_image"),
+    "OpenEXR": ("shards.exr", "rendering.scene.images"),
     "matplotlib": "report", "pyvista": "report", "trimesh": "assets.mesh_file", "ray": "engine",
     "torch": ("lightnet", "release"), "tensorboard": "lightnet.training", "skimage": "lightnet.results",
     "flip_evaluator": "studies.image_errors", "pyoidn": "rendering.oidn",

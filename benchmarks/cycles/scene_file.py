@@ -17,8 +17,7 @@ from dataset_builder.geometry.pinhole import look_at
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.label.scene_plan import IlluminationPlan
 from dataset_builder.planning.view.emission import BEAM_SHARE
-from dataset_builder.rendering.scene.rough_mesh import rough_twin
-from dataset_builder.rendering.scene.triangle_soup import PARTS, Soup, clean, merge, surroundings
+from dataset_builder.rendering.scene.triangle_soup import PARTS, Soup, clean, merge, rough_twin, surroundings
 
 MAPS = ("base_color", "roughness", "metallic", "normal")
 BEYOND = ("transmission", "coat", "abbe")

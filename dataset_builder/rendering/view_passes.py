@@ -13,7 +13,6 @@ from time import perf_counter
 
 import numpy as np
 
-from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.label.example_plan import ExamplePlan, GoalPlan, RenderPlan
 from dataset_builder.layers import PASSES, Pass
 from dataset_builder.rendering import passes
@@ -34,8 +33,6 @@ from dataset_builder.rendering.passes import FIRST_HIT_CHANNELS, RADIANCE_CHANNE
 from dataset_builder.rendering.sampling.adaptive import Goal, Sample, Sampled, Stop, more_samples, refine
 from dataset_builder.rendering.sampling.moments import Estimate
 from dataset_builder.rendering.scene.open_scene import OpenScene
-from dataset_builder.rendering.scene.triangle_soup import Soup
-from dataset_builder.rendering.scene.window import covered_window
 from dataset_builder.rendering.view_scenes import ViewScenes
 from dataset_builder.seeding import derive_seed
 
@@ -105,7 +102,7 @@ class ViewPasses:
         def sampler() -> Sample:
             return partial(passes.first_hit, self.view, self.scenes.dark())
 
-        return self._once(("first_hit",), self.plan, lambda: self._window(self.scenes.clean_object), sampler,
+        return self._once(("first_hit",), self.plan, lambda: self.scenes.window(self.scenes.clean_object), sampler,
                           facts=lambda: {"unit": self.scenes.local_frame.unit})
 
     def first_hit_rough(self, plan: ExamplePlan) -> PassResult:
@@ -115,7 +112,7 @@ class ViewPasses:
             return partial(passes.first_hit, self.view, self._rough(plan))
 
         return self._once(("first_hit_rough", str(plan.light), plan.rough.model_dump_json()), plan,
-                          lambda: self._window(self.scenes.rough_object(plan.rough)), sampler, plan.rough.level,
+                          lambda: self.scenes.window(self.scenes.rough_object(plan.rough)), sampler, plan.rough.level,
                           facts=lambda: asdict(self.scenes.twin(plan.rough).roughness))
 
     def instances(self) -> PassResult:
@@ -169,10 +166,6 @@ class ViewPasses:
     def covered_by_either(self, plan: ExamplePlan) -> np.ndarray:
         """Pixels of which the 3DM or the R3DM covers some."""
         return np.union1d(self.covered(), _with_mask(self.first_hit_rough(plan)))
-
-    def _window(self, soup: Soup) -> np.ndarray:
-        points = soup.corners[soup.instance == self.plan.target.instance].reshape(-1, 3)
-        return covered_window(Pinhole.of(self.view.camera, self._render.width, self._render.height), points)
 
     def _frame(self) -> np.ndarray:
         return np.arange(self._render.width * self._render.height)

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
+from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.label.example_plan import ExamplePlan, RoughPlan
 from dataset_builder.label.scene_plan import IlluminationPlan
 from dataset_builder.layers import Pass
 from dataset_builder.rendering.passes import ViewSensor
 from dataset_builder.rendering.scene.local_frame import LocalFrame
 from dataset_builder.rendering.scene.open_scene import Body, OpenScene, body_of, open_scene
-from dataset_builder.rendering.scene.rough_mesh import RoughTwin, rough_twin
-from dataset_builder.rendering.scene.triangle_soup import Soup, clean, merge, surroundings
+from dataset_builder.rendering.scene.triangle_soup import RoughTwin, Soup, clean, merge, rough_twin, surroundings
 from dataset_builder.rendering.surface.bsdf import Textures
 from dataset_builder.rendering.transport.fog import Fog
 
@@ -100,6 +100,11 @@ class ViewScenes:
             self._twins[rough] = rough_twin(self.plan.target, rough, self.mesh_root)
         return self._twins[rough]
 
+    def window(self, soup: Soup) -> np.ndarray:
+        """Pixels that the target object, of which `soup` holds the triangles, may cover; see `covered_window`."""
+        points = soup.corners[soup.instance == self.plan.target.instance].reshape(-1, 3)
+        return covered_window(Pinhole.of(self.view.camera, self.plan.render.width, self.plan.render.height), points)
+
     def dark(self) -> OpenScene:
         """The 3DM without light."""
         return self._opened("dark", lambda: self._clean_body, None)
@@ -142,3 +147,16 @@ class ViewScenes:
             self.close()
             self._open = key, self._scene.enter_context(open_scene(body(), light, self._fog, self.mesh_root))
         return self._open[1]
+
+
+def covered_window(camera: Pinhole, points: np.ndarray) -> np.ndarray:
+    """Indices row * width + column of the smallest rectangle of pixels that holds the projection of all points (N, 3).
+
+    The whole frame where a point lies behind the camera; empty where the object is out of the frame.
+    """
+    column, row, distance = camera.project(points).T
+    if distance.min() <= 0:
+        return np.arange(camera.width * camera.height)
+    left, right = np.clip([np.floor(column.min()) - 1, np.floor(column.max()) + 2], 0, camera.width).astype(int)
+    top, bottom = np.clip([np.floor(row.min()) - 1, np.floor(row.max()) + 2], 0, camera.height).astype(int)
+    return (np.arange(top, bottom)[:, None] * camera.width + np.arange(left, right)).ravel()

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from dataset_builder.engine.made_by import plan_digest
-from dataset_builder.engine.rejections import Rejections
+from dataset_builder.engine.outcomes import Rejections
 from dataset_builder.shards.manifest import Rejected
 from dataset_builder.spec.dataset import DatasetSpec
 from tests.plans import example_plan

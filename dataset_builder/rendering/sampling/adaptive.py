@@ -14,9 +14,8 @@ from typing import Literal
 
 import numpy as np
 
-from dataset_builder.rendering.sampling.allocation import deviations, expected_error, wanted
 from dataset_builder.rendering.sampling.moments import Estimate, averaged, gathered, pooled
-from dataset_builder.rendering.sampling.neighbours import moderated
+from dataset_builder.rendering.sampling.pixel_noise import deviations, expected_error, moderated, wanted
 from dataset_builder.seeding import derive_seed
 
 Stop = Literal["spp", "error", "cap", "time"]

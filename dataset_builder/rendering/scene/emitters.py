@@ -24,7 +24,7 @@ from dataset_builder.label.scene_plan import IlluminationPlan, LightPlan
 from dataset_builder.light_kinds import LIGHT_KINDS, Image, LightName
 from dataset_builder.planning.view.emission import BEAM_SHARE
 from dataset_builder.rendering.scene.images import LAMP_SIDE, environment, lamp_texture, read_image
-from dataset_builder.rendering.scene.small_spheres import is_small_sphere, small_sphere
+from dataset_builder.rendering.scene.shapes import is_small_sphere, small_sphere
 from dataset_builder.spec.check import ENVIRONMENT_SUFFIXES, TEXTURE_SUFFIXES
 
 SPARE_DEPTH = -240.0

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import mitsuba as mi
 import numpy as np
+import OpenEXR
 
 from dataset_builder.assets.file_materials import resized
 from dataset_builder.digest import sha256_file
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.planning.view.emission import LUMINANCE
-from dataset_builder.rendering.scene.exr_image import read_exr
 
 KEPT = 4
 """Images kept in memory: those of the lights of one view."""
@@ -18,6 +18,8 @@ LAMP_SIDE = 256
 """Texels along a side of what a lamp shows: one size, one kernel."""
 MIN_WIDTH, MAX_WIDTH = 64, 4096
 """Texels around the horizon of an environment."""
+COLOURS = (("R", "G", "B"), ("Y", "Y", "Y"))
+"""Channels that are taken for colours, the first that are there."""
 
 
 @lru_cache(maxsize=KEPT)
@@ -56,6 +58,23 @@ def _decoded(path: Path) -> np.ndarray:
         reason = str(error).strip().splitlines()[-1]
         raise _refused(path, f"expected an image of colours, got: {reason}", "save it again as one") from error
     return np.array(bitmap, dtype=np.float32)
+
+
+def read_exr(path: Path) -> np.ndarray:
+    """(H, W, 3) float32 as stored; a picture of luminance alone is grey. Raises ValueError for anything else.
+
+    Mitsuba's own reader and writer hand rows to a pool of threads that, in a process which has other libraries' pools
+    too, may never answer.
+    """
+    try:
+        file = OpenEXR.File(str(path), separate_channels=True)
+        channels = {name: channel.pixels for name, channel in file.channels(0).items()}
+    except (RuntimeError, ValueError, TypeError, IndexError, KeyError, MemoryError) as error:
+        raise ValueError(f"no OpenEXR picture that can be read ({error})") from error
+    for names in COLOURS:
+        if set(names) <= set(channels):
+            return np.stack([np.asarray(channels[name], dtype=np.float32) for name in names], axis=-1)
+    raise ValueError(f"channels {', '.join(sorted(channels))}, none of them R, G, B or Y")
 
 
 def lamp_texture(image: np.ndarray) -> np.ndarray:

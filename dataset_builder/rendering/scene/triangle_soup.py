@@ -1,4 +1,4 @@
-"""A scene as one heap of triangles with materials: what the renderer is given, still without a renderer."""
+"""The objects of a plan as heaps of triangles with materials: what the renderer is given, still without a renderer."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -10,12 +10,22 @@ import numpy as np
 from dataset_builder.assets.asset import Asset, Material
 from dataset_builder.geometry.edges import corner_normals
 from dataset_builder.geometry.mesh import TriangleMesh
-from dataset_builder.label.example_plan import ExamplePlan
+from dataset_builder.geometry.rough_base import (
+    RoughBase,
+    Roughness,
+    bounding_radius,
+    displace,
+    measure_roughness,
+    rough_base,
+)
+from dataset_builder.label.example_plan import ExamplePlan, RoughPlan
 from dataset_builder.label.scene_plan import ObjectPlan, PlacedObject, RoomPlan
 from dataset_builder.planning.scene.arrangement import ROOM_INSTANCE
 from dataset_builder.planning.scene.assets_of_plan import KEPT_ROOMS, asset_of, room_parts, world_from_object
+from dataset_builder.seeding import rng
 
 KEPT_NORMALS = 256
+KEPT_BASES = 16
 PARTS = ("furniture", "floor", "walls", "ceiling")
 """What a triangle belongs to: an object, or a part of the room."""
 
@@ -46,6 +56,14 @@ class Soup:
         return Soup(corners=self.corners[keep], normals=self.normals[keep], uvs=self.uvs[keep],
                     material=self.material[keep], instance=self.instance[keep], part=self.part[keep],
                     materials=self.materials)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RoughTwin:
+    """A placed R3DM, and its measured distance from the 3DM."""
+
+    soup: Soup
+    roughness: Roughness
 
 
 def soup_of(mesh: TriangleMesh, normals: np.ndarray, materials: tuple[Material, ...], world: np.ndarray,
@@ -99,3 +117,23 @@ def clean_normals(plan: ObjectPlan, mesh_root: Path) -> np.ndarray:
 
 def _normals(asset: Asset) -> np.ndarray:
     return corner_normals(asset.mesh)
+
+
+def rough_twin(placed: PlacedObject, plan: RoughPlan, mesh_root: Path) -> RoughTwin:
+    """The R3DM of a placed object: its 3DM, subdivided once, and displaced for a noise level.
+
+    Shading normals follow the displaced surface and break at the 3DM's creases.
+    """
+    asset = asset_of(placed.object, mesh_root)
+    base = _base(placed.object, plan.edge_length, plan.rounds, plan.crease_angle, mesh_root)
+    mesh = displace(base.mesh, sigma=plan.sigma, radius=bounding_radius(asset.mesh), direction=plan.direction,
+                    rng=rng(int(plan.seed), "vertex noise"))
+    normals = corner_normals(mesh, creases=base.creases)
+    soup = soup_of(mesh, normals, asset.materials, world_from_object(placed), placed.instance)
+    return RoughTwin(soup=soup, roughness=measure_roughness(mesh, asset.mesh, at="vertices"))
+
+
+@lru_cache(maxsize=KEPT_BASES)
+def _base(plan: ObjectPlan, edge_length: float, rounds: int, crease_angle: float, mesh_root: Path) -> RoughBase:
+    asset = asset_of(plan, mesh_root)
+    return rough_base(asset.mesh, edge_length=edge_length, rounds=rounds, crease_angle=crease_angle)

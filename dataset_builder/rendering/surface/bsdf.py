@@ -12,17 +12,15 @@ import drjit as dr
 import mitsuba as mi
 
 from dataset_builder.rendering.buffers import owned
-from dataset_builder.rendering.plugin_class import plugin_class
 from dataset_builder.rendering.surface import lobes as scattering
 from dataset_builder.rendering.surface.first_hit import FirstHit, cosine_direction, white_lambert
 from dataset_builder.rendering.surface.layering import Reflectances, lobes_of
 from dataset_builder.rendering.surface.lobes import Lobes
-from dataset_builder.rendering.surface.lookups import interpolated
 from dataset_builder.rendering.surface.material_table import MaterialTable, Textures, look_up
-from dataset_builder.rendering.surface.reflectance import split_sum_table
+from dataset_builder.rendering.surface.reflectance import interpolated, split_sum_table
 from dataset_builder.rendering.surface.sheen import sheen_table
 
-__all__ = ["FEATURES", "PLUGIN", "MaterialTable", "Surface", "Textures", "register"]
+__all__ = ["FEATURES", "PLUGIN", "MaterialTable", "Surface", "Textures"]
 
 PLUGIN = "threedf_surface"
 FEATURES = frozenset({"textures", "specular", "coat", "sheen", "glass", "thin", "dispersion"})
@@ -30,7 +28,7 @@ FEATURES = frozenset({"textures", "specular", "coat", "sheen", "glass", "thin", 
 
 
 class Surface:
-    """Two-sided surfaces of one merged mesh; `bind` the arrays before use. `register` makes a BSDF of it."""
+    """Two-sided surfaces of one merged mesh; `bind` the arrays before use. `plugins` makes a BSDF of it."""
 
     def __init__(self, props: mi.Properties):
         mi.BSDF.__init__(self, props)
@@ -136,8 +134,3 @@ class Surface:
     def to_string(self) -> str:
         """One line for logs."""
         return "Surface[]"
-
-
-def register() -> None:
-    """Make the plugin known to Mitsuba under `PLUGIN`; once per variant."""
-    mi.register_bsdf(PLUGIN, plugin_class(Surface, mi.BSDF))

@@ -1,12 +1,17 @@
-"""Directional reflectance of the GGX lobe, tabulated once: how much light a rough mirror sends back, seen from above.
+"""Directional reflectance of lobes: the table of GGX, made once, and how tables are read on the device.
 
 With Schlick's Fresnel term F = F0 + (F90 - F0) (1 - c)^5 the reflectance is linear in F0 and F90,
 E(mu, alpha) = F0 * A(mu, alpha) + F90 * B(mu, alpha), the split sum of Karis, "Real shading in Unreal Engine 4"
 (SIGGRAPH 2013 course notes). Single scattering: energy lost between microfacets is lost, so E <= 1.
 """
 
-from functools import cache
+from __future__ import annotations
 
+from functools import cache
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 
 COSINES = 64
@@ -73,3 +78,15 @@ def _visible_normals(wi: np.ndarray, alpha: float, u: np.ndarray, v: np.ndarray)
 def _g1(cosine: np.ndarray, alpha: float) -> np.ndarray:
     """Smith's shadowing of one direction; with separable shadowing, as in Mitsuba, also G2 / G1 of the other."""
     return 2 / (1 + np.sqrt(1 + alpha**2 * (1 - cosine**2) / cosine**2))
+
+
+def interpolated(kind: Any, table: mi.Float, cosine: mi.Float, roughness: mi.Float, active: mi.Bool) -> Any:
+    """Bilinear value, a `kind` (mi.Float or mi.Vector2f), of a flat (ROUGHNESSES, COSINES, ...) table."""
+    x = dr.clip(cosine, 0, 1) * (COSINES - 1)
+    y = dr.clip(roughness, 0, 1) * (ROUGHNESSES - 1)
+    column = dr.minimum(mi.UInt32(x), COSINES - 2)
+    line = dr.minimum(mi.UInt32(y), ROUGHNESSES - 2)
+    fx, fy = x - mi.Float(column), y - mi.Float(line)
+    first = line * COSINES + column
+    corners = [dr.gather(kind, table, first + step, active) for step in (0, 1, COSINES, COSINES + 1)]
+    return dr.lerp(dr.lerp(corners[0], corners[1], fx), dr.lerp(corners[2], corners[3], fx), fy)

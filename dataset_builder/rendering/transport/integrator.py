@@ -21,7 +21,6 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from dataset_builder.rendering.plugin_class import plugin_class
 from dataset_builder.rendering.surface.first_hit import COSINE_SHARE, FirstHit, first_hit, mixture_pdf
 from dataset_builder.rendering.transport.fog import Fog
 from dataset_builder.rendering.transport.light_sampling import World, balance, in_air, lone_channel, sample_emitter
@@ -158,8 +157,3 @@ class LightingIntegrator:
     def aov_names(self) -> list[str]:
         """Channels after the colour."""
         return ["s.R", "s.G", "s.B", "spec.R", "spec.G", "spec.B"]
-
-
-def register() -> None:
-    """Make the plugin known to Mitsuba under `PLUGIN`; once per variant."""
-    mi.register_integrator(PLUGIN, plugin_class(LightingIntegrator, mi.SamplingIntegrator))

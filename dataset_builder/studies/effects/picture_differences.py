@@ -18,7 +18,7 @@ from math import sqrt
 import numpy as np
 from scipy.stats import t
 
-from dataset_builder.rendering.sampling.neighbours import PRIOR
+from dataset_builder.rendering.sampling.pixel_noise import PRIOR
 
 SIGMAS = 3.3
 """Standard errors that noise exceeds once in a thousand times, where they are known exactly."""

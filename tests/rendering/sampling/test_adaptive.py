@@ -7,7 +7,7 @@ from scipy import stats
 from dataset_builder.rendering.sampling import adaptive
 from dataset_builder.rendering.sampling.adaptive import Goal, Sampled, more_samples, refine
 from dataset_builder.rendering.sampling.moments import Estimate, of_batches
-from dataset_builder.rendering.sampling.neighbours import moderated
+from dataset_builder.rendering.sampling.pixel_noise import moderated
 
 WIDTH, BATCHES, FIRST = 16, 4, 16
 PIXELS = np.arange(WIDTH * WIDTH)

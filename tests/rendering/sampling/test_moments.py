@@ -12,7 +12,7 @@ from dataset_builder.rendering.sampling.moments import (
     quantile,
     relative,
 )
-from dataset_builder.rendering.sampling.neighbours import moderated
+from dataset_builder.rendering.sampling.pixel_noise import moderated
 
 RNG = np.random.default_rng(3)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dataset_builder.cli.main import main
-from dataset_builder.rendering.sampling.neighbours import PRIOR
+from dataset_builder.rendering.sampling.pixel_noise import PRIOR
 from dataset_builder.studies.effects.picture_differences import clear_difference, freedom, noisy_difference
 from tests.small_specs import write_spec
 

@@ -6,7 +6,7 @@ import numpy as np
 from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.rendering import passes
 from dataset_builder.rendering.scene.open_scene import body_of, open_scene, sensor_of
-from dataset_builder.rendering.scene.window import covered_window
+from dataset_builder.rendering.view_scenes import covered_window
 from tests.small_scenes import ball, camera, matte, render_plan
 
 

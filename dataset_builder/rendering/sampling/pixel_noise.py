@@ -1,4 +1,4 @@
-"""What the pixels around a pixel say about its noise.
+"""How noisy pixels are, what those around a pixel say about it, and where further samples pay.
 
 A few batches leave a pixel's own standard error vague, and where light comes rarely but strongly it is also too small:
 a pixel that missed all of it knows nothing of what it missed, but some of its neighbours do.
@@ -8,11 +8,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from dataset_builder.rendering.sampling.moments import Estimate
+from dataset_builder.rendering.sampling.moments import Estimate, relative
 
 PRIOR = 12.0
 """Degrees of freedom that the neighbours' noise counts for at most. Intervals of real scenes cover best so,
 `docs/accuracy.md`."""
+
+MIN_DEVIATION = 0.15
+"""Deviation at least, in root mean squares over the layer: few samples may have missed what makes a pixel noisy."""
+
+SHARE = 0.95
+"""Share of the pixels that a goal is to hold for."""
 
 
 def around(values: np.ndarray, pixels: np.ndarray, width: int) -> np.ndarray:
@@ -58,3 +64,34 @@ def moderated(found: Estimate, pixels: np.ndarray, width: int) -> Estimate:
     freedom = found.freedom + prior
     variance = (found.freedom * own + prior * smooth) / freedom
     return replace(found, error=np.sqrt(variance / spp), freedom=freedom)
+
+
+def deviations(found: Estimate, channels: slice, inside: np.ndarray) -> np.ndarray:
+    """(P,) deviation of one sample of each pixel, relative as `moments.relative` means it, root mean square over
+    channels; 0 for pixels that are not `inside`."""
+    result = np.zeros(len(inside))
+    if inside.any():
+        errors = relative(found.mean[inside, channels], found.error[inside, channels])
+        own = np.sqrt(np.mean(errors**2, axis=1) * found.spp[inside])
+        result[inside] = np.maximum(own, MIN_DEVIATION * np.sqrt(np.mean(own**2)))
+    return result
+
+
+def expected_error(deviation: np.ndarray, spp: np.ndarray) -> float:
+    """What SHARE of the pixels with a deviation stay below, if each has `spp` (P,) samples; 0 for none."""
+    inside = deviation > 0
+    return float(np.quantile(deviation[inside] / np.sqrt(spp[inside]), SHARE)) if inside.any() else 0.0
+
+
+def wanted(deviation: np.ndarray, error: float) -> np.ndarray:
+    """(P,) samples that bring the error of SHARE of the pixels to `error`: n = (s / error)^2 sqrt(q / s), for a
+    deviation s and its quantile q over the layer.
+
+    Halfway, in the exponent of s, between the split with the smallest mean squared error, n ~ s (Neyman, Journal of the
+    Royal Statistical Society 97, 1934), and the one with equal errors everywhere, n ~ s^2.
+    """
+    inside = deviation > 0
+    if not inside.any():
+        return np.zeros(len(deviation))
+    q = float(np.quantile(deviation[inside], SHARE))
+    return deviation**1.5 * np.sqrt(q) / error**2
