@@ -42,7 +42,7 @@ MAX_REASONS = 5
 
 @dataclass(frozen=True, kw_only=True)
 class ShardTask:
-    """One shard, and what the plan wants in it. keep: it is there and whole, from this spec by these versions."""
+    """One shard, and what the plan wants in it."""
 
     slot: str
     split: str
@@ -50,27 +50,35 @@ class ShardTask:
     spec_digest: str
     """Of what the examples of its split depend on."""
     keep: ShardIndex | None
+    """The one that is there, where it is whole, from this spec and by these versions."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """News of a build: how many examples there are to make (the first event of all), how far denoised layers may be
-    trusted, outcomes of one unit, a shard that was published, or the finished manifest."""
+    """News of a build."""
 
     wanted: int | None = None
+    """How many examples there are to make: the first event of all."""
     denoised: tuple[Denoised, ...] = ()
+    """How far denoised layers may be trusted."""
     outcomes: tuple[Outcome, ...] = ()
+    """Of the examples of one unit."""
     shard: ShardIndex | None = None
+    """One that was published."""
     manifest: Manifest | None = None
+    """Of the finished dataset."""
 
 
 @dataclass(kw_only=True)
 class _Progress:
-    """What is known so far: examples by key, finished shards by slot."""
+    """What is known so far."""
 
     digests: dict[str, str] = field(default_factory=dict)
+    """Of the finished examples, by key."""
     rejected: dict[str, Rejected] = field(default_factory=dict)
+    """By key."""
     shards: dict[str, ShardIndex] = field(default_factory=dict)
+    """Finished ones, by slot."""
 
     def settled(self, task: ShardTask) -> bool:
         return all(ref.key in self.digests or ref.key in self.rejected for ref in task.examples)

@@ -34,11 +34,13 @@ Images = Mapping[str, np.ndarray]
 
 @dataclass(frozen=True, kw_only=True)
 class Figures:
-    """One layer of one example; squared ones are relative. bias_error and pixel_bias here are still squared."""
+    """One layer of one example, as `Denoised` has them of all; squared ones are relative."""
 
     bias: float
     bias_error: float
+    """Still squared."""
     pixel_bias: float
+    """Still squared."""
     relmse_raw: float
     relmse_denoised: float
     relmse_reference: float

@@ -44,28 +44,29 @@ RENDERING = "rendering"
 
 @dataclass(frozen=True, kw_only=True)
 class BuildJob:
-    """What a worker needs to know to find the spec and the output; the same for every unit of a build.
-
-    spec_digest: of the spec that the build began with; another one found at `spec_path` later is refused. denoised:
-    figures of every layer that is denoised, for the record of each example. cache, cache_size: where results of passes
-    are kept, and how many bytes of them. replaces: digest of the `dataset.json` that was there before.
-    """
+    """What a worker needs to know to find the spec and the output; the same for every unit of a build."""
 
     spec_path: Path
     overrides: tuple[str, ...]
     spec_digest: str
+    """Of the spec that the build began with; another one found at `spec_path` later is refused."""
     folder: Path
     backend: str
     threads: int
+    """Of each process that renders."""
     denoised: tuple[Denoised, ...] = ()
+    """Figures of every layer that is denoised, for the record of each example."""
     cache: Path | None = None
+    """Folder for results of passes; None is one in the output folder."""
     cache_size: int = 0
+    """Most bytes that it may hold."""
     replaces: str = ""
+    """Digest of the `dataset.json` that was there before; empty where there was none."""
 
     @classmethod
     def of(cls, loaded: LoadedSpec, folder: Path, *, backend: str, threads: int, cache: Path | None = None,
            cache_size: int = CACHE_SIZE) -> "BuildJob":
-        """The job that builds `loaded` into `folder`; threads: of each process that renders."""
+        """The job that builds `loaded` into `folder`."""
         manifest = folder / MANIFEST
         replaces = sha256_file(manifest) if manifest.is_file() else ""
         return cls(spec_path=loaded.path, overrides=loaded.overrides, spec_digest=loaded.spec_digest, folder=folder,
@@ -79,19 +80,21 @@ class BuildJob:
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What became of one example: digest it is staged under (empty where it was not planned), or why it is rejected.
-
-    seconds: by pass and by step (`plan`, `encode`); kept: True where that was known already and nothing was rendered;
-    recalled: passes whose results were remembered.
-    """
+    """What became of one example."""
 
     ref: ExampleRef
     digest: str
+    """What it is staged under; empty where it was not planned."""
     rejected: Rejected | None
+    """Why it is not staged."""
     kept: bool
+    """Whether that was known already and nothing was rendered."""
     paths: int
+    """Light paths that were traced for it."""
     seconds: dict[str, float]
+    """By pass and by step (`plan`, `denoise`, `encode`)."""
     recalled: tuple[str, ...] = ()
+    """Passes whose results were remembered."""
 
 
 def run_unit(job: BuildJob, unit: ViewUnit) -> list[Outcome]:

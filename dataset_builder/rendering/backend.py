@@ -31,11 +31,14 @@ INSTALL_LLVM = "apt-get install -y libllvm19"
 
 @dataclass(frozen=True, kw_only=True)
 class Backend:
-    """What renders: Mitsuba variant, the libLLVM in use (empty on CUDA), and one line that says so."""
+    """What renders."""
 
     variant: str
+    """Mitsuba's name for it."""
     llvm: str
+    """The libLLVM in use; empty on CUDA."""
     summary: str
+    """One line that says so."""
 
 
 def llvm_version(path: str) -> int | None:

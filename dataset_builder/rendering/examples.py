@@ -34,19 +34,19 @@ EVIDENCE = ("i_t", "s", "spec", "air")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rendered:
-    """One example in pixels.
-
-    layers: name -> (H, W, C) float32. evidence: images of the same kind that gates need and that are not shipped.
-    record: figures for the label, the same bits on every repetition. seconds: wall time of every pass this example was
-    first to need and that ran; recalled: those that were remembered instead.
-    """
+    """One example in pixels."""
 
     plan: ExamplePlan
     layers: dict[str, np.ndarray]
+    """Name -> (H, W, C) float32."""
     evidence: dict[str, np.ndarray]
+    """Images of the same kind that gates need and that are not shipped."""
     record: RenderRecord
+    """Figures for the label, the same bits on every repetition."""
     seconds: dict[str, float]
+    """Wall time of every pass that this example was first to need and that ran."""
     recalled: tuple[str, ...]
+    """Passes that were remembered instead."""
 
 
 def render_view(plans: Sequence[ExamplePlan], mesh_root: Path, memory: PassMemory = NO_MEMORY) -> Iterator[Rendered]:

@@ -27,11 +27,12 @@ PNG_LEVEL = 6
 
 @dataclass(frozen=True, kw_only=True)
 class Example:
-    """One finished example. layers: name -> (H, W, C) float32."""
+    """One finished example."""
 
     plan: ExamplePlan
     record: RenderRecord
     layers: Mapping[str, np.ndarray]
+    """Name -> (H, W, C) float32."""
 
     @property
     def key(self) -> str:
@@ -41,11 +42,12 @@ class Example:
 
 @dataclass(frozen=True, kw_only=True)
 class Member:
-    """One file of a shard. pixel_digest: digest of the decoded pixels, empty where there are none."""
+    """One file of a shard."""
 
     name: str
     data: bytes
     pixel_digest: str
+    """Of the decoded pixels; empty where there are none."""
 
     def record(self) -> dict[str, Any]:
         """Name, size, SHA-256 and pixel digest, as the index of a shard lists them."""

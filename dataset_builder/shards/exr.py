@@ -37,13 +37,15 @@ REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 
 @dataclass(frozen=True, kw_only=True)
 class ExrImage:
-    """A decoded file. planes: (C, H, W), R, G, B or Y, as stored; dtype: theirs; layer, key: what its header says it
-    holds."""
+    """A decoded file."""
 
     planes: np.ndarray
+    """(C, H, W), R, G, B or Y, as stored."""
     dtype: DType
     layer: str
+    """What its header says it holds."""
     key: str
+    """Of the example that its header names."""
 
     @property
     def pixels(self) -> np.ndarray:

@@ -39,16 +39,15 @@ _FILE = rf"^({SHARDS}/{_STEM}\.tar|{INDEX}/{_STEM}\.manifest|README\.md|croissan
 
 
 class Claim(Model):
-    """Which dataset a folder is for, and the files outside `.build` that are ours, relative.
-
-    publishing: whether a new set is taking the place of the old one; `files` are those of both then.
-    """
+    """Which dataset a folder is for, and what in it is ours."""
 
     format: Literal["3df-lighting"] = FORMAT
     name: str
     version: str
     files: tuple[Annotated[str, Field(pattern=_FILE)], ...] = ()
+    """Those outside `.build` that are ours, relative; of the old and the new set while `publishing`."""
     publishing: bool = False
+    """Whether a new set is taking the place of the old one."""
 
     @property
     def title(self) -> str:

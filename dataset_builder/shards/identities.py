@@ -20,10 +20,12 @@ _TOLERANCES = {"float32": {RANGE: 1e-5, REFLECTANCE: 1e-3}, "float16": {RANGE: 1
 
 @dataclass(frozen=True, kw_only=True)
 class Violation:
-    """A rule that does not hold: the rule's name, and the figures in one sentence."""
+    """A rule that does not hold."""
 
     identity: str
+    """The rule's name."""
     reason: str
+    """The figures in one sentence."""
 
 
 def identity_table(dtype: str) -> tuple[tuple[str, str, float], ...]:

@@ -17,10 +17,12 @@ from dataset_builder.shards.folder import STAGING, WORK
 
 @dataclass(frozen=True, kw_only=True)
 class Staged:
-    """A finished example: its bytes in a shard, and its entry: `key`, `view` and `members` (as `Member.record`)."""
+    """A finished example."""
 
     segment: bytes
+    """Its bytes in a shard."""
     entry: dict[str, Any]
+    """`key`, `view` and `members` (as `Member.record`)."""
 
 
 class Staging:

@@ -42,18 +42,19 @@ Sample = Callable[[np.ndarray, int, int, int], Estimate]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Goal:
-    """How good one layer is to be.
-
-    channels: of the pass, that the layer takes. inside: (P,) pixels that count. error, seconds: 0 where not asked for.
-    cap: most spp of any pixel.
-    """
+    """How good one layer is to be."""
 
     layer: str
     channels: slice
+    """Those of the pass that the layer takes."""
     inside: np.ndarray
+    """(P,) pixels that count."""
     error: float
+    """Relative error that 95% of the pixels are to stay below; 0 where not asked for."""
     seconds: float
+    """0 where not asked for."""
     cap: int
+    """Most spp that any pixel gets."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -30,12 +30,13 @@ MAX_BATCH = 1 << 10
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Samplers:
-    """Random numbers of every lane. strata: for what comes first in a path, stratified within the lane's batch. rest:
-    for what comes after, independent: beyond some dozen dimensions strata gain nothing, and cost a tenth of the time.
-    """
+    """Random numbers of every lane."""
 
     strata: mi.Sampler
+    """For what comes first in a path, stratified within the lane's batch."""
     rest: mi.Sampler
+    """For what comes after, independent: beyond some dozen dimensions strata gain nothing, and cost a tenth of the
+    time."""
 
 
 Integrand = Callable[[Samplers, "mi.Vector2f"], "list[mi.Float]"]

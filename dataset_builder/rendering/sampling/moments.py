@@ -16,16 +16,16 @@ FLOOR = 0.1
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Estimate:
-    """What is known about P pixels in C channels.
-
-    mean, error: (P, C) float64; error is the standard error of the mean. spp: (P,) samples behind each pixel. freedom:
-    (P, C) degrees of freedom of `error`, so that mean +- t(freedom) error is a confidence interval.
-    """
+    """What is known about P pixels in C channels."""
 
     mean: np.ndarray
+    """(P, C) float64."""
     error: np.ndarray
+    """(P, C) float64, standard error of the mean."""
     spp: np.ndarray
+    """(P,) samples behind each pixel."""
     freedom: np.ndarray
+    """(P, C) degrees of freedom of `error`, so that mean +- t(freedom) error is a confidence interval."""
 
     @classmethod
     def empty(cls, channels: int = 16) -> "Estimate":

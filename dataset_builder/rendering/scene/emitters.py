@@ -35,10 +35,12 @@ SPARE_SIZE = 1e-4
 
 @dataclass(frozen=True, kw_only=True)
 class _Images:
-    """Where images of lights are found, and whether area lights show any."""
+    """The images that lights show."""
 
     root: Path | None
+    """Folder that they are found below."""
     on_lamps: bool
+    """Whether area lights show any."""
 
     def of(self, light: LightPlan) -> np.ndarray:
         """The image of a light that has one."""

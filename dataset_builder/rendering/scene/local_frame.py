@@ -18,10 +18,12 @@ from dataset_builder.rendering.scene.triangle_soup import Soup
 
 @dataclass(frozen=True, kw_only=True)
 class LocalFrame:
-    """origin: in the world, metres. unit: metres per unit of the frame."""
+    """Where the origin of the frame lies, and how long its unit is."""
 
     origin: Vector = (0.0, 0.0, 0.0)
+    """In the world, metres."""
     unit: float = 1.0
+    """Metres per unit of the frame."""
 
     @classmethod
     def of(cls, corners: np.ndarray) -> "LocalFrame":

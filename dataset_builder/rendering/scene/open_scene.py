@@ -29,26 +29,26 @@ from dataset_builder.rendering.transport.fog import Fog
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Body:
-    """Geometry and materials on the device.
-
-    instance: value in the `instance` layer of each face. features: what its kernels can do, see
-    `example_plan.Feature`; None is everything.
-    """
+    """Geometry and materials on the device."""
 
     triangles: Triangles
     materials: MaterialTable
     instance: mi.UInt32
+    """Value in the `instance` layer of each face."""
     features: frozenset[str] | None = None
+    """What its kernels can do, see `example_plan.Feature`; None is everything."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OpenScene:
-    """A scene that can be traced, the body in it, the shape that the body is, and the fog about it."""
+    """A scene that can be traced, and the body in it."""
 
     scene: mi.Scene
     body: Body
     shape: mi.Mesh
+    """What the body is in the scene."""
     fog: Fog | None = None
+    """None for clear air."""
 
     @property
     def features(self) -> frozenset[str]:

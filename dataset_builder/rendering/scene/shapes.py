@@ -28,14 +28,17 @@ SUBDIVISIONS = 4
 class Triangles:
     """F separate triangles on the device, so that normals and texture coordinates may differ at every corner.
 
-    positions, normals: 9 F + 6 floats. uvs: 6 F + 4 floats. indices: 3 F integers, 0 to 3 F - 1. The last two vertices
-    belong to no triangle; see `upload`.
+    The last two vertices belong to no triangle; see `upload`.
     """
 
     positions: mi.Float
+    """9 F + 6 floats."""
     normals: mi.Float
+    """9 F + 6 floats."""
     uvs: mi.Float
+    """6 F + 4 floats."""
     indices: mi.UInt32
+    """3 F integers, 0 to 3 F - 1."""
 
 
 def upload(corners: np.ndarray, normals: np.ndarray, uvs: np.ndarray) -> Triangles:

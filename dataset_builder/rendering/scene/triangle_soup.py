@@ -32,19 +32,20 @@ PARTS = ("furniture", "floor", "walls", "ceiling")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Soup:
-    """F triangles in world space.
-
-    corners, normals: (F, 3, 3), metres and unit vectors. uvs: (F, 3, 2). material: (F,) index into `materials`.
-    instance: (F,) value in the `instance` layer. part: (F,) index into `PARTS` of what may be taken out of a light's
-    way.
-    """
+    """F triangles in world space."""
 
     corners: np.ndarray
+    """(F, 3, 3), metres."""
     normals: np.ndarray
+    """(F, 3, 3) unit vectors."""
     uvs: np.ndarray
+    """(F, 3, 2)."""
     material: np.ndarray
+    """(F,) index into `materials`."""
     instance: np.ndarray
+    """(F,) value in the `instance` layer."""
     part: np.ndarray
+    """(F,) index into `PARTS` of what may be taken out of a light's way."""
     materials: tuple[Material, ...]
 
     def without(self, parts: Sequence[str]) -> "Soup":
@@ -60,10 +61,11 @@ class Soup:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RoughTwin:
-    """A placed R3DM, and its measured distance from the 3DM."""
+    """A placed R3DM."""
 
     soup: Soup
     roughness: Roughness
+    """Its measured distance from the 3DM."""
 
 
 def soup_of(mesh: TriangleMesh, normals: np.ndarray, materials: tuple[Material, ...], world: np.ndarray,

@@ -17,25 +17,32 @@ COSINE_SHARE = 0.25
 
 @dataclass
 class FirstHit:
-    """At one point: D; for the sampled light direction and for the scattered direction `wo` (both local), f cos, the
-    BSDF's sampling density, and cos / pi, which is both a white Lambertian surface and the density of a cosine lobe.
+    """What a surface does to the sampled light direction and to the scattered direction `wo`, at one point; both are local.
 
-    Values and pdfs are those of the lobes that have a density. Where `wo` was drawn from a discrete one (a smooth
-    pane or smooth glass), `delta` is set, value and pdf are 0, and `delta_weight` is f cos / p of that choice,
-    given that the BSDF was asked and not the cosine lobe; `null`: the choice is to pass straight on.
+    Values and pdfs are those of the lobes that have a density.
     """
 
     diffuse: mi.Color3f
+    """D, the diffuse reflectance."""
     em_value: mi.Color3f
+    """f cos of the light direction."""
     em_pdf: mi.Float
+    """The BSDF's sampling density of the light direction."""
     em_cosine: mi.Float
+    """cos / pi: both a white Lambertian surface and the density of a cosine lobe."""
     wo: mi.Vector3f
     value: mi.Color3f
+    """f cos of `wo`; 0 where it was drawn from a discrete lobe."""
     pdf: mi.Float
+    """The BSDF's sampling density of `wo`; 0 where it was drawn from a discrete lobe."""
     cosine: mi.Float
+    """cos / pi of `wo`."""
     delta: mi.Bool
+    """Whether `wo` was drawn from a discrete lobe: a smooth pane or smooth glass."""
     null: mi.Bool
+    """Whether that choice is to pass straight on."""
     delta_weight: mi.Color3f
+    """f cos / p of that choice, given that the BSDF was asked and not the cosine lobe."""
 
 
 def white_lambert(normal: mi.Normal3f, si: mi.SurfaceInteraction3f, wo: mi.Vector3f) -> mi.Float:

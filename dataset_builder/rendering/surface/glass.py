@@ -32,31 +32,38 @@ QUADRATURE = 128
 
 @dataclass
 class Glass:
-    """weight: share of the surface that is glass; tint: what a crossing leaves; indices: relative index of refraction
-    for light that goes on from the viewer's side, one or one per channel; spreads: whether these differ; lone_channel:
-    the colour channel that a path is left with, as `light_sampling.lone_channel` counts, or 0."""
+    """Glass at a point."""
 
     weight: mi.Float
+    """Share of the surface that is glass."""
     tint: mi.Color3f
+    """What a crossing leaves."""
     indices: tuple[mi.Float, ...]
+    """Relative index of refraction for light that goes on from the viewer's side, one or one per channel."""
     thin: mi.Bool
     smooth: mi.Bool
     alpha: mi.Float
     spreads: mi.Bool
+    """Whether these differ."""
     lone_channel: mi.Float
+    """The colour channel that a path is left with, as `light_sampling.lone_channel` counts, or 0."""
 
 
 @dataclass
 class Crossing:
-    """A direction that glass was asked for. reflected, null: which way it goes; eta: relative index along it; weight:
-    f cos / p, and probability, where it is the discrete choice of smooth glass."""
+    """A direction that glass was asked for."""
 
     wo: mi.Vector3f
     reflected: mi.Bool
+    """Whether it stays on the side that it came from."""
     null: mi.Bool
+    """Whether it goes straight on."""
     eta: mi.Float
+    """Relative index along it."""
     weight: mi.Color3f
+    """f cos / p, where it is the discrete choice of smooth glass."""
     probability: mi.Float
+    """Of that choice."""
 
 
 def glass_of(*, weight: mi.Float, base: mi.Color3f, roughness: mi.Float, ior: mi.Float, abbe: mi.Float | None,

@@ -29,10 +29,12 @@ GRAZING = 50
 
 @dataclass(frozen=True, kw_only=True)
 class Reflectances:
-    """Tables: split_sum(cosine, roughness) -> A and B; sheen(cosine, roughness) -> E."""
+    """Tables that are read on the device, at (cosine, roughness)."""
 
     split_sum: Callable[[mi.Float, mi.Float], mi.Vector2f]
+    """A and B of a GGX lobe."""
     sheen: Callable[[mi.Float, mi.Float], mi.Float]
+    """E of the Charlie lobe."""
 
 
 def lobes_of(point: SurfacePoint, features: frozenset[str], si: mi.SurfaceInteraction3f,

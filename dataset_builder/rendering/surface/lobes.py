@@ -23,9 +23,10 @@ DIFFUSE, GLOSSY, GLOSSY_TRANSMISSION, DELTA_REFLECTION, DELTA_TRANSMISSION, NULL
 
 @dataclass
 class GgxLobe:
-    """A GGX lobe: its directional reflectance, Schlick's F0 and F90, alpha."""
+    """A GGX lobe with Schlick's F0 and F90."""
 
     reflectance: mi.Color3f
+    """Directional, seen from the viewer."""
     f0: mi.Color3f
     f90: mi.Float
     alpha: mi.Float
@@ -33,13 +34,15 @@ class GgxLobe:
 
 @dataclass
 class Lobes:
-    """At a point: D, the local shading normal turned to the viewer, and the other lobes, each with the weight that the
-    layers above leave it. The coat lies on the surface itself, whatever a normal map tilts below it."""
+    """All lobes at a point, each with the weight that the layers above leave it."""
 
     diffuse: mi.Color3f
+    """D, the diffuse reflectance."""
     normal: mi.Normal3f
+    """Local shading normal, turned to the viewer."""
     glossy: GgxLobe | None = None
     coat: GgxLobe | None = None
+    """It lies on the surface itself, whatever a normal map tilts below it."""
     sheen: Sheen | None = None
     glass: Glass | None = None
 
@@ -51,18 +54,23 @@ class Lobes:
 
 @dataclass
 class Scattered:
-    """A direction that was drawn. valid: on the side that its lobe sends light to, since on the other it would be taken
-    for one of another lobe. delta_weight, delta_probability: f cos / p and probability of a discrete choice."""
+    """A direction that was drawn."""
 
     wo: mi.Vector3f
     valid: mi.Bool
+    """Whether it is on the side that its lobe sends light to: elsewhere it would be taken for another lobe's."""
     component: mi.UInt32
     kind: mi.UInt32
+    """Mitsuba's flag of the lobe."""
     eta: mi.Float
+    """Relative index along it."""
     delta: mi.Bool
     null: mi.Bool
+    """Whether it goes straight on."""
     delta_weight: mi.Color3f
+    """f cos / p of a discrete choice."""
     delta_probability: mi.Float
+    """Of a discrete choice."""
 
 
 def reflectance(lobes: Lobes, si: mi.SurfaceInteraction3f) -> mi.Color3f:

@@ -21,13 +21,13 @@ QUADS = 4
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Textures:
-    """`MaterialArrays` on the device, for as many meshes as name these materials. needs: features that they call
-    for."""
+    """`MaterialArrays` on the device, for as many meshes as name these materials."""
 
     factors: mi.Float
     extents: mi.UInt32
     texels: mi.Float
     needs: frozenset[str] = frozenset()
+    """Features that they call for."""
 
     @classmethod
     def upload(cls, materials: Sequence[Material], texture_size: int = 4096) -> Textures:
@@ -39,21 +39,23 @@ class Textures:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MaterialTable:
-    """Materials, and the row of the material of each face of one mesh."""
+    """The materials of one mesh."""
 
     textures: Textures
     face_material: mi.UInt32
+    """Row of the material of each face."""
 
 
 @dataclass
 class SurfacePoint:
-    """A material at a point; `normal` is local and on the front side. thin: 1 for panes, else 0."""
+    """A material at a point."""
 
     base: mi.Color3f
     roughness: mi.Float
     metallic: mi.Float
     specular: mi.Float
     normal: mi.Normal3f
+    """Local, on the front side."""
     coat: mi.Float | None = None
     coat_roughness: mi.Float | None = None
     sheen: mi.Color3f | None = None
@@ -61,6 +63,7 @@ class SurfacePoint:
     transmission: mi.Float | None = None
     ior: mi.Float | None = None
     thin: mi.Float | None = None
+    """1 for panes, else 0."""
     abbe: mi.Float | None = None
 
 

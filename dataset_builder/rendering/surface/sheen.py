@@ -26,11 +26,13 @@ HEIGHTS, TURNS = 96, 64
 
 @dataclass
 class Sheen:
-    """The lobe at a point: its colour, with what the layers above leave over; its reflectance; Charlie's exponent."""
+    """The lobe at a point."""
 
     colour: mi.Color3f
+    """With what the layers above leave over."""
     reflectance: mi.Color3f
     exponent: mi.Float
+    """Charlie's."""
 
 
 def exponent_of(roughness: mi.Float) -> mi.Float:

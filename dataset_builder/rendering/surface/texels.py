@@ -28,14 +28,14 @@ MAX_TEXELS = 2**29 - 1
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MaterialArrays:
-    """The materials of one scene.
-
-    factors: (M, FACTORS) float32. extents: (M, 4) uint32: first texel, width, height, 0. texels: (T, CHANNELS) float16.
-    """
+    """The materials of one scene."""
 
     factors: np.ndarray
+    """(M, FACTORS) float32."""
     extents: np.ndarray
+    """(M, 4) uint32: first texel, width, height, 0."""
     texels: np.ndarray
+    """(T, CHANNELS) float16."""
 
 
 def pack(materials: Sequence[Material], texture_size: int = 4096) -> MaterialArrays:

@@ -31,14 +31,18 @@ PLUGIN = "threedf_lighting"
 
 @dataclass(frozen=True, kw_only=True)
 class Radiometry:
-    """What one path gives: outgoing radiance, raw lighting, the specular part of the radiance (emission included), and
-    what fog adds to the radiance before the first surface, less what it takes; valid: there is such a surface."""
+    """What one path gives."""
 
     image: mi.Color3f
+    """Outgoing radiance."""
     shading: mi.Color3f
+    """Raw lighting."""
     specular: mi.Color3f
+    """Specular part of the radiance, emission included."""
     air: mi.Color3f
+    """What fog adds to the radiance before the first surface, less what it takes."""
     valid: mi.Bool
+    """Whether there is such a surface."""
 
 
 def trace(scene: mi.Scene, sampler: mi.Sampler, rest: mi.Sampler, ray: mi.Ray3f, max_depth: mi.UInt32,

@@ -12,17 +12,21 @@ from dataset_builder.rendering.transport.fog import Fog
 
 
 class World:
-    """A scene as paths see it. max_depth: edges of the longest path; rr_depth: where Russian roulette starts.
+    """A scene as paths see it. What is switched off leaves no trace in a kernel.
 
-    glass, thin: whether kernels handle refracting bodies and panes that light passes straight; dispersion: whether
-    glass spreads colours; fog: None for clear air. What is switched off leaves no trace in a kernel.
+    max_depth: edges of the longest path. rr_depth: where Russian roulette starts. fog: None for clear air.
     """
 
     def __init__(self, scene: mi.Scene, max_depth: mi.UInt32, rr_depth: mi.UInt32, features: frozenset[str],
                  fog: Fog | None):
         self.scene, self.max_depth, self.rr_depth = scene, max_depth, rr_depth
-        self.glass, self.thin, self.fog = "glass" in features, "thin" in features, fog
+        self.fog = fog
+        self.glass = "glass" in features
+        """Whether kernels handle refracting bodies."""
+        self.thin = "thin" in features
+        """Whether kernels handle panes that light passes straight."""
         self.dispersion = "dispersion" in features
+        """Whether glass spreads colours."""
 
 
 @dataclass
