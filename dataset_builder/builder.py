@@ -14,7 +14,7 @@ from dataset_builder.engine.byte_store import CACHE_SIZE
 from dataset_builder.engine.calibration import calibrate
 from dataset_builder.engine.made_by import versions
 from dataset_builder.engine.outcomes import Rejections, Timings
-from dataset_builder.engine.unit import BuildJob, Outcome, remembered, run_unit
+from dataset_builder.engine.unit import BuildJob, Outcome, run_unit
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.files import require_space
 from dataset_builder.label.example_label import Denoised
@@ -190,7 +190,7 @@ def _require_space(folder: Path, spec: DatasetSpec, count: int) -> None:
 def _outcomes(wanted: Sequence[ExampleRef], job: BuildJob, workers: int,
               rejected: Mapping[str, Rejected]) -> Iterator[Sequence[Outcome]]:
     """What is known of the wanted examples, then what becomes of the others, view by view."""
-    if known := [remembered(ref, rejected[ref.key]) for ref in wanted if ref.key in rejected]:
+    if known := [Outcome(ref=ref, rejected=rejected[ref.key], kept=True) for ref in wanted if ref.key in rejected]:
         yield known
     others = units(ref for ref in wanted if ref.key not in rejected)
     yield from local.run(partial(run_unit, job), others, workers=workers)

@@ -1,7 +1,7 @@
 """One unit of work, in any process: plan the examples of a view, render, gate, encode and stage them."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from time import perf_counter
@@ -83,15 +83,15 @@ class Outcome:
     """What became of one example."""
 
     ref: ExampleRef
-    digest: str
+    digest: str = ""
     """What it is staged under; empty where it was not planned."""
-    rejected: Rejected | None
+    rejected: Rejected | None = None
     """Why it is not staged."""
-    kept: bool
+    kept: bool = False
     """Whether that was known already and nothing was rendered."""
-    paths: int
+    paths: int = 0
     """Light paths that were traced for it."""
-    seconds: dict[str, float]
+    seconds: Mapping[str, float] = field(default_factory=dict)
     """By pass and by step (`plan`, `denoise`, `encode`)."""
     recalled: tuple[str, ...] = ()
     """Passes whose results were remembered."""
@@ -111,16 +111,11 @@ def run_unit(job: BuildJob, unit: ViewUnit) -> list[Outcome]:
         try:
             planned.append((ref, planner.example(ref)))
         except PlanError as error:
-            outcomes.append(_outcome(ref, rejected=_rejected(ref, PLANNING, str(error))))
+            outcomes.append(Outcome(ref=ref, rejected=_rejected(ref, PLANNING, str(error))))
     planning = perf_counter() - start
     outcomes = sorted([*outcomes, *_make(planned, planner.loaded, job)], key=lambda outcome: outcome.ref.index)
     # The first example was the first to need what the view's examples share
     return [replace(outcomes[0], seconds={"plan": planning, **outcomes[0].seconds}), *outcomes[1:]]
-
-
-def remembered(ref: ExampleRef, rejected: Rejected) -> Outcome:
-    """The outcome of an example that an earlier run of the same build rejected."""
-    return _outcome(ref, rejected=rejected, kept=True)
 
 
 def _make(planned: Sequence[tuple[ExampleRef, ExamplePlan]], loaded: LoadedSpec, job: BuildJob) -> Iterator[Outcome]:
@@ -133,7 +128,7 @@ def _make(planned: Sequence[tuple[ExampleRef, ExamplePlan]], loaded: LoadedSpec,
     digests = {ref.key: plan_digest(plan, loaded.dataset, made_by, job.denoised) for ref, plan in planned}
     missing = [(ref, plan) for ref, plan in planned if not _taken_over(ref, digests[ref.key], staging, job)]
     there = {ref.key for ref, _ in planned} - {ref.key for ref, _ in missing}
-    yield from (_outcome(ref, digest=digests[ref.key], kept=True) for ref, _ in planned if ref.key in there)
+    yield from (Outcome(ref=ref, digest=digests[ref.key], kept=True) for ref, _ in planned if ref.key in there)
     if missing:
         memory = PassMemory(job.store, pass_versions(job.backend))
         rendered = render_view([plan for _, plan in missing], loaded.path.parent, memory)
@@ -166,7 +161,7 @@ def _finished(missing: Sequence[tuple[ExampleRef, ExamplePlan]], rendered: Itera
             if isinstance(error, OutputError):
                 raise
             for left, _ in missing[position:]:
-                yield _outcome(left, rejected=_rejected(left, RENDERING, str(error)))
+                yield Outcome(ref=left, rejected=_rejected(left, RENDERING, str(error)))
             return
         yield _finish(ref, example, digests[ref.key], spec, job)
 
@@ -184,14 +179,14 @@ def _finish(ref: ExampleRef, rendered: "Rendered", key_digest: str, spec: Datase
     if violations := _violations(rendered, spec):
         reason = "; ".join(violation.reason for violation in violations)
         keep_pixels(job.folder, ref.key, rendered.layers)
-        return _outcome(ref, rejected=_rejected(ref, violations[0].identity, reason), digest=key_digest, paths=paths,
-                        seconds=rendered.seconds, recalled=rendered.recalled)
+        return Outcome(ref=ref, rejected=_rejected(ref, violations[0].identity, reason), digest=key_digest, paths=paths,
+                       seconds=rendered.seconds, recalled=rendered.recalled)
     members = encode_members(example_of(rendered, job.denoised), dtype=spec.storage.dtype,
                              preview_png=preview(rendered.layers))
     Staging(job.folder).put(ref.key, key_digest, segment(members),
                             entry(key=ref.key, view=rendered.plan.view, members=members))
-    return _outcome(ref, digest=key_digest, paths=paths, seconds=rendered.seconds | {"encode": perf_counter() - start},
-                    recalled=rendered.recalled)
+    seconds = rendered.seconds | {"encode": perf_counter() - start}
+    return Outcome(ref=ref, digest=key_digest, paths=paths, seconds=seconds, recalled=rendered.recalled)
 
 
 def _violations(rendered: "Rendered", spec: DatasetSpec) -> list[Violation]:
@@ -208,12 +203,6 @@ def _violations(rendered: "Rendered", spec: DatasetSpec) -> list[Violation]:
 
 def _rejected(ref: ExampleRef, gate: str, reason: str) -> Rejected:
     return Rejected(key=ref.key, view=ref.view.name, gate=gate, reason=reason)
-
-
-def _outcome(ref: ExampleRef, *, digest: str = "", rejected: Rejected | None = None, kept: bool = False, paths: int = 0,
-             seconds: dict[str, float] | None = None, recalled: tuple[str, ...] = ()) -> Outcome:
-    return Outcome(ref=ref, digest=digest, rejected=rejected, kept=kept, paths=paths, seconds=seconds or {},
-                   recalled=recalled)
 
 
 @lru_cache(maxsize=2)

@@ -20,7 +20,7 @@ def denoised(layers: Mapping[str, np.ndarray], guides: Mapping[str, np.ndarray],
              extents: Mapping[str, Extent]) -> dict[str, np.ndarray]:
     """All `layers` in their order, those in `names` denoised.
 
-    Arrays are (H, W, C) float32; `guides` are the images that `denoise_guides.guide_extents` asks for. A layer of
+    Arrays are (H, W, C) float32; `guides` are the images that `decisions.guide_extents` asks for. A layer of
     extent `object` is exactly 0 outside of the object, as before. A layer with values that are not finite stays as it
     is, for the gates to find. Raises UserError where the denoiser is missing.
     """

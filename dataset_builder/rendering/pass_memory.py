@@ -25,16 +25,6 @@ class Store(Protocol):
         """Keep bytes under a key."""
 
 
-class Nothing:
-    """A store that forgets everything."""
-
-    def get(self, key: str) -> bytes | None:
-        """Nothing."""
-
-    def put(self, key: str, value: bytes) -> None:
-        """Forget."""
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PassFound:
     """What a pass found so far."""
@@ -47,13 +37,15 @@ class PassFound:
 
 
 class PassMemory:
-    """Results of passes in a store, under the versions that made them."""
+    """Results of passes in a store, under the versions that made them; without a store, nothing is remembered."""
 
-    def __init__(self, store: Store, made_by: Mapping[str, str]):
+    def __init__(self, store: Store | None, made_by: Mapping[str, str]):
         self._store, self._made_by = store, dict(made_by)
 
     def recall(self, plan: ExamplePlan, name: str) -> tuple[int, PassFound | None]:
         """Steps of a pass that are known, as many as possible, and what they found."""
+        if self._store is None:
+            return 0, None
         for steps in range(steps_of(plan, name), 0, -1):
             data = self._store.get(self._key(plan, name, steps))
             if data and (found := from_bytes(data)):
@@ -62,13 +54,14 @@ class PassMemory:
 
     def keep(self, plan: ExamplePlan, name: str, steps: int, found: PassFound) -> None:
         """Remember what the first `steps` of a pass found. Raises OutputError where the disk refuses."""
-        self._store.put(self._key(plan, name, steps), to_bytes(found))
+        if self._store is not None:
+            self._store.put(self._key(plan, name, steps), to_bytes(found))
 
     def _key(self, plan: ExamplePlan, name: str, steps: int) -> str:
         return key_of(inputs_of(plan, name, steps), self._made_by)
 
 
-NO_MEMORY = PassMemory(Nothing(), {})
+NO_MEMORY = PassMemory(None, {})
 
 
 def to_bytes(found: PassFound) -> bytes:

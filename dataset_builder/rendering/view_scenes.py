@@ -16,7 +16,7 @@ from dataset_builder.rendering.passes import ViewSensor
 from dataset_builder.rendering.scene.local_frame import LocalFrame
 from dataset_builder.rendering.scene.open_scene import Body, OpenScene, body_of, open_scene
 from dataset_builder.rendering.scene.triangle_soup import RoughTwin, Soup, clean, merge, rough_twin, surroundings
-from dataset_builder.rendering.surface.bsdf import Textures
+from dataset_builder.rendering.surface.material_table import Textures
 from dataset_builder.rendering.transport.fog import Fog
 
 

@@ -87,7 +87,10 @@ def _batch_means(integrand: Integrand, pixels: np.ndarray, width: int, height: i
     row = pixel // dr.opaque(mi.UInt32, width)
     column = pixel - row * dr.opaque(mi.UInt32, width)
     position = (mi.Vector2f(mi.Float(column), mi.Float(row)) + samplers.strata.next_2d()) / mi.Vector2f(*size)
-    sums = [dr.block_sum(channel, per_batch, mode="evaluated") for channel in _evaluated(integrand(samplers, position))]
+    channels = integrand(samplers, position)
+    # All of them by one kernel, before they are summed one by one
+    dr.eval(channels)
+    sums = [dr.block_sum(channel, per_batch, mode="evaluated") for channel in channels]
     dr.eval(sums)
     stacked = np.stack([np.array(channel, dtype=np.float64) for channel in sums], axis=-1)
     return stacked.reshape(len(pixels), batches, -1) / per_batch
@@ -100,9 +103,3 @@ def _samplers(per_batch: int, lanes: int, seed: int) -> Samplers:
     rest = mi.load_dict({"type": "independent"})
     rest.seed(seed >> 32, lanes)
     return Samplers(strata=strata, rest=rest)
-
-
-def _evaluated(channels: list[mi.Float]) -> list[mi.Float]:
-    """All channels computed by one kernel, before they are summed one by one."""
-    dr.eval(channels)
-    return channels

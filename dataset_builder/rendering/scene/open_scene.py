@@ -22,8 +22,8 @@ from dataset_builder.rendering.buffers import owned
 from dataset_builder.rendering.scene.emitters import emitters
 from dataset_builder.rendering.scene.shapes import Triangles, mesh_of, upload
 from dataset_builder.rendering.scene.triangle_soup import Soup
-from dataset_builder.rendering.surface import bsdf
-from dataset_builder.rendering.surface.bsdf import FEATURES, MaterialTable, Surface, Textures
+from dataset_builder.rendering.surface.bsdf import FEATURES, PLUGIN, Surface
+from dataset_builder.rendering.surface.material_table import MaterialTable, Textures
 from dataset_builder.rendering.transport.fog import Fog
 
 
@@ -97,7 +97,7 @@ def _tight() -> dict[str, Any]:
 @cache
 def _surface(variant: str) -> Surface:
     """The one surface of the process: it is bound to each body in turn."""
-    return mi.load_dict({"type": bsdf.PLUGIN})
+    return mi.load_dict({"type": PLUGIN})
 
 
 def sensor_of(camera: CameraPlan, width: int, height: int) -> mi.Sensor:

@@ -16,11 +16,9 @@ from dataset_builder.rendering.surface import lobes as scattering
 from dataset_builder.rendering.surface.first_hit import FirstHit, cosine_direction, white_lambert
 from dataset_builder.rendering.surface.layering import Reflectances, lobes_of
 from dataset_builder.rendering.surface.lobes import Lobes
-from dataset_builder.rendering.surface.material_table import MaterialTable, Textures, look_up
+from dataset_builder.rendering.surface.material_table import MaterialTable, look_up
 from dataset_builder.rendering.surface.reflectance import interpolated, split_sum_table
 from dataset_builder.rendering.surface.sheen import sheen_table
-
-__all__ = ["FEATURES", "PLUGIN", "MaterialTable", "Surface", "Textures"]
 
 PLUGIN = "threedf_surface"
 FEATURES = frozenset({"textures", "specular", "coat", "sheen", "glass", "thin", "dispersion"})

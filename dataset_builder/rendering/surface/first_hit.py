@@ -17,7 +17,7 @@ COSINE_SHARE = 0.25
 
 @dataclass
 class FirstHit:
-    """What a surface does to the sampled light direction and to the scattered direction `wo`, at one point; both are local.
+    """What a surface does to the sampled light direction and to the scattered one, at one point; both are local.
 
     Values and pdfs are those of the lobes that have a density.
     """
@@ -31,6 +31,7 @@ class FirstHit:
     em_cosine: mi.Float
     """cos / pi: both a white Lambertian surface and the density of a cosine lobe."""
     wo: mi.Vector3f
+    """The scattered direction."""
     value: mi.Color3f
     """f cos of `wo`; 0 where it was drawn from a discrete lobe."""
     pdf: mi.Float

@@ -6,7 +6,8 @@ import numpy as np
 from mitsuba.chi2 import ChiSquareTest, SphericalDomain
 
 from dataset_builder.assets.asset import Material
-from dataset_builder.rendering.surface.bsdf import PLUGIN, MaterialTable, Textures
+from dataset_builder.rendering.surface.bsdf import PLUGIN
+from dataset_builder.rendering.surface.material_table import MaterialTable, Textures
 
 SAMPLES = 1 << 16
 
