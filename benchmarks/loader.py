@@ -27,7 +27,8 @@ from dataset_builder.lightnet.data.lighting_dataset import LAYERS, LightingDatas
 from dataset_builder.lightnet.data.loader import training_batches
 from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.shards import exr
-from dataset_builder.shards.manifest import ShardIndex, from_json
+from dataset_builder.shards.manifest import from_json
+from dataset_builder.shards.shard_index import ShardIndex
 from dataset_builder.shards.structure import read_member
 from dataset_builder.shards.writer import shard_path
 from dataset_builder.spread import spread_indices

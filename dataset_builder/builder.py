@@ -27,8 +27,9 @@ from dataset_builder.processes import cores
 from dataset_builder.rendering import oidn
 from dataset_builder.rendering.backend import choose
 from dataset_builder.shards.folder import Claim, build_lock, require_ours
-from dataset_builder.shards.manifest import Manifest, Rejected, ShardIndex, make_manifest, shard_slot
+from dataset_builder.shards.manifest import Manifest, Rejected, make_manifest, shard_slot
 from dataset_builder.shards.publish import publish_dataset, whole_shards
+from dataset_builder.shards.shard_index import ShardIndex
 from dataset_builder.shards.staging import Staging
 from dataset_builder.shards.writer import publish_shard
 from dataset_builder.spec.dataset import DatasetSpec

@@ -5,9 +5,10 @@ from pathlib import Path
 
 from dataset_builder.builder import Event, build
 from dataset_builder.engine.unit import Outcome
-from dataset_builder.shards.manifest import ExampleRecord, Manifest
+from dataset_builder.shards.manifest import Manifest
 from dataset_builder.shards.publish import published
 from dataset_builder.shards.reader import load_manifest
+from dataset_builder.shards.shard_index import ExampleRecord
 from dataset_builder.spec.load import load_dataset
 
 FILES = {

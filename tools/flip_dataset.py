@@ -17,8 +17,9 @@ from pathlib import Path
 from dataset_builder.errors import ShardError
 from dataset_builder.shards.example import PREVIEW
 from dataset_builder.shards.folder import MANIFEST, STAGING, WORK
-from dataset_builder.shards.manifest import Manifest, ShardIndex, from_json
+from dataset_builder.shards.manifest import Manifest, from_json
 from dataset_builder.shards.reader import load_manifest, open_dataset
+from dataset_builder.shards.shard_index import ShardIndex
 from dataset_builder.shards.staging import Staging
 from dataset_builder.shards.structure import members_of
 from dataset_builder.shards.verify import verify

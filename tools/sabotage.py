@@ -19,10 +19,11 @@ from dataset_builder.layers import LAYERS
 from dataset_builder.seeding import rng
 from dataset_builder.shards.example import Example, encode_members, preview
 from dataset_builder.shards.folder import Claim, build_lock
-from dataset_builder.shards.manifest import Manifest, ShardIndex, ShardRecord, from_json, with_shards
+from dataset_builder.shards.manifest import Manifest, from_json, with_shards
 from dataset_builder.shards.publish import publish_dataset
 from dataset_builder.shards.reader import Dataset, open_dataset
 from dataset_builder.shards.segment import segment
+from dataset_builder.shards.shard_index import ShardIndex, ShardRecord
 from dataset_builder.shards.staging import Staging
 from dataset_builder.shards.writer import entry, index_path, publish_shard
 

@@ -1,11 +1,11 @@
-"""The manifest: `dataset.json`, and one index per shard; neither contains the time of the build."""
+"""The manifest, `dataset.json`: what a dataset holds; it does not contain the time of the build."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Annotated, Literal, TypeVar
+from typing import Literal, TypeVar
 
 from pydantic import Field, ValidationError, model_validator
 
-from dataset_builder.digest import canonical_json, digest
+from dataset_builder.digest import canonical_json
 from dataset_builder.errors import Problem, ShardError
 from dataset_builder.label.example_label import Denoised
 from dataset_builder.label.scene_plan import ObjectSource
@@ -13,68 +13,15 @@ from dataset_builder.layers import LAYERS, Extent
 from dataset_builder.shards import exr
 from dataset_builder.shards.folder import FORMAT
 from dataset_builder.shards.identities import identity_table
+from dataset_builder.shards.shard_index import Count, ShardIndex, ShardRecord
 from dataset_builder.spec.dataset import DatasetSpec, LayerName
 from dataset_builder.spec.model import Model
 from dataset_builder.spec.problems import LONGEST_VALUE
 
 MOST_PROBLEMS = 100
-Count = Annotated[int, Field(ge=0, lt=2**53)]
-Key = Annotated[str, Field(pattern="^[0-9]{8}$")]
 M = TypeVar("M", bound=Model)
-TAG_DIGITS = 8
 LAYOUT_DATE = "2026-11-23"
 """Day this layout was fixed: the `datePublished` of a dataset that gives none, since two builds must be equal bytes."""
-
-
-class MemberRecord(Model):
-    """One file of a shard: name, where its bytes are, and digests of bytes and of decoded pixels (empty for JSON)."""
-
-    name: str
-    offset: Count
-    size: int = Field(ge=0, lt=2**31)
-    sha256: str
-    pixel_digest: str
-
-
-class ExampleRecord(Model):
-    """One example of a shard. digest: of the plan and versions that it was made from; members lie in file order."""
-
-    key: Key
-    view: str
-    digest: str
-    members: tuple[MemberRecord, ...]
-
-
-class ShardRecord(Model):
-    """One shard: `name` is its file below `shards/`."""
-
-    name: str = Field(pattern=r"^[a-z0-9][a-z0-9._-]*\.tar$", max_length=240)
-    split: str
-    bytes: Count
-    sha256: str
-    examples: Count
-    first_key: str
-    last_key: str
-
-    @property
-    def stem(self) -> str:
-        """Name without `.tar`: the stem of the index, too."""
-        return self.name.removesuffix(".tar")
-
-    @property
-    def slot(self) -> str:
-        """`stem` without the tag: the shard's place in its dataset, as `shard_slot` names it."""
-        return self.stem.rpartition("-")[0]
-
-
-class ShardIndex(Model):
-    """What `index/<stem>.manifest` holds: the shard, what made it, and where every member is."""
-
-    schema_version: Literal["1"] = "1"
-    shard: ShardRecord
-    spec_digest: str
-    versions: dict[str, str]
-    examples: tuple[ExampleRecord, ...]
 
 
 class LayerRecord(Model):
@@ -171,15 +118,6 @@ class Manifest(Model):
 def shard_slot(spec: DatasetSpec, split: str, number: int) -> str:
     """`<name>-v<major>-<split>-NNNNNN`, unique over all datasets that share a cache."""
     return f"{spec.name}-v{spec.version.partition('.')[0]}-{split}-{number:06d}"
-
-
-def tagged(index: ShardIndex, slot: str) -> ShardIndex:
-    """The index of the shard in `slot` with its name: `<slot>-<tag>.tar`. The tag is a digest of all else that the
-    index says, so that other content has another name, and an index that was changed does not fit its own."""
-    def named(name: str) -> ShardIndex:
-        return index.model_copy(update={"shard": index.shard.model_copy(update={"name": name})})
-
-    return named(f"{slot}-{digest(named(slot).model_dump(mode='json'))[:TAG_DIGITS]}.tar")
 
 
 def make_manifest(spec: DatasetSpec, *, layers: Mapping[str, Extent], shards: Sequence[ShardIndex],

@@ -10,7 +10,8 @@ from dataset_builder.files import output_errors, write_atomic
 from dataset_builder.shards.card import card
 from dataset_builder.shards.croissant import croissant
 from dataset_builder.shards.folder import CARD, CROISSANT, INDEX, MANIFEST, SUMS, files_of, next_of, read_claim, swap
-from dataset_builder.shards.manifest import Manifest, ShardIndex, from_json, tagged, to_json
+from dataset_builder.shards.manifest import Manifest, from_json, to_json
+from dataset_builder.shards.shard_index import ShardIndex, tagged
 from dataset_builder.shards.structure import read_small, tar_problems
 from dataset_builder.shards.writer import index_path, shard_path
 

@@ -8,8 +8,9 @@ from dataset_builder.digest import sha256_bytes
 from dataset_builder.errors import ShardError
 from dataset_builder.shards.example import Member
 from dataset_builder.shards.folder import MANIFEST
-from dataset_builder.shards.manifest import ExampleRecord, Manifest, ShardIndex, from_json
+from dataset_builder.shards.manifest import Manifest, from_json
 from dataset_builder.shards.segment import segment
+from dataset_builder.shards.shard_index import ExampleRecord, ShardIndex
 from dataset_builder.shards.staging import Staged
 from dataset_builder.shards.structure import read_members
 from dataset_builder.shards.writer import entry, index_path, shard_path

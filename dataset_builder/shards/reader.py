@@ -14,8 +14,9 @@ from dataset_builder.shards import exr
 from dataset_builder.shards.example import LABEL
 from dataset_builder.shards.folder import MANIFEST, SUMS, placed
 from dataset_builder.shards.label_text import parse_label, read_label
-from dataset_builder.shards.manifest import ExampleRecord, Manifest, MemberRecord, ShardIndex, ShardRecord, from_json
+from dataset_builder.shards.manifest import Manifest, from_json
 from dataset_builder.shards.publish import sums_in
+from dataset_builder.shards.shard_index import ExampleRecord, MemberRecord, ShardIndex, ShardRecord
 from dataset_builder.shards.structure import read_members, read_small
 from dataset_builder.shards.writer import index_path, shard_path
 

@@ -13,8 +13,8 @@ from typing import BinaryIO, Protocol
 from dataset_builder.digest import open_regular, read_regular, sha256_bytes
 from dataset_builder.errors import Problem, ShardError
 from dataset_builder.shards.folder import MOST_BYTES
-from dataset_builder.shards.manifest import MemberRecord, ShardIndex
 from dataset_builder.shards.segment import BLOCK, end_blocks, header, padding
+from dataset_builder.shards.shard_index import MemberRecord, ShardIndex
 
 
 def tar_problems(path: Path, index: ShardIndex) -> list[Problem]:

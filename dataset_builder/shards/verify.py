@@ -11,9 +11,10 @@ from dataset_builder.errors import Problem, ShardError
 from dataset_builder.shards.croissant import split_rows
 from dataset_builder.shards.folder import CROISSANT, MANIFEST, PREVIEWS, SECONDS, SUMS, WORK, left_over, placed
 from dataset_builder.shards.identities import identity_table
-from dataset_builder.shards.manifest import Manifest, ShardIndex, ShardRecord, from_json
+from dataset_builder.shards.manifest import Manifest, from_json
 from dataset_builder.shards.publish import listed_files, sums_in
 from dataset_builder.shards.reader import load_manifest
+from dataset_builder.shards.shard_index import ShardIndex, ShardRecord
 from dataset_builder.shards.structure import MOST_BYTES, read_small, tar_problems
 from dataset_builder.shards.verify_examples import ExampleChecks
 from dataset_builder.shards.writer import index_path, shard_path

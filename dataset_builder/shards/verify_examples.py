@@ -21,7 +21,8 @@ from dataset_builder.shards.label_text import (
     statistics,
     structure,
 )
-from dataset_builder.shards.manifest import ExampleRecord, LayerRecord, Manifest, MemberRecord, ShardIndex
+from dataset_builder.shards.manifest import LayerRecord, Manifest
+from dataset_builder.shards.shard_index import ExampleRecord, MemberRecord, ShardIndex
 from dataset_builder.shards.structure import misplaced, read_member
 
 MOST_SHOWN = 1000

@@ -14,8 +14,9 @@ from dataset_builder.files import commit, output_errors, partial_of, write_atomi
 from dataset_builder.shards import exr
 from dataset_builder.shards.example import Member
 from dataset_builder.shards.folder import INDEX, SHARDS, next_of
-from dataset_builder.shards.manifest import ExampleRecord, MemberRecord, ShardIndex, ShardRecord, tagged, to_json
+from dataset_builder.shards.manifest import to_json
 from dataset_builder.shards.segment import end_blocks, payload_offsets, segment_size
+from dataset_builder.shards.shard_index import ExampleRecord, MemberRecord, ShardIndex, ShardRecord, tagged
 from dataset_builder.shards.staging import Staging
 from dataset_builder.shards.structure import tar_problems
 

@@ -17,9 +17,10 @@ from dataset_builder.label.scene_plan import CameraPlan
 from dataset_builder.seeding import rng
 from dataset_builder.shards.example import Example, encode_members, preview
 from dataset_builder.shards.folder import Claim, build_lock
-from dataset_builder.shards.manifest import ShardIndex, make_manifest, shard_slot
+from dataset_builder.shards.manifest import make_manifest, shard_slot
 from dataset_builder.shards.publish import publish_dataset
 from dataset_builder.shards.segment import segment
+from dataset_builder.shards.shard_index import ShardIndex
 from dataset_builder.shards.staging import Staging
 from dataset_builder.shards.writer import entry, publish_shard
 from dataset_builder.spec.dataset import DatasetSpec

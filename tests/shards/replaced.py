@@ -8,10 +8,11 @@ import numpy as np
 from dataset_builder.shards import exr
 from dataset_builder.shards.example import Member
 from dataset_builder.shards.folder import Claim, build_lock
-from dataset_builder.shards.manifest import ShardIndex, ShardRecord, from_json, with_shards
+from dataset_builder.shards.manifest import from_json, with_shards
 from dataset_builder.shards.publish import publish_dataset
 from dataset_builder.shards.reader import load_manifest
 from dataset_builder.shards.segment import segment
+from dataset_builder.shards.shard_index import ShardIndex, ShardRecord
 from dataset_builder.shards.staging import Staging
 from dataset_builder.shards.structure import read_member
 from dataset_builder.shards.writer import entry, index_path, publish_shard, shard_path

@@ -10,8 +10,9 @@ import pytest
 from dataset_builder.digest import canonical_json, sha256_bytes, sha256_file
 from dataset_builder.shards.folder import CARD, CROISSANT, SUMS
 from dataset_builder.shards.label_text import encode_label
-from dataset_builder.shards.manifest import ShardIndex, from_json
+from dataset_builder.shards.manifest import from_json
 from dataset_builder.shards.reader import open_dataset
+from dataset_builder.shards.shard_index import ShardIndex
 from dataset_builder.shards.structure import tar_problems
 from dataset_builder.shards.verify import verify
 from tests.shards.replaced import replace_members

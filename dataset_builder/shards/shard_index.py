@@ -1,0 +1,72 @@
+"""The index of a shard: where every file of every example is. Like the manifest, it contains no time of a build."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from dataset_builder.digest import digest
+from dataset_builder.spec.model import Model
+
+Count = Annotated[int, Field(ge=0, lt=2**53)]
+Key = Annotated[str, Field(pattern="^[0-9]{8}$")]
+TAG_DIGITS = 8
+
+
+class MemberRecord(Model):
+    """One file of a shard: name, where its bytes are, and digests of bytes and of decoded pixels (empty for JSON)."""
+
+    name: str
+    offset: Count
+    size: int = Field(ge=0, lt=2**31)
+    sha256: str
+    pixel_digest: str
+
+
+class ExampleRecord(Model):
+    """One example of a shard. digest: of the plan and versions that it was made from; members lie in file order."""
+
+    key: Key
+    view: str
+    digest: str
+    members: tuple[MemberRecord, ...]
+
+
+class ShardRecord(Model):
+    """One shard: `name` is its file below `shards/`."""
+
+    name: str = Field(pattern=r"^[a-z0-9][a-z0-9._-]*\.tar$", max_length=240)
+    split: str
+    bytes: Count
+    sha256: str
+    examples: Count
+    first_key: str
+    last_key: str
+
+    @property
+    def stem(self) -> str:
+        """Name without `.tar`: the stem of the index, too."""
+        return self.name.removesuffix(".tar")
+
+    @property
+    def slot(self) -> str:
+        """`stem` without the tag: the shard's place in its dataset, as `shard_slot` names it."""
+        return self.stem.rpartition("-")[0]
+
+
+class ShardIndex(Model):
+    """What `index/<stem>.manifest` holds: the shard, what made it, and where every member is."""
+
+    schema_version: Literal["1"] = "1"
+    shard: ShardRecord
+    spec_digest: str
+    versions: dict[str, str]
+    examples: tuple[ExampleRecord, ...]
+
+
+def tagged(index: ShardIndex, slot: str) -> ShardIndex:
+    """The index of the shard in `slot` with its name: `<slot>-<tag>.tar`. The tag is a digest of all else that the
+    index says, so that other content has another name, and an index that was changed does not fit its own."""
+    def named(name: str) -> ShardIndex:
+        return index.model_copy(update={"shard": index.shard.model_copy(update={"name": name})})
+
+    return named(f"{slot}-{digest(named(slot).model_dump(mode='json'))[:TAG_DIGITS]}.tar")
