@@ -8,9 +8,18 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 
+def printable(text: str) -> str:
+    """Text with control characters and the like as escapes: what a file says must not steer a terminal.
+
+    >>> printable("a\\x1b[2J\\nb")
+    'a\\\\x1b[2J\\\\nb'
+    """
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Problem:
-    """One broken rule."""
+    """One broken rule; as text it is one line without control characters."""
 
     where: str
     """`file:line` or a path."""
@@ -23,7 +32,7 @@ class Problem:
     def __str__(self) -> str:
         place = ": ".join(part for part in (self.where, self.path) if part)
         text = f"{place}: {self.rule}" if place else self.rule
-        return f"{text} ({self.hint})" if self.hint else text
+        return printable(f"{text} ({self.hint})" if self.hint else text)
 
 
 class UserError(Exception):

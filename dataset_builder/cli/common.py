@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dataset_builder.engine.byte_store import CACHE_SIZE, GB
+from dataset_builder.errors import printable
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -99,10 +100,19 @@ def positive(text: str) -> int:
 
 
 def plain_console(width: int | None = None) -> "Console":
-    """The terminal. What specs and datasets call things is printed as it is: `[/]` and `:x:` mean nothing."""
+    """The terminal. What specs and datasets call things is printed as it is, `[/]` and `:x:` mean nothing; control
+    characters are printed as escapes."""
     from rich.console import Console
+    from rich.text import Text
 
-    return Console(markup=False, emoji=False, width=width)
+    class Terminal(Console):
+        """All text of lines and tables comes by here."""
+
+        def render_str(self, text: str, **how: Any) -> Text:
+            """The text, safe to print."""
+            return super().render_str("\n".join(map(printable, text.split("\n"))), **how)
+
+    return Terminal(markup=False, emoji=False, width=width)
 
 
 def wide_console() -> "Console":

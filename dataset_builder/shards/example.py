@@ -101,12 +101,18 @@ def preview(layers: Mapping[str, np.ndarray]) -> bytes:
     return stream.getvalue()
 
 
-def decode_png(data: bytes, *, where: str = "preview") -> np.ndarray:
-    """Pixels of an 8-bit RGB PNG, (H, W, 3) uint8. Raises ShardError where it does not decode to that."""
-    from PIL import Image
+def decode_png(data: bytes, *, where: str = "preview", most: int = 2 * exr.MAX_SIDE) -> np.ndarray:
+    """Pixels of an 8-bit RGB PNG, (H, W, 3) uint8, whose sides are at most `most`; what asks for more is not decoded.
+
+    Raises ShardError where it does not decode to that.
+    """
+    from PIL.PngImagePlugin import PngImageFile
 
     try:
-        with Image.open(BytesIO(data), formats=["PNG"]) as image:
+        # `Image.open` has a limit of its own, which pictures of large datasets exceed
+        with PngImageFile(BytesIO(data)) as image:
+            if max(image.size) > most:
+                raise ValueError(f"sides of {image.width} and {image.height}, more than {most}")
             pixels = np.asarray(image)
     except (OSError, SyntaxError, ValueError) as error:
         raise ShardError([Problem(where=where, path="", rule=f"expected a PNG file, got {error}")]) from error

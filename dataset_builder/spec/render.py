@@ -35,8 +35,11 @@ def _one_or_many(value: Any) -> str:
     return "|many" if isinstance(value, list | tuple) else "|one"
 
 
+MOST_SPP = 2**24
+"""Beyond it, single precision no longer counts samples."""
+SampleCount = Annotated[int, Field(ge=1, le=MOST_SPP)]
 Spp = Annotated[
-    Annotated[PositiveInt, Tag("|one")] | Annotated[tuple[PositiveInt, ...], Field(min_length=1), Tag("|many")],
+    Annotated[SampleCount, Tag("|one")] | Annotated[tuple[SampleCount, ...], Field(min_length=1), Tag("|many")],
     branches(_one_or_many, "expected a whole number or a list of them"),
 ]
 """Samples per pixel, or several parts of them that are taken one after the other."""
@@ -55,6 +58,13 @@ class SppSpec(Model):
     rough: Spp = 64
     """`s_prime`."""
 
+    @model_validator(mode="after")
+    def _not_too_many(self) -> "SppSpec":
+        for name in type(self).model_fields:
+            if (total := self.total(name)) > MOST_SPP:
+                raise broken(f"expected at most {MOST_SPP} samples in all, got {total}", path=(name,))
+        return self
+
     def parts(self, render_pass: str) -> tuple[int, ...]:
         """The parts that the samples of a pass are taken in, one or more."""
         spp = getattr(self, render_pass)
@@ -72,7 +82,7 @@ class GoalSpec(Model):
     """Relative standard error that 95% of the layer's pixels must stay below, see `docs/accuracy.md`."""
     seconds: Annotated[float, Field(gt=0)] | None = None
     """Time after which no new round starts; the result then depends on the machine."""
-    cap: PositiveInt = 4096
+    cap: SampleCount = 4096
     """Maximum number of samples per pixel, at least the spp of the layer's pass. A round takes at least four samples
     per batch, so fewer than that may be left unused."""
 
@@ -124,8 +134,8 @@ def _every_pass(value: Any) -> Any:
     """One whole number, or one list of them, stands for the same spp in every pass."""
     if isinstance(value, bool) or not isinstance(value, int | list | tuple):
         return value
-    if isinstance(value, int) and value < 1:
-        raise ValueError(f"expected >= 1, got {value}")
+    if isinstance(value, int) and not 1 <= value <= MOST_SPP:
+        raise ValueError(f"expected {'>= 1' if value < 1 else f'<= {MOST_SPP}'}, got {value}")
     return dict.fromkeys(SppSpec.model_fields, value)
 
 

@@ -81,8 +81,8 @@ def test_values_beyond_half_are_refused_never_clipped() -> None:
 def test_a_file_cut_anywhere_is_refused() -> None:
     data = encode(picture())
     for size in range(0, len(data), 7):
-        with pytest.raises(ShardError, match="cut short"):
-            exr.decode(data[:size], where="cut short")
+        with pytest.raises(ShardError, match=r"^data: expected (an EXR file, got \d+ bytes|one part, got 0)"):
+            exr.decode(data[:size], where="data")
 
 
 def test_files_of_others_are_refused() -> None:
