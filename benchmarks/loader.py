@@ -54,9 +54,9 @@ def files(dataset: LightingDataset) -> list[list[bytes]]:
         index = from_json(ShardIndex, path.read_bytes(), where=path.name)
         for example in index.examples:
             if example.key in wanted:
-                names = {f"{example.key}.{layer}.exr" for layer in LAYERS}
+                suffixes = {f"{layer}.exr" for layer in LAYERS}
                 tar = shard_path(dataset.folder, index.shard.stem)
-                found.append([read_member(tar, member) for member in example.members if member.name in names])
+                found.append([read_member(tar, member) for member in example.members if member.suffix in suffixes])
     return found
 
 

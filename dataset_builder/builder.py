@@ -18,7 +18,7 @@ from dataset_builder.engine.unit import BuildJob, Outcome, run_unit
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.files import require_space
 from dataset_builder.label.example_label import Denoised
-from dataset_builder.planning.catalogue import ExampleRef, units
+from dataset_builder.planning.catalogue import ExampleRef, shard_size, units
 from dataset_builder.planning.cost import expected_bytes
 from dataset_builder.planning.plan import Planner, layers_asked
 from dataset_builder.planning.precheck import probe
@@ -35,8 +35,6 @@ from dataset_builder.shards.writer import publish_shard
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.resolve import LoadedSpec
 
-MIN_SHARDS = 4
-"""Shards that a split is cut into at least, one example each at the least, so that as many readers have work."""
 MAX_REASONS = 5
 """Reasons that are told where every example of a split was rejected."""
 
@@ -92,15 +90,11 @@ def split_digests(examples: Sequence[ExampleRef], loaded: LoadedSpec) -> dict[st
 
 
 def shard_tasks(examples: Sequence[ExampleRef], spec: DatasetSpec, digests: Mapping[str, str]) -> list[ShardTask]:
-    """Fixed numbers of neighbouring examples per shard and split; example i of a split lies in shard i // size.
-
-    The size is that of the spec, less where a split would have fewer than `MIN_SHARDS`. digests: of the splits.
-    """
+    """Fixed numbers of neighbouring examples per shard and split, see `shard_size`; digests: of the splits."""
     by_split: dict[str, list[ExampleRef]] = defaultdict(list)
     for ref in examples:
         by_split[ref.view.pair.split].append(ref)
-    sizes = {split: max(min(spec.storage.examples_per_shard, len(refs) // MIN_SHARDS), 1)
-             for split, refs in by_split.items()}
+    sizes = {split: shard_size(spec, len(refs)) for split, refs in by_split.items()}
     return [ShardTask(slot=shard_slot(spec, split, first // sizes[split]), split=split, keep=None,
                       spec_digest=digests[split], examples=tuple(refs[first:first + sizes[split]]))
             for split, refs in by_split.items() for first in range(0, len(refs), sizes[split])]
@@ -185,7 +179,7 @@ def _chosen(examples: Sequence[ExampleRef], only: Sequence[int]) -> frozenset[Ex
 def _require_space(folder: Path, spec: DatasetSpec, count: int) -> None:
     """Raise OutputError where the disk will not hold `count` more examples, and the copies of one shard's meanwhile."""
     copies = min(spec.storage.examples_per_shard, count)
-    require_space(folder, max(expected_bytes(spec, count + copies) - Staging(folder).size(), 0))
+    require_space(folder, max(expected_bytes(spec, count, staged=copies) - Staging(folder).size(), 0))
 
 
 def _outcomes(wanted: Sequence[ExampleRef], job: BuildJob, workers: int,
@@ -214,7 +208,7 @@ def _publish(task: ShardTask, folder: Path, loaded: LoadedSpec, made_by: dict[st
     if not examples:
         return
     index = publish_shard(folder, slot=task.slot, split=task.split, examples=examples, spec_digest=task.spec_digest,
-                          versions=made_by)
+                          versions=made_by, share=loaded.dataset.storage.shared == "once")
     for key, _ in examples:
         Staging(folder).drop(key)
     progress.shards[task.slot] = index

@@ -12,6 +12,7 @@ from dataset_builder.planning.cost import expected_bytes
 from dataset_builder.shards.manifest import Rejected, shard_slot
 from dataset_builder.shards.publish import whole_shards
 from dataset_builder.shards.writer import writer_versions
+from dataset_builder.spec.dataset import RoughSpec, StorageSpec
 from tests.shards.tiny_dataset import SHARDS, VERSIONS, build, index_path, make_spec, shard_path
 
 MADE_BY = {**writer_versions(), **VERSIONS}
@@ -97,3 +98,11 @@ def test_room_for_examples_grows_with_what_is_stored() -> None:
     raw = pixels * 4 * (6 + 10 * 0.34)
     assert record < expected_bytes(spec, 1) - 0.85 * raw < record + 0.1 * raw
     assert expected_bytes(spec, 1) > expected_bytes(make_spec("float16"), 1) > record
+    storage = StorageSpec(examples_per_shard=2)
+    levels = spec.model_copy(update={"rough": RoughSpec(sigma=(0.0, 0.1)), "storage": storage})
+    splits = tuple(split.model_copy(update={"views": 4}) for split in spec.splits)
+    each = levels.model_copy(update={"splits": splits})
+    once = each.model_copy(update={"storage": StorageSpec(examples_per_shard=2, shared="once")})
+    assert expected_bytes(once, 0, staged=5) == expected_bytes(each, 0, staged=5) == expected_bytes(each, 5)
+    saved = expected_bytes(each, 1) - expected_bytes(once, 1)
+    assert 0.4 * raw < saved < 0.5 * raw

@@ -10,6 +10,8 @@ from dataset_builder.seeding import rng
 from dataset_builder.spec.dataset import DatasetSpec, SplitSpec
 
 KEY_DIGITS = 8
+MIN_SHARDS = 4
+"""Shards that a split is cut into at least, one example each at the least, so that as many readers have work."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -105,9 +107,18 @@ def examples(spec: DatasetSpec) -> tuple[ExampleRef, ...]:
     return tuple(_examples(spec))
 
 
-def count_examples(spec: DatasetSpec) -> int:
-    """How many examples the dataset has, by arithmetic."""
-    return sum(len(pairs_of(split)) * split.views * split.lights for split in spec.splits) * len(spec.rough.levels)
+def count_examples(spec: DatasetSpec, only: SplitSpec | None = None) -> int:
+    """How many examples the dataset has, or one split of it, by arithmetic."""
+    return sum(len(pairs_of(split)) * split.views * split.lights
+               for split in ([only] if only else spec.splits)) * len(spec.rough.levels)
+
+
+def shard_size(spec: DatasetSpec, examples: int) -> int:
+    """Examples per shard of a split of so many: what the spec says, less where it would have fewer than `MIN_SHARDS`.
+
+    Example i of a split lies in shard i // size.
+    """
+    return max(min(spec.storage.examples_per_shard, examples // MIN_SHARDS), 1)
 
 
 @dataclass(frozen=True, kw_only=True)

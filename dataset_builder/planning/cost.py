@@ -2,25 +2,30 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import astuple, dataclass, fields
-from math import inf, sqrt
+from math import sqrt
 
 import numpy as np
 
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.geometry.pinhole import Pinhole
-from dataset_builder.label.example_plan import ExamplePlan, GoalPlan, RenderPlan
-from dataset_builder.layers import LAYERS, PASSES, Extent
-from dataset_builder.planning.catalogue import ExampleRef, ViewRef, count_examples, views_of
+from dataset_builder.label.example_plan import ExamplePlan
+from dataset_builder.layers import LAYERS, Extent
+from dataset_builder.planning.catalogue import ExampleRef, ViewRef, count_examples, shard_size, views_of
 from dataset_builder.planning.effects.decisions import FACTOR, REPEATS
+from dataset_builder.planning.pass_work import (
+    INSTANCE,
+    RUNS,
+    expected_spp,
+    files_per_example,
+    pass_runs,
+    pass_share,
+)
 from dataset_builder.planning.plan import Planner, first_plan, layers_asked
 from dataset_builder.planning.view.cameras import narrow_views
 from dataset_builder.planning.view.visibility import window_share
 from dataset_builder.seeding import rng
-from dataset_builder.spec.dataset import DatasetSpec
+from dataset_builder.spec.dataset import DatasetSpec, SplitSpec
 
-INSTANCE = "instance"
-"""The instance layer has a pass of its own: one ray through the centre of every pixel."""
-RUNS = (*PASSES, INSTANCE)
 CHANNEL_BYTES = {"float32": 4, "float16": 2}
 
 
@@ -86,69 +91,40 @@ class CostEstimate:
     """What a dataset is better without, one sentence each."""
 
 
-def _pass_of(layer: str) -> str:
-    return INSTANCE if layer == INSTANCE else LAYERS[layer].render_pass
-
-
-def pass_runs(layers: Iterable[tuple[str, Extent]], lights: int, levels: int) -> dict[str, int]:
-    """How often each pass runs for one view: what nobody asked for never, what examples share once.
-
-    The object's pixels come from the light-free passes, so that the first always runs, and the rough one with any rough
-    layer. The rough one shares the scene of each light and level, and runs in each.
-    """
-    times = {"source": 1, "target": lights, "rough": lights * levels, "first_hit": 1,
-             "first_hit_rough": lights * levels, INSTANCE: 1}
-    asked = {_pass_of(name) for name, _ in layers} | {"first_hit"}
-    if "rough" in asked:
-        asked.add("first_hit_rough")
-    return {name: times[name] if name in asked else 0 for name in RUNS}
-
-
-def pass_share(name: str, plan: ExamplePlan, window: float) -> float:
-    """Share of the frame that a pass traces: all of it where it was planned on the frame, else the object's pixels.
-
-    Light-free passes look for these pixels in the rectangle about the object, which takes the share `window`.
-    """
-    if name == INSTANCE or plan.effects.of(name).extent == "frame":
-        return 1.0
-    return window if name.startswith("first_hit") else plan.camera.coverage
-
-
-def expected_spp(render: RenderPlan, name: str, noise: float, pace: float) -> float:
-    """Samples per pixel of a pass: fixed, or what its layers' goals are likely to take. pace: those of a second."""
-    first = {"source": render.spp_source, "target": render.spp_target, "rough": render.spp_rough, INSTANCE: 1}.get(
-        name, render.spp_first_hit)
-    return max([first, *(_goal_spp(goal, noise, pace) for goal in render.goals if _pass_of(goal.layer) == name)])
-
-
-def _goal_spp(goal: GoalPlan, noise: float, pace: float) -> float:
-    """Sampling ends with the error, the time or the cap, whichever comes first."""
-    by_error = (noise / goal.error) ** 2 if goal.error else inf
-    return min(by_error, goal.seconds * pace if goal.seconds else inf, goal.cap)
-
-
-def stored_bytes(layers: Iterable[tuple[str, Extent]], frame: int, coverage: float, dtype: str, rates: Rates) -> float:
+def stored_bytes(layers: Iterable[tuple[str, Extent]], frame: int, coverage: float, dtype: str, rates: Rates,
+                 files: Mapping[str, float]) -> float:
     """Stored bytes of one example: values where a layer has them, next to nothing elsewhere, and its record. frame:
-    pixels of an image; coverage: share of them that the object covers."""
+    pixels of an image; coverage: share of them that the object covers; files: of each layer, per example."""
     total = rates.example_bytes
     for name, extent in layers:
         full = 1.0 if extent == "frame" else coverage
         share = full * rates.kept_share + (1 - full) * rates.empty_share
-        total += frame * LAYERS[name].channels * CHANNEL_BYTES[dtype] * share
+        total += frame * LAYERS[name].channels * CHANNEL_BYTES[dtype] * share * files[name]
     return total
 
 
-def expected_bytes(spec: DatasetSpec, count: int) -> int:
-    """Stored bytes of `count` examples before any is planned, the object in the middle of the coverage asked for."""
-    frame, coverage = spec.image.width * spec.image.height, sum(spec.camera.coverage) / 2
-    return round(count * stored_bytes(layers_asked(spec), frame, coverage, spec.storage.dtype, Rates()))
+def expected_bytes(spec: DatasetSpec, count: int, staged: int = 0) -> int:
+    """Stored bytes of `count` examples in shards and of `staged`, which share no files, before any is planned, the
+    object in the middle of the coverage asked for."""
+    frame, coverage, layers = spec.image.width * spec.image.height, sum(spec.camera.coverage) / 2, layers_asked(spec)
+    most = {name: max(_files(spec, split)[name] for split in spec.splits) for name, _ in layers}
+    return round(sum(number * stored_bytes(layers, frame, coverage, spec.storage.dtype, Rates(), files)
+                     for number, files in ((count, most), (staged, dict.fromkeys(most, 1.0)))))
+
+
+def _files(spec: DatasetSpec, split: SplitSpec) -> dict[str, float]:
+    """Files of each layer per example of a split."""
+    per_shard = shard_size(spec, count_examples(spec, split)) if spec.storage.shared == "once" else 1
+    return {name: files_per_example(name, split.lights, len(spec.rough.levels), per_shard)
+            for name, _ in layers_asked(spec)}
 
 
 def view_cost(plan: ExamplePlan, lights: int, levels: int, window: float, dtype: str, rates: Rates,
-              cores: int = 1) -> Cost:
+              cores: int = 1, files: Mapping[str, float] | None = None) -> Cost:
     """Cost of the `lights` x `levels` examples of the view that `plan` belongs to.
 
-    window: share of the frame in the rectangle about the object. Views are independent, so they share the cores evenly.
+    window: share of the frame in the rectangle about the object; files: of each layer, per example, one unless given.
+    Views are independent, so they share the cores evenly.
     """
     frame, examples = plan.render.width * plan.render.height, lights * levels
     seconds, pixels, paths = rates.seconds_per_view + rates.seconds_per_example * examples, 0.0, 0.0
@@ -162,7 +138,8 @@ def view_cost(plan: ExamplePlan, lights: int, levels: int, window: float, dtype:
         paths += traced * spp
         seconds += traced * spp / rate
     passes = sum(runs.values())
-    stored = stored_bytes(plan.render.layers, frame, plan.camera.coverage, dtype, rates)
+    stored = stored_bytes(plan.render.layers, frame, plan.camera.coverage, dtype, rates,
+                          files or {name: 1.0 for name, _ in plan.render.layers})
     return Cost(passes=passes, pixels=pixels, paths=paths, bytes=examples * stored,
                 seconds=(seconds + passes * rates.seconds_per_pass) / cores)
 
@@ -206,7 +183,7 @@ def _chosen(spec: DatasetSpec, views: Sequence[ViewRef], share: float) -> list[V
     return [views[k] for k in sorted(picked)]
 
 
-def _split_cost(planner: Planner, views: Sequence[ViewRef], lights: int, rates: Rates,
+def _split_cost(planner: Planner, views: Sequence[ViewRef], split: SplitSpec, rates: Rates,
                 cores: int) -> list[tuple[ExamplePlan, Cost]]:
     """Plan and cost of each of some views of one split under their first light, where they can be planned."""
     spec = planner.loaded.dataset
@@ -219,8 +196,8 @@ def _split_cost(planner: Planner, views: Sequence[ViewRef], lights: int, rates: 
             continue
         window = window_share(planner.arrangement(ref.pair),
                               Pinhole.of(plan.camera, spec.image.width, spec.image.height))
-        levels, dtype = len(spec.rough.levels), spec.storage.dtype
-        costs.append((plan, view_cost(plan, lights, levels, window, dtype, rates, cores)))
+        costs.append((plan, view_cost(plan, split.lights, len(spec.rough.levels), window, spec.storage.dtype, rates,
+                                      cores, _files(spec, split))))
     if not costs:
         raise PlanError(problems)
     return costs
@@ -239,7 +216,7 @@ def estimate(planner: Planner, views: int = 24, rates: Rates | None = None, core
     count = sum(map(len, all_views))
     for split, own in zip(spec.splits, all_views, strict=True):
         chosen = _chosen(spec, own, views / count)
-        costs = _split_cost(planner, chosen, split.lights, rates or Rates(), cores)
+        costs = _split_cost(planner, chosen, split, rates or Rates(), cores)
         whole, error = extrapolate([cost for _, cost in costs], len(own))
         total, variance = total + astuple(whole), variance + np.square(astuple(error))
         tried, planned = tried + len(chosen), planned + [plan for plan, _ in costs]

@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterable, Sequence
 
 from dataset_builder.shards.card_text import noise, pitfalls, plain, recipes
-from dataset_builder.shards.manifest import Manifest
+from dataset_builder.shards.manifest import STORED_ONCE, Manifest
 
 NUMBERED = "NNNNNN-TTTTTTTT.tar"
 """How the name of a shard ends, with its number and its tag; the first of a split need not have number 0."""
@@ -55,7 +55,7 @@ def _composition(manifest: Manifest) -> str:
 {_rows((split.name, split.examples, len(split.shards)) for split in manifest.splits)}
 Each example is a set of files with one key of eight digits: an EXR per layer, `.json` (its whole plan, what happened
 while it was rendered, minimum, maximum and mean of every layer) and `.preview.png` (tone-mapped, for viewing only).
-
+{STORED_ONCE if manifest.shared == "once" else ""}
 | member | symbol | pixels | channels | type | range | unit | meaning |
 |---|---|---|---|---|---|---|---|
 {_rows((f"`.{layer.name}.exr`", layer.symbol, layer.extent, layer.channels, layer.dtype, layer.range, layer.unit,

@@ -12,7 +12,7 @@ from urllib.parse import quote
 
 from dataset_builder.label.example_label import ExampleLabel, LayerStatistics
 from dataset_builder.label.scene_plan import ObjectSource, Vector
-from dataset_builder.shards.manifest import LayerRecord, Manifest
+from dataset_builder.shards.manifest import STORED_ONCE, LayerRecord, Manifest
 from dataset_builder.spec.model import Model
 
 CONFORMS_TO = "http://mlcommons.org/croissant/1.1"
@@ -39,7 +39,7 @@ def croissant(manifest: Manifest) -> str:
     """Text of croissant.json. `datePublished` is the manifest's own, never the day of the build."""
     document = {
         "@context": _CONTEXT, "@type": "sc:Dataset", "dct:conformsTo": CONFORMS_TO, "conformsTo": CONFORMS_TO,
-        "name": manifest.name, "description": manifest.description or manifest.title, "version": manifest.version,
+        "name": manifest.name, "description": _description(manifest), "version": manifest.version,
         "license": _licence(manifest.licence), "url": manifest.url, "isBasedOn": [*map(_part, manifest.parts)],
         "creator": {"@type": "sc:Organization", "name": manifest.creator}, "datePublished": manifest.date_published,
         "citeAs": f"{manifest.title}, version {manifest.version}, {manifest.creator}",
@@ -52,6 +52,11 @@ def croissant(manifest: Manifest) -> str:
         "recordSet": [_splits(manifest), _labels(manifest), *map(_records, manifest.layers)],
     }
     return json.dumps(document, indent=1, ensure_ascii=False) + "\n"
+
+
+def _description(manifest: Manifest) -> str:
+    text = manifest.description or manifest.title
+    return f"{text} {STORED_ONCE}" if manifest.shared == "once" else text
 
 
 def _shard(shard: Any) -> dict[str, Any]:

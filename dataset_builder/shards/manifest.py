@@ -19,6 +19,9 @@ from dataset_builder.spec.model import Model
 from dataset_builder.spec.problems import LONGEST_VALUE
 
 MOST_PROBLEMS = 100
+STORED_ONCE = ("Files with equal pixels of examples of one view are stored once per shard, under the key of the first "
+               "example that has them. The index of the shard says for each example where its files are; readers that "
+               "see only the tar find what an example does not share.")
 M = TypeVar("M", bound=Model)
 LAYOUT_DATE = "2026-11-23"
 """Day this layout was fixed: the `datePublished` of a dataset that gives none, since two builds must be equal bytes."""
@@ -99,6 +102,7 @@ class Manifest(Model):
     height: int = Field(ge=1, le=exr.MAX_SIDE)
     layers: tuple[LayerRecord, ...] = Field(min_length=1)
     denoised: tuple[Denoised, ...] = ()
+    shared: Literal["each", "once"] = "each"
     identities: tuple[IdentityRecord, ...]
     splits: tuple[SplitRecord, ...] = Field(min_length=1)
     shards: tuple[ShardRecord, ...]
@@ -132,7 +136,7 @@ def make_manifest(spec: DatasetSpec, *, layers: Mapping[str, Extent], shards: Se
         date_published=date_published, generator=generator, spec_digest=spec_digest,
         width=spec.image.width, height=spec.image.height,
         layers=tuple(layer_record(name, layers[name], spec.storage.dtype) for name in LAYERS if name in layers),
-        denoised=tuple(denoised),
+        denoised=tuple(denoised), shared=spec.storage.shared,
         identities=tuple(IdentityRecord(name=name, rule=rule, tolerance=tolerance)
                          for name, rule, tolerance in identity_table(spec.storage.dtype)),
         splits=tuple(SplitRecord(name=split.name, examples=0, shards=()) for split in spec.splits), shards=(),

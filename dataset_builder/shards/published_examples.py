@@ -6,11 +6,12 @@ from pathlib import Path
 
 from dataset_builder.digest import sha256_bytes
 from dataset_builder.errors import ShardError
+from dataset_builder.shards import exr
 from dataset_builder.shards.example import Member
 from dataset_builder.shards.folder import MANIFEST
 from dataset_builder.shards.manifest import Manifest, from_json
 from dataset_builder.shards.segment import segment
-from dataset_builder.shards.shard_index import ExampleRecord, ShardIndex
+from dataset_builder.shards.shard_index import ExampleRecord, MemberRecord, ShardIndex
 from dataset_builder.shards.staging import Staged
 from dataset_builder.shards.structure import read_members
 from dataset_builder.shards.writer import entry, index_path, shard_path
@@ -45,11 +46,19 @@ class PublishedExamples:
         stem, example = self._places[digest]
         try:
             payloads = read_members(shard_path(self.folder, stem), example.members)
+            files = list(zip(example.members, payloads, strict=True))
+            if any(sha256_bytes(data) != record.sha256 for record, data in files):
+                return None
+            members = [Member(name=f"{example.key}.{record.suffix}", data=_own(record, data, example.key),
+                              pixel_digest=record.pixel_digest) for record, data in files]
         except (ShardError, OSError):
             return None
-        members = [Member(name=record.name, data=data, pixel_digest=record.pixel_digest)
-                   for record, data in zip(example.members, payloads, strict=True)]
-        if any(sha256_bytes(member.data) != record.sha256
-               for member, record in zip(members, example.members, strict=True)):
-            return None
         return Staged(segment=segment(members), entry=entry(key=example.key, view=example.view, members=members))
+
+
+def _own(record: MemberRecord, data: bytes, key: str) -> bytes:
+    """The file as example `key` has it alone: a layer that it shares is encoded again, with its key in the header."""
+    if record.key == key or not record.suffix.endswith(".exr"):
+        return data
+    image = exr.read(data, where=record.name)
+    return exr.encode(image.pixels, layer=image.layer, key=key, dtype=image.dtype)

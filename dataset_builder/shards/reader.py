@@ -96,7 +96,7 @@ class Dataset:
         place, most = self._places[key], exr.most_side(self.manifest.width, self.manifest.height)
         for name, span, data in zip(self.layers, place.layers, self._read(place, place.layers), strict=True):
             image = exr.read(data, where=span.name, most=most)
-            self._require_sound(image, name, key, place, span)
+            self._require_sound(image, name, place, span)
             yield name, image
 
     def label(self, key: str) -> ExampleLabel:
@@ -142,7 +142,9 @@ class Dataset:
             if (got := sha256_file(self.folder / name)) != listed.get(name):
                 raise _wrong(self.folder / name, f"expected SHA-256 {listed.get(name)} ({SUMS}), got {got}")
 
-    def _require_sound(self, image: exr.ExrImage, layer: str, key: str, place: _Place, span: _Span) -> None:
+    def _require_sound(self, image: exr.ExrImage, layer: str, place: _Place, span: _Span) -> None:
+        # The key of another example where the index says that this one shares its file
+        key = span.name.partition(".")[0]
         if (image.layer, image.key) != (layer, key):
             rule = f"expected layer {layer} of example {key}, its header says {image.layer!r:.60} of {image.key!r:.60}"
             raise self._spoilt(place, span, rule)
@@ -158,11 +160,11 @@ class Dataset:
         return ShardError([Problem(where=self._shard(place).name, path=span.name, rule=rule, hint=AGAIN)])
 
     def _place(self, number: int, example: ExampleRecord) -> _Place:
-        members = {member.name: member for member in example.members}
-        names = [f"{example.key}.{suffix}" for suffix in (*(f"{name}.exr" for name in self.layers), LABEL)]
-        if missing := [name for name in names if name not in members]:
-            raise _wrong(self.manifest.shards[number].name, f"expected a member {missing[0]}")
-        *layers, label = (_span(members[name]) for name in names)
+        members = {member.suffix: member for member in example.members}
+        suffixes = [*(f"{name}.exr" for name in self.layers), LABEL]
+        if missing := [suffix for suffix in suffixes if suffix not in members]:
+            raise _wrong(self.manifest.shards[number].name, f"expected a member {example.key}.{missing[0]}")
+        *layers, label = (_span(members[suffix]) for suffix in suffixes)
         return _Place(shard=number, layers=tuple(layers), label=label)
 
     def _index(self, shard: ShardRecord) -> ShardIndex:

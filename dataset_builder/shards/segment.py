@@ -50,15 +50,6 @@ def segment(members: Iterable[Member]) -> bytes:
                     for part in (header(member.name, len(member.data)), member.data, padding(len(member.data))))
 
 
-def payload_offsets(sizes: Iterable[int], start: int = 0) -> list[int]:
-    """Offset of each payload in a segment that begins at `start` and whose members have these sizes."""
-    offsets = []
-    for size in sizes:
-        offsets.append(start + BLOCK)
-        start += BLOCK + size + len(padding(size))
-    return offsets
-
-
 def segment_size(sizes: Iterable[int]) -> int:
     """Bytes of a segment whose members have these sizes."""
     return sum(BLOCK + size + len(padding(size)) for size in sizes)

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from dataset_builder.digest import digest
 from dataset_builder.spec.model import Model
@@ -21,14 +21,30 @@ class MemberRecord(Model):
     sha256: str
     pixel_digest: str
 
+    @property
+    def key(self) -> str:
+        """Key of the example that the file was written for: all up to the first dot."""
+        return self.name.partition(".")[0]
+
+    @property
+    def suffix(self) -> str:
+        """What the file is of its example, such as `i_s.exr`."""
+        return self.name.partition(".")[2]
+
 
 class ExampleRecord(Model):
-    """One example of a shard. digest: of the plan and versions that it was made from; members lie in file order."""
+    """One example of a shard. digest: of the plan and versions that it was made from; members: by suffix, its own in
+    file order. Others lie with an earlier example of the view, which has the same pixels."""
 
     key: Key
     view: str
     digest: str
     members: tuple[MemberRecord, ...]
+
+    @property
+    def own(self) -> tuple[MemberRecord, ...]:
+        """Members that lie in the shard under the example's own key."""
+        return tuple(member for member in self.members if member.key == self.key)
 
 
 class ShardRecord(Model):
@@ -61,6 +77,18 @@ class ShardIndex(Model):
     spec_digest: str
     versions: dict[str, str]
     examples: tuple[ExampleRecord, ...]
+
+    @model_validator(mode="after")
+    def _shares_within_views(self) -> "ShardIndex":
+        """A member of another key is one that an earlier example of the same view owns, exactly as listed there."""
+        owned = dict[str, tuple[str, MemberRecord]]()
+        for example in self.examples:
+            for member in example.members:
+                if member.key != example.key and owned.get(member.name) != (example.view, member):
+                    raise ValueError(f"expected members of {example.key}, or of an earlier example of its view as they "
+                                     f"are listed there, got {member.name!r:.60}")
+            owned |= {member.name: (example.view, member) for member in example.own}
+        return self
 
 
 def tagged(index: ShardIndex, slot: str) -> ShardIndex:

@@ -39,8 +39,8 @@ def misplaced(index: ShardIndex) -> set[str]:
 
 
 def members_of(index: ShardIndex) -> list[MemberRecord]:
-    """Every member of a shard, in file order."""
-    return [member for example in index.examples for member in example.members]
+    """Every member of a shard, in file order, each once."""
+    return [member for example in index.examples for member in example.own]
 
 
 def starts(index: ShardIndex) -> list[int]:

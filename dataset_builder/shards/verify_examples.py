@@ -65,13 +65,18 @@ class ExampleChecks:
     def _names(self, tar: Path, example: ExampleRecord) -> Iterator[Problem]:
         suffixes = sorted([*(f"{name}.exr" for name in self._layers), LABEL, PREVIEW])
         names = [member.name for member in example.members]
-        if names != [f"{example.key}.{suffix}" for suffix in suffixes]:
+        if [member.suffix for member in example.members] != suffixes:
             rule = f"expected members {', '.join(suffixes)}, got {str(names)[:MOST_SHOWN]}"
+            yield Problem(where=tar.name, path=example.key, rule=rule)
+        needed = suffixes if self._manifest.shared == "each" else [LABEL]
+        if shared := [member.name for member in example.members
+                      if member.key != example.key and member.suffix in needed]:
+            rule = f"expected them in the shard under its own key, got {str(shared)[:MOST_SHOWN]}"
             yield Problem(where=tar.name, path=example.key, rule=rule)
 
     def _view(self, tar: Path, example: ExampleRecord) -> Iterator[Problem]:
         digests = {name: member.pixel_digest for name in self._layers
-                   for member in example.members if member.name == f"{example.key}.{name}.exr"}
+                   for member in example.members if member.suffix == f"{name}.exr"}
         first, shared = self._views.setdefault(example.view, (example.key, digests))
         for violation in shared_in_view(shared, digests):
             yield _violated(tar, f"{example.key} and {first}", violation)
@@ -79,27 +84,29 @@ class ExampleChecks:
     def _content(self, tar: Path, example: ExampleRecord, split: str, skipped: Set[str]) -> Iterator[Problem]:
         layers: dict[str, np.ndarray] = {}
         label = None
+        # A preview has two pictures side by side
+        most = 2 * self._most_side
         for member in (member for member in example.members if member.name not in skipped):
-            suffix = member.name.partition(".")[2]
+            suffix = member.suffix
             try:
                 if (data := _undamaged(tar, member)) is None:
                     continue
                 if suffix == LABEL:
                     label = yield from self._label(tar, example, split, data)
                 elif suffix == PREVIEW:
-                    yield from _digest(tar, member, decode_png(data, where=member.name))
+                    yield from _digest(tar, member, decode_png(data, where=member.name, most=most))
                 elif (layer := self._layers.get(suffix.removesuffix(".exr"))) is not None:
                     image = exr.read(data, where=member.name, most=self._most_side)
                     layers[layer.name] = pixels = image.pixels
-                    yield from self._image(tar, member, image, pixels, layer, example.key)
+                    yield from self._image(tar, member, image, pixels, layer)
             except ShardError as error:
                 yield from error.problems
         yield from self._together(tar, example.key, layers, label)
 
-    def _image(self, tar: Path, member: MemberRecord, image: exr.ExrImage, pixels: np.ndarray, layer: LayerRecord,
-               key: str) -> Iterator[Problem]:
+    def _image(self, tar: Path, member: MemberRecord, image: exr.ExrImage, pixels: np.ndarray,
+               layer: LayerRecord) -> Iterator[Problem]:
         got = (image.layer, image.key, image.dtype, pixels.shape)
-        want = (layer.name, key, layer.dtype, (self._manifest.height, self._manifest.width, layer.channels))
+        want = (layer.name, member.key, layer.dtype, (self._manifest.height, self._manifest.width, layer.channels))
         if got != want:
             yield Problem(where=tar.name, path=member.name, rule=f"expected layer, key, type, shape {want}, got {got}")
         yield from _digest(tar, member, pixels)

@@ -15,7 +15,7 @@ from dataset_builder.shards import exr
 from dataset_builder.shards.example import Member
 from dataset_builder.shards.folder import INDEX, SHARDS, next_of
 from dataset_builder.shards.manifest import to_json
-from dataset_builder.shards.segment import end_blocks, payload_offsets, segment_size
+from dataset_builder.shards.segment import BLOCK, end_blocks, segment_size
 from dataset_builder.shards.shard_index import ExampleRecord, MemberRecord, ShardIndex, ShardRecord, tagged
 from dataset_builder.shards.staging import Staging
 from dataset_builder.shards.structure import tar_problems
@@ -43,9 +43,10 @@ def entry(*, key: str, view: str, members: Sequence[Member]) -> dict[str, Any]:
 
 
 def publish_shard(folder: Path, *, slot: str, split: str, examples: Sequence[tuple[str, str]], spec_digest: str,
-                  versions: Mapping[str, str]) -> ShardIndex:
+                  versions: Mapping[str, str], share: bool = False) -> ShardIndex:
     """Make the shard in `slot` of staged `examples` ((key, digest) pairs, written in key order) and its index.
 
+    share: whether a member is left out whose pixels an earlier example of its view has; the index points there.
     Both wait below `.build/next` for `publish.publish_dataset`; whatever waited for the same slot is dropped. Raises
     OutputError where the disk refuses, and ShardError where an example is not staged, two share a key, or the file does
     not read back as written.
@@ -55,7 +56,7 @@ def publish_shard(folder: Path, *, slot: str, split: str, examples: Sequence[tup
     if not chosen or len({key for key, _ in chosen}) < len(chosen):
         raise _wrong(path, f"expected one or more examples with different keys, got {[key for key, _ in chosen]}")
     records: list[ExampleRecord] = []
-    size, sha256 = write_partial(path, _chunks(Staging(folder), chosen, records))
+    size, sha256 = write_partial(path, _chunks(Staging(folder), chosen, records, share))
     index = tagged(ShardIndex(
         shard=ShardRecord(name=path.name, split=split, bytes=size, sha256=sha256, examples=len(records),
                           first_key=chosen[0][0], last_key=chosen[-1][0]),
@@ -71,22 +72,27 @@ def publish_shard(folder: Path, *, slot: str, split: str, examples: Sequence[tup
     return index
 
 
-def _chunks(staging: Staging, examples: Sequence[tuple[str, str]], records: list[ExampleRecord]) -> Iterator[bytes]:
+def _chunks(staging: Staging, examples: Sequence[tuple[str, str]], records: list[ExampleRecord],
+            share: bool) -> Iterator[bytes]:
     """Yield the shard's bytes, one example in memory at a time, and append each example's record to `records`."""
-    end = 0
+    end, known = 0, dict[tuple[str, str, str], MemberRecord]()
     for key, digest in examples:
         staged = staging.get(key, digest)
         members = staged.entry["members"]
         sizes = [member["size"] for member in members]
         if len(staged.segment) != segment_size(sizes) or staged.entry["key"] != key:
             raise _wrong(key, f"expected a segment of {segment_size(sizes)} bytes, got {len(staged.segment)}")
-        records.append(ExampleRecord(
-            key=key, view=staged.entry["view"], digest=digest,
-            members=tuple(MemberRecord(offset=offset, **member)
-                          for offset, member in zip(payload_offsets(sizes, end), members, strict=True)),
-        ))
-        yield staged.segment
-        end += len(staged.segment)
+        start, listed = 0, list[MemberRecord]()
+        for member in members:
+            own, size = MemberRecord(offset=end + BLOCK, **member), segment_size([member["size"]])
+            record = known.setdefault((staged.entry["view"], own.suffix, own.pixel_digest), own) \
+                if share and own.pixel_digest else own
+            if record is own:
+                yield staged.segment[start:start + size]
+                end += size
+            start += size
+            listed.append(record)
+        records.append(ExampleRecord(key=key, view=staged.entry["view"], digest=digest, members=tuple(listed)))
     yield end_blocks(end)
 
 

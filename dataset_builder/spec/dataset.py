@@ -154,6 +154,9 @@ class StorageSpec(Model):
     """Maximum number of consecutive examples per tar file; fewer in a split that would have fewer than 4 files."""
     standard_errors: bool = False
     """Also store a standard-error layer for every radiometric layer."""
+    shared: Literal["each", "once"] = "each"
+    """Files with equal pixels of examples of one view. each: every example has all of its files. once: a shard has
+    them once, for readers that go by its index."""
 
 
 class GatesSpec(Model):

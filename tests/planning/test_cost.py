@@ -8,17 +8,8 @@ from dataset_builder.errors import PlanError
 from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.label.example_plan import ExamplePlan, GoalPlan
 from dataset_builder.planning.catalogue import ExampleRef
-from dataset_builder.planning.cost import (
-    Cost,
-    Rates,
-    calibration_cost,
-    estimate,
-    expected_spp,
-    extrapolate,
-    pass_runs,
-    pass_share,
-    view_cost,
-)
+from dataset_builder.planning.cost import Cost, Rates, calibration_cost, estimate, extrapolate, view_cost
+from dataset_builder.planning.pass_work import expected_spp, files_per_example, pass_runs, pass_share
 from dataset_builder.planning.plan import Planner, first_plan, plan_example
 from dataset_builder.planning.view.visibility import window_share
 from dataset_builder.spec.resolve import LoadedSpec
@@ -49,6 +40,26 @@ def test_the_cost_of_a_view_by_hand(load: Load, dataset_data: dict[str, Any]) ->
     assert cost.bytes == pytest.approx(6 * (1000 + 0.5 * 4 * 3 * (200 + 50 + 50 + 50)))
     assert view_cost(plan, 2, 3, 0.4, "float32", RATES, cores=2).seconds == pytest.approx(
         cost.seconds / 2)
+
+
+@pytest.mark.parametrize("per_shard", [1, 2, 3, 4, 6, 7, 12, 48, 100])
+@pytest.mark.parametrize(("layer", "lights", "levels"), [
+    ("d", 2, 3), ("i_s", 2, 3), ("instance", 2, 3), ("i_t", 2, 3), ("i_t", 1, 3), ("s_prime", 2, 3), ("s_se", 3, 2)])
+def test_files_per_example_as_counted(layer: str, lights: int, levels: int, per_shard: int) -> None:
+    """Over whole periods of views and shards: a file for every pair of a block of equal examples and a shard."""
+    count = lights * levels * per_shard
+    block = {"s_prime": 1, "i_t": levels, "s_se": levels}.get(layer, lights * levels)
+    files = len({(example // block, example // per_shard) for example in range(count)})
+    assert files_per_example(layer, lights, levels, per_shard) == pytest.approx(files / count)
+
+
+def test_what_a_view_shares_is_counted_once(load: Load, dataset_data: dict[str, Any]) -> None:
+    """12 training views of 2 lights and 2 levels, 12 examples a shard; 2 of 1 light and 2 levels, 1 a shard."""
+    dataset_data["layers"] = {"i_s": "frame", "i_t": "frame", "s_prime": "frame"}
+    sizes = {shared: estimate(Planner(load({**dataset_data, "storage": {"shared": shared, "examples_per_shard": 12}})),
+                              views=1000, rates=replace(RATES, example_bytes=0.0)).total.bytes
+             for shared in ("each", "once")}
+    assert sizes["once"] / sizes["each"] == pytest.approx((48 * (1 / 4 + 1 / 2 + 1) + 4 * 3) / (52 * 3))
 
 
 def test_what_nobody_asked_for_does_not_run() -> None:

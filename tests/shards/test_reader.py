@@ -93,7 +93,8 @@ def test_never_fewer_examples_without_an_error(dataset: Path, verify: Verify) ->
     index.write_text(text.replace('"view":"train/000000"', '"view":"x"', 1).replace('"examples":2', '"examples":1'))
     with pytest.raises(ShardError, match=r"expected the index of 2 examples"):
         open_dataset(dataset, verify=verify)
-    index.write_text(text.replace('"key":"00000001"', '"key":"00000000"'))
+    index.write_text(text.replace('"key":"00000001"', '"key":"00000000"').replace('"name":"00000001.',
+                                                                                  '"name":"00000000.'))
     with pytest.raises(ShardError, match="expected 4 examples, the indexes hold 3"):
         open_dataset(dataset, verify=verify)
     index.unlink()

@@ -1,6 +1,7 @@
 """Tiny synthetic examples that keep every identity, and small datasets of them."""
 
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from dataset_builder.spec.dataset import DatasetSpec
 from tests.plans import PAPER, example_plan, render_record
 
 HEIGHT, WIDTH = 6, 8
+Shared = Literal["each", "once"]
 VERSIONS = {"renderer": "none"}
 
 
@@ -46,14 +48,15 @@ def make_example(index: int = 0, *, split: str = "train", view: str = "", light:
     return Example(plan=plan, record=render_record(passes=[{"name": "rough"}], roughness_rms=1e-05), layers=chosen)
 
 
-def make_spec(dtype: exr.DType = "float32") -> DatasetSpec:
+def make_spec(dtype: exr.DType = "float32", shared: Shared = "each") -> DatasetSpec:
     """A dataset of two splits, two examples per shard."""
     splits = [{"name": name, "objects": {"from": ["stool.yaml"], "count": 1},
                "scenes": {"from": ["room.yaml"], "count": 1}} for name in ("train", "test")]
     return DatasetSpec.model_validate({
         "name": "tiny", "version": "1.0.0", "title": "Tiny", "licence": "CC0-1.0",
         "image": {"width": WIDTH, "height": HEIGHT},
-        "layers": dict(PAPER), "storage": {"dtype": dtype, "examples_per_shard": 2}, "splits": splits,
+        "layers": dict(PAPER), "splits": splits,
+        "storage": {"dtype": dtype, "examples_per_shard": 2, "shared": shared},
     })
 
 
@@ -83,9 +86,9 @@ def default_examples() -> dict[int, Example]:
 
 
 def build(folder: Path, examples: dict[int, Example] | None = None, *, dtype: exr.DType = "float32",
-          shards: dict[tuple[str, int], tuple[int, ...]] = SHARDS) -> Manifest:
+          shards: dict[tuple[str, int], tuple[int, ...]] = SHARDS, shared: Shared = "each") -> Manifest:
     """Build the small dataset as a real build does: keep what is done, stage, publish, `dataset.json` last."""
-    examples, spec = examples or default_examples(), make_spec(dtype)
+    examples, spec = examples or default_examples(), make_spec(dtype, shared)
     with build_lock(folder, Claim(name=spec.name, version=spec.version)):
         indexes = [_shard(folder, spec, split, number, [examples[index] for index in members], dtype)
                    for (split, number), members in shards.items()]
@@ -103,7 +106,8 @@ def _shard(folder: Path, spec: DatasetSpec, split: str, number: int, examples: l
         if done.shard.slot == slot and [(example.key, example.digest) for example in done.examples] == wanted:
             return done
     staged = [stage(folder, example, dtype) for example in examples]
-    return publish_shard(folder, slot=slot, split=split, examples=staged, spec_digest=digest("tiny"), versions=VERSIONS)
+    return publish_shard(folder, slot=slot, split=split, examples=staged, spec_digest=digest("tiny"), versions=VERSIONS,
+                         share=spec.storage.shared == "once")
 
 
 def shard_path(folder: Path, slot: str) -> Path:

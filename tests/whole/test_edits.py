@@ -84,6 +84,8 @@ EDITS = {
                                                 "mask: object}",)),
     "pixel type": Edit(runs={}, overrides=("storage.dtype=float16",)),
     "examples per shard": Edit(runs={}, overrides=("storage.examples_per_shard=2",)),
+    "shared members stored once": Edit(runs={}, overrides=("storage.shared=once",)),
+    "shared members stored by each": Edit(runs={}, before=("storage.shared=once",)),
     "gates": Edit(runs={}, overrides=("gates.coverage=[0.011, 0.95]",)),
     "strength of the target light": Edit(runs=LIGHT, overrides=("target.strength=3",)),
     "colour of the target light": Edit(runs=LIGHT, overrides=("target.temperature=3000",)),
@@ -185,6 +187,17 @@ def test_without_a_cache_everything_runs_again_to_the_same_bytes(built: Callable
     assert all(set(passes.changed) == {GONE} for passes in said.passes.values())
     ran, _, _ = run(spec, folder, *edit.overrides)
     assert dict(ran) == ALL
+
+
+@pytest.mark.parametrize("what", ["shared members stored once", "shared members stored by each"])
+def test_published_examples_are_taken_over_without_a_cache(what: str, built: Callable[..., Path],
+                                                           tmp_path: Path) -> None:
+    edit = EDITS[what]
+    spec, folder = edited(built, edit, tmp_path)
+    shutil.rmtree(folder / ".build" / "passes")
+    ran, recalled, _ = run(spec, folder, *edit.overrides)
+    assert not ran and not recalled
+    assert contents(folder) == contents(built(*edit.overrides)) and contents(folder) != contents(built(*edit.before))
 
 
 @pytest.mark.parametrize(("what", "topics"), [

@@ -1,0 +1,68 @@
+"""What the passes of a view have to do: how often each runs, on which pixels, with how many samples, for whom."""
+
+from collections.abc import Iterable
+from math import inf, lcm
+
+from dataset_builder.label.example_plan import ExamplePlan, GoalPlan, RenderPlan
+from dataset_builder.layers import LAYERS, PASSES, Extent
+
+INSTANCE = "instance"
+"""The instance layer has a pass of its own: one ray through the centre of every pixel."""
+RUNS = (*PASSES, INSTANCE)
+
+
+def pass_of(layer: str) -> str:
+    """The pass that a layer comes from."""
+    return INSTANCE if layer == INSTANCE else LAYERS[layer].render_pass
+
+
+def pass_runs(layers: Iterable[tuple[str, Extent]], lights: int, levels: int) -> dict[str, int]:
+    """How often each pass runs for one view: what nobody asked for never, what examples share once.
+
+    The object's pixels come from the light-free passes, so that the first always runs, and the rough one with any rough
+    layer. The rough one shares the scene of each light and level, and runs in each.
+    """
+    asked = {pass_of(name) for name, _ in layers} | {"first_hit"}
+    if "rough" in asked:
+        asked.add("first_hit_rough")
+    times = _times(lights, levels)
+    return {name: times[name] if name in asked else 0 for name in RUNS}
+
+
+def pass_share(name: str, plan: ExamplePlan, window: float) -> float:
+    """Share of the frame that a pass traces: all of it where it was planned on the frame, else the object's pixels.
+
+    Light-free passes look for these pixels in the rectangle about the object, which takes the share `window`.
+    """
+    if name == INSTANCE or plan.effects.of(name).extent == "frame":
+        return 1.0
+    return window if name.startswith("first_hit") else plan.camera.coverage
+
+
+def expected_spp(render: RenderPlan, name: str, noise: float, pace: float) -> float:
+    """Samples per pixel of a pass: fixed, or what its layers' goals are likely to take. pace: those of a second."""
+    first = {"source": render.spp_source, "target": render.spp_target, "rough": render.spp_rough, INSTANCE: 1}.get(
+        name, render.spp_first_hit)
+    return max([first, *(_goal_spp(goal, noise, pace) for goal in render.goals if pass_of(goal.layer) == name)])
+
+
+def _goal_spp(goal: GoalPlan, noise: float, pace: float) -> float:
+    """Sampling ends with the error, the time or the cap, whichever comes first."""
+    by_error = (noise / goal.error) ** 2 if goal.error else inf
+    return min(by_error, goal.seconds * pace if goal.seconds else inf, goal.cap)
+
+
+def files_per_example(layer: str, lights: int, levels: int, per_shard: int) -> float:
+    """Files of a layer over examples, where a shard of `per_shard` examples has those of a run of its pass once.
+
+    A pass that runs t times for the e examples of a view makes blocks of b = e / t neighbours with equal pixels. Shards
+    begin at every multiple of n = `per_shard`; those that are no multiple of b cut a block in two, which costs a file.
+    """
+    block = lights * levels // _times(lights, levels)[pass_of(layer)]
+    return 1 / block + 1 / per_shard - 1 / lcm(block, per_shard)
+
+
+def _times(lights: int, levels: int) -> dict[str, int]:
+    """Runs of every pass for one view, were all of them asked for."""
+    each = lights * levels
+    return {"source": 1, "target": lights, "rough": each, "first_hit": 1, "first_hit_rough": each, INSTANCE: 1}
