@@ -55,7 +55,7 @@ def _composition(manifest: Manifest) -> str:
 {_rows((split.name, split.examples, len(split.shards)) for split in manifest.splits)}
 Each example is a set of files with one key of eight digits: an EXR per layer, `.json` (its whole plan, what happened
 while it was rendered, minimum, maximum and mean of every layer) and `.preview.png` (tone-mapped, for viewing only).
-{STORED_ONCE if manifest.shared == "once" else ""}
+{_shared(manifest)}
 | member | symbol | pixels | channels | type | range | unit | meaning |
 |---|---|---|---|---|---|---|---|
 {_rows((f"`.{layer.name}.exr`", layer.symbol, layer.extent, layer.channels, layer.dtype, layer.range, layer.unit,
@@ -67,6 +67,10 @@ In plain words:
 {_rows((f"`{layer.name}`", plain(layer.name), noise(layer, manifest)) for layer in manifest.layers)}
 Colours are linear, scene-referred Rec.709: no tone mapping, no gamma, no clipping. Lengths are metres, Z is up.
 """
+
+
+def _shared(manifest: Manifest) -> str:
+    return f"{STORED_ONCE}\n" if manifest.shared == "once" else ""
 
 
 def _generation(manifest: Manifest) -> str:
