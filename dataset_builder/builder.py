@@ -151,7 +151,7 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
         _require_space(folder, loaded.dataset, len(wanted))
         yield Event(wanted=len(wanted))
         if denoise:
-            job = replace(job, denoised=calibrate(loaded, job, made_by, workers=workers))
+            job = replace(job, denoised=calibrate(loaded, job, made_by, run=local.run, workers=workers))
             yield Event(denoised=job.denoised)
         try:
             for outcomes in _outcomes(wanted, job, workers, rejections.known):

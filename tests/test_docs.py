@@ -6,6 +6,7 @@ import re
 import shlex
 import shutil
 import subprocess
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
@@ -13,12 +14,15 @@ import trimesh
 from ruamel.yaml import YAML
 
 import dataset_builder
+from dataset_builder.assets.asset import Material
 from dataset_builder.cli.main import main, parser
 from dataset_builder.layers import LAYERS, PAPER_LAYERS
+from dataset_builder.lightnet.measures.metrics import METRICS
 from dataset_builder.shards import gates
 from dataset_builder.shards.identities import identity_table
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.load import load_dataset
+from dataset_builder.spec.mesh_source import MESH_SUFFIXES
 from dataset_builder.spec.scene import ObjectSpec
 from tools import spec_tables
 
@@ -54,7 +58,12 @@ def inline(page: Path) -> list[str]:
 
 def verbs() -> dict[str, argparse.ArgumentParser]:
     """Parsers of the command's verbs."""
-    return next(action.choices for action in parser()._actions if isinstance(action, argparse._SubParsersAction))
+    return subcommands(parser())
+
+
+def subcommands(of: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
+    """Parsers of what comes next on a command line."""
+    return next(action.choices for action in of._actions if isinstance(action, argparse._SubParsersAction))
 
 
 def options_of(verb: argparse.ArgumentParser) -> set[str]:
@@ -206,6 +215,30 @@ def test_commands_in_running_text_exist(page: Path) -> None:
 def test_every_verb_is_on_the_first_page() -> None:
     shown = {code.split()[1] for code in inline(ROOT / "README.md") if code.startswith("dataset-builder ")}
     assert set(verbs()) <= shown
+
+
+def test_every_study_is_shown_and_run() -> None:
+    studies = {f"study {name}" for name in subcommands(verbs()["study"])}
+    lines = [line for page in PAGES for block in blocks(page, "sh") for line in block.splitlines()]
+    for texts in (inline(ROOT / "README.md"), lines):
+        assert studies <= {" ".join(text.split()[1:3]) for text in texts if text.startswith("dataset-builder study ")}
+
+
+def test_every_mesh_format_is_named() -> None:
+    for name in ("README.md", "docs/own-meshes.md", "docs/specs.md"):
+        assert set(MESH_SUFFIXES) <= set(re.findall(r"\.\w+", (ROOT / name).read_text())), name
+
+
+def test_every_factor_of_a_material_is_explained() -> None:
+    table = prose(ROOT / "docs" / "materials.md").partition("| field |")[2].partition("\n\n")[0]
+    explained = re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE)
+    assert {field.name for field in fields(Material)} == {"name", "texture", *explained}
+
+
+def test_every_metric_is_defined() -> None:
+    table = prose(ROOT / "docs" / "losses.md").partition("| metric |")[2].partition("\n\n")[0]
+    rows = re.findall(r"^\| ([^|]+) \| (low|high) \|", table, re.MULTILINE)
+    assert rows == [(metric.symbol, metric.better) for metric in METRICS]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)

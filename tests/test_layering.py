@@ -95,6 +95,12 @@ def test_the_package_keeps_the_order() -> None:
     assert rules == []
 
 
+def test_every_room_is_in_the_order() -> None:
+    """A sub-folder that is not would count as its stage's, and its neighbours could import it."""
+    rooms = {".".join(name.split(".")[:2]) for name in read_sources() if name.count(".") > 1}
+    assert rooms <= {name for names in ORDER for name in names}
+
+
 @pytest.mark.parametrize(("modules", "rule"), [
     ({"spec.a": "from dataset_builder.planning import plan", "planning.plan": ""},
      "spec.a imports planning.plan: not below it"),

@@ -48,7 +48,8 @@ def test_specs_and_schema_take_every_lamp_and_no_other() -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
-def test_labels_take_every_kind(kind: LightKind) -> None:
+def test_labels_take_and_explain_every_kind(kind: LightKind) -> None:
+    assert f"{kind.name}: " in (LightPlan.__doc__ or "")
     assert LightPlan.model_validate(light(kind.name).model_dump()).kind == kind.name
 
 

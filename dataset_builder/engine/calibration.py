@@ -4,14 +4,14 @@ Measured once before a build, kept beside the staged examples, and written into 
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from dataset_builder.engine import local
 from dataset_builder.engine.maker_file import MakerFile
 from dataset_builder.engine.unit import BuildJob, planner_of
 from dataset_builder.errors import OutputError, PlanError, Problem, UserError
@@ -46,17 +46,19 @@ class Figures:
     relmse_reference: float
 
 
-def calibrate(loaded: LoadedSpec, job: BuildJob, made_by: Mapping[str, str], *, workers: int) -> tuple[Denoised, ...]:
+def calibrate(loaded: LoadedSpec, job: BuildJob, made_by: Mapping[str, str], *, run: Callable[..., Iterator[Any]],
+              workers: int) -> tuple[Denoised, ...]:
     """Figures of every layer that the dataset denoises, in the spec's order, the same on every repetition.
 
     Taken from the job's folder where they were measured before, by the same versions. Raises PlanError where no example
-    can be rendered, OutputError as `local.run` and writing do.
+    can be rendered, OutputError as `run` and writing do.
     """
     spec = loaded.dataset.render.denoise
     file = MakerFile(job.folder, "denoised", Denoised, loaded.spec_digest, made_by)
     if known := file.read():
         return known
-    examples = _measured(candidates(Planner(loaded), spec.examples), spec.examples, job, workers)
+    refs = candidates(Planner(loaded), spec.examples)
+    examples = _measured(refs, spec.examples, partial(run, partial(measure, job)), workers)
     found = tuple(_combined(name, [example[name] for example in examples]) for name in spec.layers)
     file.write(found)
     return found
@@ -69,12 +71,13 @@ def candidates(planner: Planner, count: int) -> list[ExampleRef]:
     return [*(first[i] for i in spread), *(ref for i, ref in enumerate(first) if i not in spread)]
 
 
-def _measured(refs: Sequence[ExampleRef], count: int, job: BuildJob, workers: int) -> list[dict[str, Figures]]:
+def _measured(refs: Sequence[ExampleRef], count: int, run: Callable[..., Iterator[Any]],
+              workers: int) -> list[dict[str, Figures]]:
     """Figures of the first `count` examples that can be planned and rendered; the first reason where none can."""
     found, failed = dict[int, dict[str, Figures]](), dict[int, tuple[Problem, ...]]()
     while refs and len(found) < count:
         now, refs = refs[:count - len(found)], refs[count - len(found):]
-        for index, figures, problems in local.run(partial(measure, job), now, workers=min(workers, len(now))):
+        for index, figures, problems in run(now, workers=min(workers, len(now))):
             if problems:
                 failed[index] = problems
             else:

@@ -101,7 +101,7 @@ def _values(result: PassResult, name: str, unit: float) -> np.ndarray:
     layer = LAYERS[name]
     if not layer.radiometric:
         values = first_hit_layers(result.found)[name.removesuffix("_rough")]
-        return values * unit if name == "depth" else values
+        return values * unit if layer.unit == "m" else values
     channels = RADIANCE_CHANNELS[RADIANCE_LAYERS[name.removesuffix(ERROR_SUFFIX).removesuffix(RAW_SUFFIX)]]
     source = result.found.error if name.endswith(ERROR_SUFFIX) else result.found.mean
     # The specular part is a difference of floats, which rounding may leave a hair below 0

@@ -101,7 +101,7 @@ def cell_pixels(name: str, array: np.ndarray, factor: float) -> np.ndarray:
     if name.startswith("normal"):
         shown = np.where(np.any(array != 0, axis=-1, keepdims=True), (array + 1) / 2, 0)
         return np.rint(255 * np.clip(shown, 0, 1)).astype(np.uint8)
-    if name == "depth":
+    if LAYERS[name].unit == "m":
         return to_8bit(array, 1 / max(float(array.max()), 1e-6))
     return to_8bit(array, factor if LAYERS[name].radiometric else 1.0)
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from PIL import Image
 
 from dataset_builder.assets.file_materials import limited_size, linear_from_srgb, make_texture
@@ -16,7 +17,7 @@ from dataset_builder.errors import UserError
 from dataset_builder.geometry.edges import corner_normals, edges_of
 from dataset_builder.geometry.rough_base import bounding_radius, displace, rough_base
 from dataset_builder.seeding import rng
-from dataset_builder.spec.mesh_source import companions
+from dataset_builder.spec.mesh_source import MESH_SUFFIXES, companions
 
 ASSETS = Path(os.environ.get("THREEDF_ASSETS") or Path(__file__).parents[3] / "shared" / "assets")
 COLORS = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [255, 255, 255]]], dtype=np.uint8)
@@ -231,6 +232,16 @@ def test_no_such_file_and_unsupported(tmp_path):
         load(tmp_path / "none.glb")
     with pytest.raises(UserError, match=r"expected a mesh file \(.glb .gltf .obj .ply\), got .fbx"):
         load(tmp_path / "a.fbx")
+
+
+@pytest.mark.parametrize("suffix", MESH_SUFFIXES)
+def test_every_format_is_read(tmp_path, suffix):
+    written = trimesh.creation.box(extents=(1, 2, 4)).export(file_type=suffix[1:])
+    for name, content in (written if isinstance(written, dict) else {f"model{suffix}": written}).items():
+        (tmp_path / name).write_bytes(content.encode() if isinstance(content, str) else content)
+    asset = load(tmp_path / f"model{suffix}", up="z", scale=0.5)
+    np.testing.assert_allclose(asset.mesh.bounds, [(-0.25, -0.5, 0), (0.25, 0.5, 2)])
+    assert asset.mesh.volume == pytest.approx(1) and len(asset.materials) == 1
 
 
 @pytest.mark.parametrize("suffix", ["glb", "gltf", "ply"])

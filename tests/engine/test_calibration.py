@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dataset_builder.builder import Event
-from dataset_builder.engine import calibration
+from dataset_builder.engine import calibration, local
 from dataset_builder.engine.calibration import as_asked, calibrate, candidates, compare, converged
 from dataset_builder.engine.unit import BuildJob
 from dataset_builder.errors import PlanError, UserError
@@ -97,7 +97,7 @@ def test_the_first_reason_is_told_where_no_example_can_be_measured(tmp_path: Pat
     loaded = load_dataset(spec, overrides)
     job = BuildJob.of(loaded, tmp_path / "out", backend="llvm", threads=1)
     with pytest.raises(PlanError, match="the first reason:") as caught:
-        calibrate(loaded, job, {}, workers=1)
+        calibrate(loaded, job, {}, run=local.run, workers=1)
     rule, *reasons = caught.value.problems
     assert rule.path == "render.denoise" and [reason.path for reason in reasons] == ["source"]
     assert reasons[0].where.startswith("train/") and "no windows" in reasons[0].rule

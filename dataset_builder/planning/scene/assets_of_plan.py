@@ -100,9 +100,8 @@ def _applied(material: Material, changes: Sequence[MaterialChange]) -> Material:
         values = {param.name: param.value for param in change.values}
         fields: dict[str, Any] = {name: value for name, value in values.items() if "." not in name and name != "plain"}
         fields |= {name: bool(fields[name]) for name in TRUTHS if name in fields}
-        for name in ("base_color", "sheen"):
-            if f"{name}.0" in values:
-                fields[name] = tuple(values[f"{name}.{k}"] for k in range(3))
+        for name in {key.partition(".")[0] for key in values if "." in key}:
+            fields[name] = tuple(values[f"{name}.{k}"] for k in range(3))
         if values.get("plain"):
             fields["texture"] = None
         material = replace(material, **fields)

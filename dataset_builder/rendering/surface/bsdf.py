@@ -8,9 +8,12 @@ layer weighs, `lobes`, `glass` and `sheen` what it does, `material_table` where 
 
 from __future__ import annotations
 
+from typing import get_args
+
 import drjit as dr
 import mitsuba as mi
 
+from dataset_builder.label.example_plan import Feature
 from dataset_builder.rendering.buffers import owned
 from dataset_builder.rendering.surface import lobes as scattering
 from dataset_builder.rendering.surface.first_hit import FirstHit, cosine_direction, white_lambert
@@ -21,7 +24,7 @@ from dataset_builder.rendering.surface.reflectance import interpolated, split_su
 from dataset_builder.rendering.surface.sheen import sheen_table
 
 PLUGIN = "threedf_surface"
-FEATURES = frozenset({"textures", "specular", "coat", "sheen", "glass", "thin", "dispersion"})
+FEATURES = frozenset(get_args(Feature)) - {"fog"}
 """Everything a surface can be compiled with."""
 
 

@@ -86,6 +86,7 @@ def test_every_decision_has_a_reason_and_every_pass_an_entry(decide: Decide, how
     effects = decide(GLASS, (MATTE,), **how)
     assert all(decision.effect and decision.choice and decision.reason for decision in effects.decisions)
     assert tuple(entry.name for entry in effects.passes) == PASSES
+    assert set(get_args(Feature)) <= {decision.effect for decision in effects.decisions}
 
 
 @pytest.mark.parametrize(("figures", "expected"), [

@@ -1,5 +1,7 @@
 """Lights that bring exactly nothing are left out, and only these; the bound on paths holds, and what is cut is said."""
 
+from typing import get_args
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,6 +9,7 @@ from hypothesis import strategies as st
 
 from dataset_builder.assets.asset import Material, Texture, roughness_range
 from dataset_builder.label.scene_plan import FogPlan, IlluminationPlan, LightPlan, RoomPlan
+from dataset_builder.light_kinds import LampName
 from dataset_builder.planning.effects.materials_used import MaterialUse
 from dataset_builder.planning.effects.reach import (
     MAX_DEPTH,
@@ -55,7 +58,7 @@ def test_a_sun_comes_in_through_windows_that_it_shines_at(windows: int, kept: bo
     assert reach(light("sun", (0.7, 0.5, -0.5)), room(windows=windows), ()).kept == kept
 
 
-@pytest.mark.parametrize("kind", ["area", "sphere", "point", "spot"])
+@pytest.mark.parametrize("kind", get_args(LampName))
 def test_lamps_stay_unless_they_are_dark(kind: str) -> None:
     assert reach(light(kind), room(), ()).kept
     assert not reach(light(kind, radiance=0.0), room(), ()).kept

@@ -1,11 +1,13 @@
 """What lights send, against published values and integrals."""
 
 from math import pi
+from typing import get_args
 
 import numpy as np
 import pytest
 
 from dataset_builder.label.scene_plan import LightPlan
+from dataset_builder.light_kinds import LampName
 from dataset_builder.planning.view.emission import (
     BEAM_SHARE,
     LUMINANCE,
@@ -89,7 +91,7 @@ def test_points_fall_off_with_the_square_and_a_dome_is_pi() -> None:
     assert facing_irradiance("dome", 0, 1) == pi and facing_irradiance("sun", 0, 1) == 1
 
 
-@pytest.mark.parametrize("kind", ["area", "sphere", "point", "spot"])
+@pytest.mark.parametrize("kind", get_args(LampName))
 def test_right_below_a_light_it_is_the_facing_irradiance(kind: str) -> None:
     found = direct_irradiance(light(kind), np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]))
     assert found[0] == pytest.approx(facing_irradiance(kind, 0.1, 2.0) * np.array([1, 2, 4]))

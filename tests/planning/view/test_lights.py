@@ -2,13 +2,14 @@ from collections.abc import Callable
 from functools import partial
 from math import pi
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
 
 from dataset_builder.digest import sha256_file
 from dataset_builder.errors import PlanError
+from dataset_builder.light_kinds import LIGHT_KINDS, LampName
 from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.planning.view import lights as planned
 from dataset_builder.planning.view.cameras import place_camera
@@ -22,7 +23,7 @@ from dataset_builder.spec.render import ImageSpec
 BoxStage = Callable[..., Arrangement]
 CHAIR = ((-0.3, -0.25, 0.0), (0.3, 0.25, 0.9))
 SHELF = ((0.7, -0.5, 0.0), (1.2, 0.5, 1.8))
-KINDS = ("area", "sphere", "spot", "point")
+KINDS = get_args(LampName)
 
 
 def stream_of(seed: int) -> Stream:
@@ -66,9 +67,9 @@ def test_lights_are_in_the_room_clear_of_things_and_within_the_brightness_asked(
         reach = max(light.size, 0.02)
         assert (light.position >= low + reach).all() and (light.position <= high - reach).all()
         assert view.arrangement.everything.distance(np.array([light.position]))[0] >= reach - 1e-6
-        assert (light.size > 0) == (light.kind in ("area", "sphere")) and (light.cutoff > 0) == (light.kind == "spot")
+        assert (light.size > 0, light.cutoff > 0) == (LIGHT_KINDS[light.kind].sized, LIGHT_KINDS[light.kind].beamed)
         assert 1.2 <= np.linalg.norm(np.array(light.position) - view.arrangement.centre) <= 2.2
-        if light.kind in ("area", "spot"):
+        if LIGHT_KINDS[light.kind].aimed:
             aim = view.arrangement.centre - np.array(light.position)
             assert light.direction == pytest.approx(aim / np.linalg.norm(aim))
     shown = planned.expose(view.arrangement, view.sight, plan.lights, view.unit, view.sky)

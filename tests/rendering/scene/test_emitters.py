@@ -2,6 +2,7 @@
 
 import gc
 from pathlib import Path
+from typing import get_args
 
 import drjit as dr
 import mitsuba as mi
@@ -11,7 +12,8 @@ import pytest
 
 from dataset_builder.digest import sha256_file
 from dataset_builder.errors import PlanError
-from dataset_builder.planning.view.emission import LUMINANCE
+from dataset_builder.light_kinds import LampName
+from dataset_builder.planning.view.emission import LUMINANCE, direct_irradiance
 from dataset_builder.rendering.scene.emitters import emitters
 from dataset_builder.rendering.scene.images import environment, lamp_texture, mean_luminance, read_image
 from dataset_builder.spec.check import ENVIRONMENT_SUFFIXES, TEXTURE_SUFFIXES
@@ -129,6 +131,16 @@ def test_a_textured_lamp_is_as_bright_from_afar_as_a_plain_one(tmp_path, size):
     shown, plain = shading(**written(tmp_path, grey)), shading()
     assert not deviates(shown, plain.mean(axis=0))
     assert plain.mean(axis=0) == pytest.approx(np.array([30, 20, 10]) * 0.16 / 36 / np.pi, rel=0.01)
+
+
+@pytest.mark.parametrize("kind", get_args(LampName))
+def test_a_lamp_sends_what_planning_reckons(kind):
+    lamp = light(kind, (30, 20, 10), position=(0.0, 0.0, 6.0), direction=(0.0, 0.0, -1.0), size=0.4)
+    floor = rectangle((0, 0, 0), (0, 0, 1), 4, bsdf=diffuse(0.5))
+    scene = mi.load_dict({"type": "scene", "floor": floor, **emitters(lit_by(lamp))})
+    found = traced(scene, sensor((0, -2, 2), fov=3), 64, 3, max_depth=2)["shading"].mean(axis=(0, 1, 2))
+    expected = direct_irradiance(lamp, np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]))[0] / np.pi
+    assert found == pytest.approx(expected, rel=0.01)
 
 
 def test_another_image_needs_no_new_kernel(tmp_path):

@@ -1,9 +1,12 @@
 """The frame of a view: what is moved and scaled sends the same light."""
 
+from typing import get_args
+
 import numpy as np
 import pytest
 
 from dataset_builder.label.scene_plan import FogPlan
+from dataset_builder.light_kinds import LampName
 from dataset_builder.planning.view.emission import direct_irradiance
 from dataset_builder.rendering.scene.local_frame import LocalFrame
 from tests.small_scenes import ball, camera, light, lit_by, matte
@@ -22,7 +25,7 @@ def test_the_unit_is_a_power_of_two_and_a_point_has_a_frame():
     assert LocalFrame.of(np.ones((1, 3, 3))).unit == 1.0
 
 
-@pytest.mark.parametrize("kind", ["area", "sphere", "point", "spot", "sun"])
+@pytest.mark.parametrize("kind", [*get_args(LampName), "sun"])
 def test_lights_send_the_same_irradiance(kind):
     frame = LocalFrame(origin=(5.0, -2.0, 1.0), unit=0.25)
     lamp = light(kind, radiance=(3.0, 2.0, 1.0), position=(5.3, -2.0, 4.0), size=0.2)

@@ -1,11 +1,15 @@
 """Texels are averaged without moving light about, and what no surface can have is refused by name."""
 
+from dataclasses import fields, replace
+
 import numpy as np
 import pytest
 
 from dataset_builder.assets.asset import Material, Texture
 from dataset_builder.errors import PlanError
 from dataset_builder.rendering.surface.texels import CHANNELS, FACTORS, averaged, pack, pack_texture
+
+CHECKED = tuple(field.name for field in fields(Material) if field.name not in ("name", "texture"))
 
 
 def textured(**maps) -> Material:
@@ -61,6 +65,18 @@ def test_rows_hold_every_factor():
                         thin=True, abbe=42.0)
     row = pack([material]).factors[0]
     assert np.allclose(row, [0.1, 0.2, 0.3, 0.4, 0.5, 0.06, 0.7, 0.8, 0.9, 0.11, 0.12, 0.13, 0.14, 1.6, 1, 42])
+
+
+@pytest.mark.parametrize("factor", CHECKED)
+def test_every_factor_moves_its_row_and_is_checked(factor):
+    plain = Material(name="wax", base_color=(0.5, 0.5, 0.5))
+    value = getattr(plain, factor)
+    colour, truth = isinstance(value, tuple), isinstance(value, bool)
+    moved = replace(plain, **{factor: (0.25, 0.25, 0.25) if colour else not value if truth else value / 2 + 0.375})
+    assert not np.array_equal(pack([moved]).factors, pack([plain]).factors)
+    if not truth:
+        with pytest.raises(PlanError, match=f"'wax'.*{factor}"):
+            pack([replace(plain, **{factor: (np.nan, 0, 0) if colour else np.nan})])
 
 
 @pytest.mark.parametrize("value", (np.nan, np.inf, -np.inf, 1e8, -1.0, 1.01, -0.01))
