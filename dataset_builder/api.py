@@ -7,6 +7,7 @@ Where a library is not installed, all of them raise UserError with what to insta
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from pathlib import Path
+from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 from dataset_builder.extras import missing_named
@@ -19,6 +20,9 @@ if TYPE_CHECKING:
     from dataset_builder.planning.plan import Planner
     from dataset_builder.shards.manifest import Manifest
     from dataset_builder.spec.resolve import LoadedSpec
+
+_RENDERING = Lock()
+"""One thread renders at a time: scenes of two would take each other's places."""
 
 DATASETS = Path("datasets")
 """Where datasets are built unless another folder is named."""
@@ -59,8 +63,10 @@ def render_example(spec: "LoadedSpec", example: "int | ExamplePlan", *, backend:
     from dataset_builder.rendering.examples import render_view
     from dataset_builder.shards.example import as_read
 
-    activate(backend)
-    rendered, = render_view([plan(spec, example) if isinstance(example, int) else example], spec.path.parent)
+    chosen = plan(spec, example) if isinstance(example, int) else example
+    with _RENDERING:
+        activate(backend)
+        rendered, = render_view([chosen], spec.path.parent)
     return as_read(example_of(rendered), dtype=spec.dataset.storage.dtype)
 
 

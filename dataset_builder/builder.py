@@ -10,12 +10,12 @@ from pathlib import Path
 from dataset_builder import __version__
 from dataset_builder.digest import digest
 from dataset_builder.engine import local
-from dataset_builder.engine.byte_store import CACHE_SIZE
+from dataset_builder.engine.byte_store import CACHE_SIZE, require_store
 from dataset_builder.engine.calibration import calibrate
 from dataset_builder.engine.made_by import versions
 from dataset_builder.engine.outcomes import Rejections, Timings
 from dataset_builder.engine.unit import BuildJob, Outcome, run_unit
-from dataset_builder.errors import PlanError, Problem
+from dataset_builder.errors import PlanError, Problem, UserError
 from dataset_builder.files import require_space
 from dataset_builder.label.example_label import Denoised
 from dataset_builder.planning.catalogue import ExampleRef, shard_size, units
@@ -126,6 +126,10 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
     """
     claim = Claim(name=loaded.dataset.name, version=loaded.dataset.version)
     require_ours(folder, claim, replace=replace_other)
+    if cache:
+        require_store(cache, folder)
+    if workers is not None and (not isinstance(workers, int) or workers < 1):
+        raise UserError(f"workers: expected a whole number >= 1, or None for one per core, got {workers!r}")
     workers = workers or (1 if choose(backend).variant.startswith("cuda") else cores())
     job = BuildJob.of(loaded, folder, backend=backend, threads=max(1, cores() // workers), cache=cache,
                       cache_size=cache_size)

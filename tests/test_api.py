@@ -4,6 +4,7 @@ import ast
 import subprocess
 import sys
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -183,3 +184,10 @@ def test_tone_mapped_images_share_an_exposure() -> None:
     assert picture.shape == (4, 7, 3) and picture.dtype == np.uint8
     # sRGB of 0.25 and of 1
     assert (picture[:, :5] == 137).all() and (picture[:, 5:] == 255).all()
+
+
+def test_threads_render_one_at_a_time(spec: db.LoadedSpec) -> None:
+    """Scenes of two threads would take each other's places: Dr.Jit ends the process."""
+    with ThreadPoolExecutor(2) as pool:
+        found = list(pool.map(lambda index: db.render_example(spec, index, backend="llvm"), (0, 3, 0)))
+    assert np.array_equal(found[0]["i_t"], found[2]["i_t"]) and not np.array_equal(found[0]["i_t"], found[1]["i_t"])

@@ -6,13 +6,16 @@ from pathlib import Path
 import pytest
 
 from dataset_builder.builder import ShardTask, decide, shard_tasks
+from dataset_builder.builder import build as build_dataset
 from dataset_builder.digest import digest
+from dataset_builder.errors import UserError
 from dataset_builder.planning.catalogue import ExampleRef, PairRef, ViewRef
 from dataset_builder.planning.cost import expected_bytes
 from dataset_builder.shards.manifest import Rejected, shard_slot
 from dataset_builder.shards.publish import whole_shards
 from dataset_builder.shards.writer import writer_versions
 from dataset_builder.spec.dataset import RoughSpec, StorageSpec
+from dataset_builder.spec.load import load_dataset
 from tests.shards.tiny_dataset import SHARDS, VERSIONS, build, index_path, make_spec, shard_path
 
 MADE_BY = {**writer_versions(), **VERSIONS}
@@ -106,3 +109,10 @@ def test_room_for_examples_grows_with_what_is_stored() -> None:
     assert expected_bytes(once, 0, staged=5) == expected_bytes(each, 0, staged=5) == expected_bytes(each, 5)
     saved = expected_bytes(each, 1) - expected_bytes(once, 1)
     assert 0.4 * raw < saved < 0.5 * raw
+
+
+@pytest.mark.parametrize("workers", [0, -1, 1.5])
+def test_a_number_of_processes_that_is_none_is_refused(small_spec: Path, tmp_path: Path, workers: int) -> None:
+    with pytest.raises(UserError, match="workers: expected a whole number >= 1"):
+        next(build_dataset(load_dataset(small_spec), tmp_path / "out", backend="llvm", workers=workers))
+    assert not (tmp_path / "out").exists()

@@ -2,7 +2,6 @@
 
 import argparse
 from collections.abc import Callable
-from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +16,7 @@ if TYPE_CHECKING:
 STUDIES, TRAININGS = Path("studies"), Path("trainings")
 """Where results go unless `--out` says otherwise."""
 
+MAX_GB = 1_000_000
 BACKENDS = ("auto", "cuda", "llvm")
 DEVICES = ("auto", "cpu", "cuda")
 """Where networks run; auto is CUDA where there is one."""
@@ -75,10 +75,17 @@ def lightnet(config: Path | None, overrides: list[str], steps: int | None) -> "T
 
 def add_cache(verb: argparse.ArgumentParser) -> None:
     """Where results of passes are kept, and how much of them."""
-    verb.add_argument("--cache", type=Path, metavar="DIR",
+    verb.add_argument("--cache", type=_folder, metavar="DIR",
                       help="folder for results of passes, which datasets may share (default: in the output folder)")
     verb.add_argument("--cache-size", type=_gigabytes, default=CACHE_SIZE, metavar="GB",
                       help=f"most that is kept there; 0 keeps nothing (default: {CACHE_SIZE / GB:g})")
+
+
+def _folder(text: str) -> Path:
+    """A folder that has a name."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError("expected a folder, got an empty name")
+    return Path(text)
 
 
 def _gigabytes(text: str) -> int:
@@ -87,8 +94,8 @@ def _gigabytes(text: str) -> int:
         size = float(text)
     except ValueError:
         size = -1.0
-    if not 0 <= size < inf:
-        raise argparse.ArgumentTypeError(f"expected a number >= 0, got {text}")
+    if not 0 <= size <= MAX_GB:
+        raise argparse.ArgumentTypeError(f"expected a number from 0 to {MAX_GB:,}, got {text}")
     return round(size * GB)
 
 

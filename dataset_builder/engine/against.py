@@ -12,6 +12,7 @@ from dataset_builder.errors import PlanError, ShardError
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.planning.plan import Planner
 from dataset_builder.rendering.pass_inputs import Inputs, all_passes, inputs_of, key_of
+from dataset_builder.shards.folder import Claim, require_ours
 from dataset_builder.shards.published_examples import PublishedExamples
 from dataset_builder.shards.reader import open_dataset
 
@@ -48,8 +49,9 @@ class Against:
 
 def against(planner: Planner, folder: Path, job: BuildJob) -> Against:
     """Compare the plans of a whole dataset with what is published in `folder` and with the results that the job's store
-    keeps. Raises ShardError where a dataset in the folder cannot be read."""
+    keeps. Raises ShardError where a dataset in the folder cannot be read, OutputError where a build would refuse it."""
     spec = planner.loaded.dataset
+    require_ours(folder, Claim(name=spec.name, version=spec.version))
     made_by, pass_made_by = versions(job.backend, bool(spec.render.denoise.layers)), pass_versions(job.backend)
     published, old = PublishedExamples(folder), _plans_in(folder)
     passes, seen, kept, unplanned = dict[str, PassRuns](), set[str](), 0, 0

@@ -6,10 +6,13 @@ has gone is simply not there.
 
 import hashlib
 import os
+import re
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
+from tempfile import TemporaryFile
 
+from dataset_builder.errors import OutputError, Problem
 from dataset_builder.files import output_errors, write_atomic
 
 PASSES = "passes"
@@ -24,6 +27,26 @@ ROOM = 16
 """A store is looked over whenever one process has written this fraction of its limit, and then left as much free."""
 
 
+OWN = re.compile(r"[0-9a-f]{64}(\.partial)?")
+"""Names of a store's files."""
+
+
+def require_store(store: Path, folder: Path) -> None:
+    """Make a store's folder where it is missing. Raises OutputError where that fails, and where the store would lie
+    among the files of the dataset in `folder`."""
+    inside = Path(os.path.abspath(store)), Path(os.path.abspath(folder))
+    if inside[0] == inside[1] or inside[1] in inside[0].parents:
+        rule = f"expected a folder outside of the dataset {folder}, got {store}"
+        raise OutputError([Problem(where="--cache", path="", rule=rule, hint="leave it out to keep results there")])
+    try:
+        store.mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=store):
+            pass
+    except OSError as error:
+        rule = f"expected a folder that can be written, got {store} ({error.strerror or error})"
+        raise OutputError([Problem(where="--cache", path="", rule=rule, hint="name another folder")]) from error
+
+
 class ByteStore:
     """Values by key in a folder of at most about `limit` bytes; a limit of 0 keeps nothing."""
 
@@ -34,11 +57,12 @@ class ByteStore:
         """The value of `key`; None where there is none, or it is damaged. It counts as used now."""
         path = self._path(key)
         try:
-            content = path.read_bytes()
+            # Anything else may be waited for without an end
+            content = path.read_bytes() if path.is_file() else b""
         except OSError:
             return None
         seal, value = content[:DIGEST_SIZE], content[DIGEST_SIZE:]
-        if hashlib.sha256(value).digest() != seal:
+        if _seal(key, value) != seal:
             return None
         with suppress(OSError):
             os.utime(path)
@@ -53,7 +77,7 @@ class ByteStore:
         size = len(value) + DIGEST_SIZE
         if size > self._limit - self._limit // ROOM:
             return
-        write_atomic(self._path(key), hashlib.sha256(value).digest() + value)
+        write_atomic(self._path(key), _seal(key, value) + value)
         self._written += size
         if self._written > self._limit // ROOM:
             self.trim()
@@ -79,9 +103,17 @@ class ByteStore:
     def _entries(self) -> Iterator[tuple[int, int, Path]]:
         """Time of last use in nanoseconds, size, and path of every file; unfinished ones are old by themselves."""
         for path in self._folder.glob("[0-9a-f][0-9a-f]/*"):
+            # Nothing that a store did not write, wherever somebody put it
+            if not OWN.fullmatch(path.name) or not path.name.startswith(path.parent.name):
+                continue
             with suppress(OSError):
                 status = path.lstat()
                 yield status.st_mtime_ns, status.st_size, path
 
     def _path(self, key: str) -> Path:
         return self._folder / key[:2] / key
+
+
+def _seal(key: str, value: bytes) -> bytes:
+    """Digest of a value under its key, so that none is taken for another's."""
+    return hashlib.sha256(key.encode() + value).digest()

@@ -4,6 +4,7 @@ import io
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -87,7 +88,7 @@ def from_bytes(data: bytes) -> PassFound | None:
                               stopped=dict(arrays["stopped"].reshape(-1, 2).tolist()))
             facts = dict(zip(arrays["facts"].tolist(), arrays["values"].tolist(), strict=True))
             return PassFound(pixels=arrays["pixels"], sampled=sampled, facts=facts)
-    except (OSError, ValueError, KeyError, EOFError):
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile):
         return None
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, TypedDict
+from typing import Any, Literal, NamedTuple, TypedDict, get_args
 
 import numpy as np
 
@@ -87,6 +87,10 @@ class Dataset:
         key = which if isinstance(which, str) else self.splits[which[0]][which[1]]
         layers = {name: image.pixels for name, image in self.images(key)}
         return {**layers, "meta": self._plain(key)} if self._with_label else layers
+
+    def __contains__(self, key: object) -> bool:
+        """Whether there is an example with this key."""
+        return key in self._places
 
     def images(self, key: str) -> Iterator[tuple[str, exr.ExrImage]]:
         """Chosen layers alone, in their order, as they are stored; each is decoded when its turn comes.
@@ -195,11 +199,14 @@ def open_dataset(folder: Path | str, *, layers: Sequence[str] | None = None, ver
     anything is missing, unfinished or changed: never are there fewer examples than the manifest says.
     """
     folder = Path(folder)
+    if verify not in get_args(Verify):
+        raise _wrong(folder, f"expected verify to be one of {', '.join(get_args(Verify))}, got {verify!r}")
     manifest = load_manifest(folder)
     names = [layer.name for layer in manifest.layers]
-    if unknown := [name for name in layers or () if name not in names]:
+    layers = (layers,) if isinstance(layers, str) else names if layers is None else tuple(layers)
+    if unknown := [name for name in layers if name not in names]:
         raise _wrong(folder, f"expected layers among {', '.join(names)}, got {', '.join(unknown)}")
-    return Dataset(folder, manifest, layers=names if layers is None else layers, verify=verify, label=label)
+    return Dataset(folder, manifest, layers=layers, verify=verify, label=label)
 
 
 def load_manifest(folder: Path) -> Manifest:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dataset_builder.digest import sha256_bytes
-from dataset_builder.engine.byte_store import DIGEST_SIZE, ByteStore
+from dataset_builder.engine.byte_store import DIGEST_SIZE, ByteStore, require_store
 from dataset_builder.errors import OutputError
 
 
@@ -86,3 +86,36 @@ def test_a_store_that_keeps_nothing_leaves_what_others_kept(tmp_path: Path) -> N
     nothing.put(key(2), b"two")
     nothing.trim()
     assert ByteStore(tmp_path, 10_000).get(key(1)) == b"one" and len(files(tmp_path)) == 1
+
+
+def test_a_value_is_none_of_another_key(tmp_path: Path) -> None:
+    store = ByteStore(tmp_path, 10_000)
+    store.put(key(1), b"one")
+    store._path(key(2)).parent.mkdir()
+    store._path(key(1)).rename(store._path(key(2)))
+    assert store.get(key(2)) is None
+
+
+def test_files_of_others_are_left_alone(tmp_path: Path) -> None:
+    others = [tmp_path / name for name in ("ab/thesis.txt", f"ab/{'0' * 64}", "notes", "cd/x.tar")]
+    for path in others:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(bytes(5000))
+        os.utime(path, ns=(1, 1))
+    store = ByteStore(tmp_path, 10_000)
+    for number in range(20):
+        store.put(key(number), bytes(2000))
+    assert all(path.is_file() for path in others) and store.size() <= 10_000
+
+
+@pytest.mark.parametrize("name", ["out", "out/shards", "out/.build", "file", "file/below"])
+def test_a_store_among_other_files_is_refused(tmp_path: Path, name: str) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match="--cache: expected a folder"):
+        require_store(tmp_path / name, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_store_is_made_where_it_is_missing(tmp_path: Path) -> None:
+    require_store(tmp_path / "a" / "b", tmp_path / "out")
+    assert (tmp_path / "a" / "b").is_dir()

@@ -7,7 +7,7 @@ import pytest
 from dataset_builder.digest import canonical_json, sha256_bytes
 from dataset_builder.errors import ShardError
 from dataset_builder.shards import exr, reader
-from dataset_builder.shards.reader import Verify, open_dataset
+from dataset_builder.shards.reader import Dataset, Verify, open_dataset
 from tests.plans import PAPER
 from tests.shards.replaced import exr_of, replace_members
 from tests.shards.tiny_dataset import default_examples, index_path, shard_path
@@ -210,3 +210,17 @@ def test_a_manifest_or_index_of_other_bytes_is_refused(dataset: Path) -> None:
         assert open_dataset(dataset, verify="off")
         path.write_bytes(whole)
     assert open_dataset(dataset)
+
+
+def test_a_key_is_known_without_reading_anything(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = open_dataset(dataset)
+    monkeypatch.setattr(Dataset, "__getitem__", None)
+    key = found.splits["train"][0]
+    assert key in found and "99999999" not in found and 0 not in found
+
+
+def test_arguments_that_mean_nothing_are_refused(dataset: Path) -> None:
+    with pytest.raises(ShardError, match="expected verify to be one of off, size, shard, member, got 'x'"):
+        open_dataset(dataset, verify="x")  # type: ignore[arg-type]
+    one = open_dataset(dataset, layers="i_t")  # type: ignore[arg-type]
+    assert one.layers == ("i_t",) and open_dataset(dataset, layers=(name for name in ["i_t"])).layers == ("i_t",)

@@ -220,3 +220,21 @@ def test_the_verb_says_what_would_run(built: Callable[..., Path], tmp_path: Path
     assert main(["build", str(spec), "--out", str(folder), "--set", "target.strength=3", "--backend", "llvm",
                  "--workers", "1", "--cache-size", "0.5"]) == 0
     assert "passes: 18 ran, 6 were known from an earlier build; 0.00 GB of results are kept" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("override", ["name=other", "version=2.0.0"])
+def test_a_dataset_that_a_build_refuses_is_not_compared_with(override: str, built: Callable[..., Path], tmp_path: Path,
+                                                             capsys: pytest.CaptureFixture[str]) -> None:
+    spec, folder = edited(built, EDITS["title, description"], tmp_path)
+    assert main(["plan", str(spec), "--against", str(folder), "--set", override, "--backend", "llvm"]) == 2
+    assert "got the dataset small" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("options", "message"), [
+    (("--cache", ""), "empty name"), (("--cache-size", "1e300"), "expected a number from 0"),
+    (("--cache-size", "nan"), "expected a number from 0"), (("--cache-size", "-1"), "expected a number from 0")])
+def test_wrong_caches_are_refused(options: tuple[str, str], message: str, tmp_path: Path,
+                                  capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["build", str(write_spec(tmp_path, FILES)), *options])
+    assert message in capsys.readouterr().err
