@@ -195,6 +195,6 @@ def test_a_second_run_makes_nothing_again(studied: tuple[Path, Path], capsys: py
     capsys.readouterr()
     assert run(spec, out) == 0
     printed = capsys.readouterr().out
-    assert {path: path.stat().st_mtime_ns for path in before} == before and len(before) == 4 + 4 + 1
+    assert {path: path.stat().st_mtime_ns for path in before} == before and len(before) == 12 + 4 + 1
     assert (out / "levels.csv").read_bytes() == table
     assert "rough (S'): ran 12 times" in printed and "step 1," not in printed
