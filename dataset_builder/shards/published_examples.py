@@ -11,7 +11,7 @@ from dataset_builder.shards.example import Member
 from dataset_builder.shards.folder import MANIFEST
 from dataset_builder.shards.manifest import Manifest, from_json
 from dataset_builder.shards.segment import segment
-from dataset_builder.shards.shard_index import ExampleRecord, MemberRecord, ShardIndex
+from dataset_builder.shards.shard_index import ExampleRecord, MemberRecord, ShardIndex, tagged
 from dataset_builder.shards.staging import Staged
 from dataset_builder.shards.structure import read_members
 from dataset_builder.shards.writer import entry, index_path, shard_path
@@ -31,7 +31,9 @@ class PublishedExamples:
             manifest = from_json(Manifest, (self.folder / MANIFEST).read_bytes(), where=MANIFEST)
             for shard in manifest.shards:
                 index = from_json(ShardIndex, index_path(self.folder, shard.stem).read_bytes(), where=shard.name)
-                found |= {example.digest: (shard.stem, example) for example in index.examples}
+                # An index that was changed does not fit its name
+                if tagged(index, shard.slot).shard == shard == index.shard:
+                    found |= {example.digest: (shard.stem, example) for example in index.examples}
         except (ShardError, OSError):
             return found
         return found
