@@ -19,7 +19,8 @@ ORDER = (
     ("rendering.backend", "rendering.buffers", "rendering.oidn"),
     ("planning",), ("planning.effects", "planning.view"), ("planning.scene",),
     ("planning.catalogue",),
-    ("assets.procedural",), ("assets",), ("geometry",), ("label",), ("spec",),
+    ("assets.procedural",), ("assets",), ("assets.readers",), ("assets.file_model", "assets.image_maps"),
+    ("assets.asset",), ("geometry",), ("label",), ("spec",),
     ("lock",), ("extras", "files", "layers", "light_kinds", "processes", "spread", "tonemap"),
     ("seeding", "digest", "errors"), ("",),
 )
@@ -33,7 +34,7 @@ STRANGERS = {("lightnet", "api"), ("lightnet", "builder"), ("lightnet", "engine"
 HOMES = {
     "mitsuba": "rendering", "drjit": "rendering", "ruamel": "spec.load", "open3d": "geometry",
     "OpenEXR": ("shards.exr", "rendering.scene.images"),
-    "matplotlib": "report", "pyvista": "report", "trimesh": "assets.mesh_file", "ray": "engine",
+    "matplotlib": "report", "pyvista": "report", "trimesh": "assets.readers", "ray": "engine",
     "torch": ("lightnet", "release"), "tensorboard": "lightnet.training", "skimage": "lightnet.results",
     "flip_evaluator": "studies.image_errors", "pyoidn": "rendering.oidn",
 }

@@ -1,6 +1,7 @@
 """An asset: one mesh, the materials its faces name, and where it comes from; and which materials are glass."""
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
@@ -12,9 +13,13 @@ def reflectance_at(ior: float) -> float:
     return ((ior - 1) / (ior + 1)) ** 2
 
 
+Wrap = Literal["repeat", "mirror", "clamp"]
+"""What is beyond the edge of a texture."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Texture:
-    """Texel values that multiply the factors of a material; repeats in both directions.
+    """Texel values that multiply the factors of a material.
 
     All maps share one H and W. Row 0 is at v = 1 (image order); texture coordinate (0, 0) is the lower left corner.
     """
@@ -27,6 +32,26 @@ class Texture:
     """(H, W) float32 in [0, 1]."""
     normal: np.ndarray | None = None
     """(H, W, 3) float32 unit vectors in tangent space (x along u, y along v, z out)."""
+    alpha: np.ndarray | None = None
+    """(H, W) float32 in [0, 1]."""
+    emission: np.ndarray | None = None
+    """(H, W, 3) float32, linear Rec.709 in [0, 1]."""
+    specular: np.ndarray | None = None
+    """(H, W) float32 in [0, 1]."""
+    transmission: np.ndarray | None = None
+    """(H, W) float32 in [0, 1]."""
+    coat: np.ndarray | None = None
+    """(H, W) float32 in [0, 1]."""
+    coat_roughness: np.ndarray | None = None
+    """(H, W) float32 in [0, 1]."""
+    sheen: np.ndarray | None = None
+    """(H, W, 3) float32, linear Rec.709 in [0, 1]."""
+    sheen_roughness: np.ndarray | None = None
+    """(H, W) float32 in [0, 1]."""
+    wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
+    """Along u and along v."""
+    nearest: bool = False
+    """Whether texels are squares of one value, not interpolated."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,6 +84,14 @@ class Material:
     sheen: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Colour of the sheen of fibres."""
     sheen_roughness: float = 0.5
+    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Radiance sent out on both sides, linear Rec.709 >= 0, in units of the source sky's: 1 is as bright as white paper
+    under that sky."""
+    alpha: float = 1.0
+    """Coverage in [0, 1], times the texture's and the vertices': the share of the surface that is there. What is not
+    there lets light and sight through unchanged."""
+    alpha_cutoff: float | None = None
+    """Where set, coverage is 1 where alpha is at least this and 0 elsewhere (glTF 2.0, section 3.9.4, MASK)."""
     texture: Texture | None = None
 
 

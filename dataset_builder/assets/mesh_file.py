@@ -1,28 +1,26 @@
 """Mesh files (.glb .gltf .obj .ply) -> Asset."""
 
-import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-import trimesh
 from PIL import Image
 
 from dataset_builder.assets.asset import Asset, Material
-from dataset_builder.assets.file_materials import file_material
-from dataset_builder.assets.gltf_extensions import Extended, extended, material_entries
+from dataset_builder.assets.file_model import GREY, ROUGHNESS, FileModel, FilePart, refuse
+from dataset_builder.assets.readers import by_trimesh
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.geometry.mesh import TriangleMesh, concatenate, transform
-from dataset_builder.geometry.repair import RepairReport, repair
-from dataset_builder.spec.mesh_source import GLTF_SUFFIXES, MESH_SUFFIXES, FileReference, gltf_header, references
+from dataset_builder.geometry.repair import repair
+from dataset_builder.spec.file_reference import FileReference
+from dataset_builder.spec.mesh_source import MESH_SUFFIXES, references
 
+READERS: dict[str, Callable[[Path, int], FileModel]] = {
+    ".glb": by_trimesh.read, ".gltf": by_trimesh.read, ".obj": by_trimesh.read, ".ply": by_trimesh.read}
+"""What reads a file by its suffix: functions of its path and the longest side of a texture."""
 Up = Literal["x", "y", "z"]
-Entries = dict[str | None, dict[str, Any]]
-READER_ERRORS = (ArithmeticError, AssertionError, AttributeError, LookupError, NameError, NotImplementedError, OSError,
-                 TypeError, ValueError, struct.error)
-"""What trimesh's readers raise over files that do not keep their format."""
 WORLD_FROM_FILE: dict[Up, np.ndarray] = {
     "x": np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]]),
     "y": np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]]),
@@ -59,19 +57,6 @@ def _problem_of(reference: FileReference, file: Path) -> list[Problem]:
     return []
 
 
-def exact_factors(path: Path) -> dict[str | None, dict[str, Any]]:
-    """glTF's `pbrMetallicRoughness` of every material whose name, or lack of one, is its own; empty for other files.
-
-    The mesh reader keeps colours in 8 bits.
-    """
-    if path.suffix.lower() not in GLTF_SUFFIXES:
-        return {}
-    materials = gltf_header(path).get("materials", [])
-    names = [material.get("name") for material in materials]
-    return {name: material.get("pbrMetallicRoughness", {}) for name, material in zip(names, materials, strict=True)
-            if names.count(name) == 1}
-
-
 def load_mesh_file(path: Path, *, name: str, category: str, licence: str, scale: float = 1.0, up: Up = "y",
                    max_texture: int = 1024) -> Asset:
     """The whole scene of a mesh file as one asset, every node where its transforms put it.
@@ -83,104 +68,54 @@ def load_mesh_file(path: Path, *, name: str, category: str, licence: str, scale:
     """
     path = Path(path)
     _check_file(path)
-    named = checked_references(path)
+    checked_references(path)
     try:
-        mesh, materials, mended, left_out = _scene(path, named, _world_from_file(scale, up), max_texture)
+        model = READERS[path.suffix.lower()](path, max_texture)
+        if not model.parts:
+            refuse(path, "expected triangles, got a file without any")
+        mesh, mended = repair(transform(concatenate([_mesh(part, model) for part in model.parts]),
+                                        _world_from_file(scale, up)))
     except UserError as error:
         raise UserError([replace(problem, where=problem.where or str(path)) for problem in error.problems]) from error
     placed, moved = _stand(mesh)
     meta = {"licence": licence, "source": path.name, "moved": ", ".join(f"{step:.6g} m" for step in moved),
+            "contains": model.contains,
             "repair": f"{mended.welded} vertices welded, {mended.degenerate} degenerate and {mended.duplicate} "
-                      "duplicate faces dropped", "left_out": left_out}
-    return Asset(name=name, category=category, mesh=placed, materials=materials, meta=meta)
+                      "duplicate faces dropped", "left_out": "; ".join(_left_out(model))}
+    return Asset(name=name, category=category, mesh=placed, materials=_materials(model), meta=meta)
 
 
-def _scene(path: Path, named: Sequence[FileReference], world_from_file: np.ndarray, max_texture: int) \
-        -> tuple[TriangleMesh, tuple[Material, ...], RepairReport, str]:
-    """Everything in the file as one mended mesh with its materials, and what of these was left out."""
-    meshes: list[TriangleMesh] = []
-    materials: list[tuple[Any, Extended]] = []
-    factors, entries = exact_factors(path), material_entries(path)
-    for part, world_from_part in _parts(_read(path, named)):
-        try:
-            index = _material_index(part.visual, materials, (factors, entries), max_texture)
-        except OSError as error:
-            raise _problem(path, f"expected readable textures, got: {error}") from error
-        except (AttributeError, TypeError, ValueError) as error:
-            raise _problem(path, f"expected materials in a valid format, got: {error}") from error
-        meshes.append(transform(_triangles(part, path, index), world_from_part))
-    if not sum(len(mesh.faces) for mesh in meshes):
-        raise _problem(path, "expected triangles, got a file without any")
-    mesh, report = repair(transform(concatenate(meshes), world_from_file))
-    left_out = [f"{found.material.name}: {', '.join(found.left_out)}" for _, found in materials if found.left_out]
-    return mesh, tuple(found.material for _, found in materials), report, "; ".join(left_out)
+def _mesh(part: FilePart, model: FileModel) -> TriangleMesh:
+    """A part with the texture coordinates that its material uses. Those without a material come after the others."""
+    index = part.material if part.material >= 0 else len(model.materials) + (part.colors is not None)
+    used = model.materials[part.material] if part.material >= 0 else None
+    uvs = part.uvs.get(used.uv_set if used else 0)
+    if uvs is None:
+        uvs = np.zeros((len(part.faces), 3, 2))
+    if used is not None and used.uv_transform is not None:
+        uvs = uvs @ used.uv_transform[:, :2].T + used.uv_transform[:, 2]
+    return TriangleMesh(positions=part.positions, faces=part.faces, uvs=uvs, colors=part.colors,
+                        material=np.full(len(part.faces), index))
 
 
-def _problem(path: Path, rule: str, hint: str = "") -> UserError:
-    return UserError([Problem(where=str(path), path="", rule=rule, hint=hint)])
+def _materials(model: FileModel) -> tuple[Material, ...]:
+    """Those of the file, then a grey and a white one if a part has none."""
+    without = [part for part in model.parts if part.material < 0]
+    plain = [Material(name=name, base_color=(albedo,) * 3, roughness=ROUGHNESS)
+             for name, albedo in (("no material", GREY), ("vertex colours", 1.0))]
+    return (*(each.material for each in model.materials), *(plain if without else ()))
+
+
+def _left_out(model: FileModel) -> list[str]:
+    return [*(f"{each.material.name}: {', '.join(each.left_out)}" for each in model.materials if each.left_out),
+            *model.left_out, *model.uncertain]
 
 
 def _check_file(path: Path) -> None:
     if path.suffix.lower() not in MESH_SUFFIXES:
-        raise _problem(path, f"expected a mesh file ({' '.join(MESH_SUFFIXES)}), got {path.suffix or 'no suffix'}")
+        refuse(path, f"expected a mesh file ({' '.join(MESH_SUFFIXES)}), got {path.suffix or 'no suffix'}")
     if not path.is_file():
-        raise _problem(path, "expected an existing file, got none", "paths are relative to the spec that names them")
-
-
-def _read(path: Path, named: Sequence[FileReference]) -> trimesh.Scene:
-    try:
-        return trimesh.load_scene(path, process=False, resolver=_Resolver(path, named))
-    except READER_ERRORS as error:
-        speechless = isinstance(error, AssertionError | NameError)
-        detail = "data that ends early or breaks the format" if speechless else str(error) or type(error).__name__
-        raise _problem(path, f"expected a readable {path.suffix.lower()} file, got: {detail}") from error
-
-
-class _Resolver(trimesh.resolvers.FilePathResolver):
-    """Files by what the mesh file says of them: glTF encodes names, and an .mtl counts from its own folder."""
-
-    def __init__(self, path: Path, named: Sequence[FileReference]):
-        super().__init__(str(path), allow_anywhere=True)
-        # Of two libraries the reader takes the first
-        self._names = {reference.written: reference.name for reference in reversed(named)}
-
-    def get(self, name: str) -> bytes:
-        """Content of a file by its name as written."""
-        return super().get(self._names.get(name, name))
-
-
-def _parts(scene: trimesh.Scene) -> Iterator[tuple[trimesh.Trimesh, np.ndarray]]:
-    """Every mesh of the scene with its (4, 4) matrix, in order of node names."""
-    for node in sorted(scene.graph.nodes_geometry):
-        world_from_part, geometry = scene.graph[node]
-        if isinstance(part := scene.geometry[geometry], trimesh.Trimesh) and len(part.faces):
-            yield part, np.asarray(world_from_part)
-
-
-def _material_index(visual: Any, known: list[tuple[Any, Extended]], said: tuple[Entries, Entries],
-                    max_texture: int) -> int:
-    """Index of the visual's material among those `known`, which grow where it is new. said: factors and whole entries
-    of the file's materials, by name."""
-    source = getattr(visual, "material", None)
-    for index, (other, _) in enumerate(known):
-        if source is not None and other is source:
-            return index
-    given = getattr(source, "name", None)
-    name = given or f"material_{len(known)}"
-    factors, entry = (by_name.get(given, {}) for by_name in said)
-    known.append((source, extended(file_material(visual, name=name, factors=factors, max_texture=max_texture), entry)))
-    return len(known) - 1
-
-
-def _triangles(part: trimesh.Trimesh, path: Path, material: int) -> TriangleMesh:
-    """The part as the file has it. Raises UserError for vertices that are not finite."""
-    positions, faces = np.asarray(part.vertices, dtype=np.float64), np.asarray(part.faces)
-    bad = np.flatnonzero(~np.isfinite(positions).all(axis=1))
-    if len(bad):
-        raise _problem(path, f"expected finite vertices, got {len(bad)} with NaN or Inf, first at vertex {bad[0]}")
-    uv = getattr(part.visual, "uv", None)
-    uvs = np.zeros((len(faces), 3, 2)) if uv is None else np.nan_to_num(np.asarray(uv, dtype=np.float64))[faces]
-    return TriangleMesh(positions=positions, faces=faces, uvs=uvs[..., :2], material=np.full(len(faces), material))
+        refuse(path, "expected an existing file, got none", "paths are relative to the spec that names them")
 
 
 def _world_from_file(scale: float, up: Up) -> np.ndarray:

@@ -9,8 +9,8 @@ from dataset_builder.errors import UserError
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TriangleMesh:
-    """Indexed triangles, welded by position; texture coordinates and materials belong to faces, so a seam opens no
-    crack.
+    """Indexed triangles, welded by position; texture coordinates, colours and materials belong to faces, so a seam
+    opens no crack.
 
     Arrays are made read-only. Raises UserError on wrong shapes, indices out of range and non-finite positions.
     """
@@ -23,20 +23,29 @@ class TriangleMesh:
     """(F, 3, 2) float64, per corner."""
     material: np.ndarray
     """(F,) int32 index into the materials of the asset."""
+    colors: np.ndarray | None = None
+    """(F, 3, 4) float32 per corner, linear Rec.709 and coverage in [0, 1], that multiply base colour and alpha; None is
+    all ones."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "positions", np.ascontiguousarray(self.positions, dtype=np.float64))
         object.__setattr__(self, "faces", np.ascontiguousarray(self.faces, dtype=np.int32))
         object.__setattr__(self, "uvs", np.ascontiguousarray(self.uvs, dtype=np.float64))
         object.__setattr__(self, "material", np.ascontiguousarray(self.material, dtype=np.int32))
+        arrays = [self.positions, self.faces, self.uvs, self.material]
+        if self.colors is not None:
+            object.__setattr__(self, "colors", np.ascontiguousarray(self.colors, dtype=np.float32))
+            arrays.append(self.colors)
         self._check()
-        for array in (self.positions, self.faces, self.uvs, self.material):
+        for array in arrays:
             array.flags.writeable = False
 
     def _check(self) -> None:
         count = len(self.faces)
         shapes = {"positions": (len(self.positions), 3), "faces": (count, 3), "uvs": (count, 3, 2),
                   "material": (count,)}
+        if self.colors is not None:
+            shapes["colors"] = (count, 3, 4)
         for name, expected in shapes.items():
             if (got := getattr(self, name).shape) != expected:
                 raise UserError(f"mesh: {name}: expected shape {expected}, got {got}")
@@ -77,7 +86,8 @@ def transform(mesh: TriangleMesh, world_from_object: np.ndarray) -> TriangleMesh
     linear, offset = world_from_object[:3, :3], world_from_object[:3, 3]
     order = [0, 2, 1] if np.linalg.det(linear) < 0 else [0, 1, 2]
     return TriangleMesh(positions=mesh.positions @ linear.T + offset, faces=mesh.faces[:, order],
-                        uvs=mesh.uvs[:, order], material=mesh.material)
+                        uvs=mesh.uvs[:, order], material=mesh.material,
+                        colors=None if mesh.colors is None else mesh.colors[:, order])
 
 
 def concatenate(meshes: list[TriangleMesh], *, material_offsets: list[int] | None = None) -> TriangleMesh:
@@ -89,4 +99,12 @@ def concatenate(meshes: list[TriangleMesh], *, material_offsets: list[int] | Non
         faces=np.concatenate([mesh.faces + first for mesh, first in zip(meshes, firsts, strict=False)]),
         uvs=np.concatenate([mesh.uvs for mesh in meshes]),
         material=np.concatenate([mesh.material + offset for mesh, offset in zip(meshes, offsets, strict=True)]),
+        colors=joined_colors([(len(mesh.faces), mesh.colors) for mesh in meshes]),
     )
+
+
+def joined_colors(parts: list[tuple[int, np.ndarray | None]]) -> np.ndarray | None:
+    """(F, 3, 4) colours of several (number of faces, colours) in order; ones where a part has none, None if all do."""
+    if all(colors is None for _, colors in parts):
+        return None
+    return np.concatenate([np.ones((count, 3, 4), np.float32) if colors is None else colors for count, colors in parts])

@@ -31,7 +31,7 @@ class RepairReport:
 
 def repair(mesh: TriangleMesh, *, tolerance: float = 1e-6) -> tuple[TriangleMesh, RepairReport]:
     """Weld vertices closer than `tolerance` (in diagonals of the bounding box; 0 welds equal positions only), then drop
-    degenerate and duplicate faces and unused vertices. The faces that remain keep order, uvs and material.
+    degenerate and duplicate faces and unused vertices. The faces that remain keep order, uvs, colours and material.
 
     Faces over the same corners that wind the other way are no duplicates: a sheet modelled from both sides encloses no
     volume, and half of it would. A face without area but with three distinct corners stays where other faces use all
@@ -47,7 +47,8 @@ def repair(mesh: TriangleMesh, *, tolerance: float = 1e-6) -> tuple[TriangleMesh
                         f"{int(flat.sum())} of them degenerate; export the model with its surfaces triangulated")
     used, compact = np.unique(faces[keep], return_inverse=True)
     mended = TriangleMesh(positions=places[used], faces=compact.reshape(-1, 3), uvs=mesh.uvs[keep],
-                          material=mesh.material[keep])
+                          material=mesh.material[keep],
+                          colors=None if mesh.colors is None else mesh.colors[keep])
     return mended, RepairReport(welded=len(mesh.positions) - len(places), unused=len(places) - len(used),
                                 degenerate=int(flat.sum()), duplicate=int(twice.sum()))
 

@@ -26,8 +26,8 @@ def split_long_edges(mesh: TriangleMesh, max_length: float, *, max_faces: int = 
     """Conforming midpoint refinement until no edge is longer than `max_length` metres.
 
     Every edge that is too long is halved for all of its faces at once; a face with one, two or three halved edges
-    becomes two, three or four. New corners lie on the old triangles and take linear uvs: volume, extent and texture
-    stay. Raises UserError if more than `max_faces` faces would be needed, or if `max_length` is not positive.
+    becomes two, three or four. New corners lie on the old triangles and take linear uvs and colours: volume, extent and
+    texture stay. Raises UserError if more than `max_faces` faces would be needed, or if `max_length` is not positive.
     """
     if not max_length > 0:
         raise UserError(f"edge length: expected > 0 m, got {max_length:g}")
@@ -59,11 +59,11 @@ def _split(mesh: TriangleMesh, edges: Edges, long: np.ndarray) -> TriangleMesh:
     number = len(mesh.positions) + np.cumsum(long) - 1
     midpoints = mesh.positions[edges.vertices[long]].mean(axis=1)
     six = np.concatenate([mesh.faces, number[edges.of_face]], axis=1)
-    six_uvs = with_midpoints(mesh.uvs)
     positions = np.concatenate([mesh.positions, midpoints])
     parents, slots = _children(six, long[edges.of_face], positions)
     return TriangleMesh(positions=positions, faces=six[parents[:, None], slots],
-                        uvs=six_uvs[parents[:, None], slots], material=mesh.material[parents])
+                        uvs=with_midpoints(mesh.uvs)[parents[:, None], slots], material=mesh.material[parents],
+                        colors=None if mesh.colors is None else with_midpoints(mesh.colors)[parents[:, None], slots])
 
 
 def with_midpoints(corners: np.ndarray) -> np.ndarray:
@@ -116,8 +116,8 @@ def loop(mesh: TriangleMesh, *, rounds: int, creases: np.ndarray, corner_angle: 
     orientation are creases always. A vertex on exactly two creases follows
     the crease curve, unless the curve turns there by more than `corner_angle` degrees; on one crease, on three or more,
     or where separate fans of faces touch, it stays where it is. Returns the mesh and its (C', 2) creases: the halves of
-    the old ones, whatever their angle has become. Old vertices keep their numbers; uvs are linear, so textures stay
-    put.
+    the old ones, whatever their angle has become. Old vertices keep their numbers; uvs and colours are linear, so
+    textures stay put.
     """
     edges = edges_of(mesh.faces)
     mask = (creases if creases.dtype == bool else find_edges(edges, creases)) | ~consistent(edges)
@@ -204,7 +204,11 @@ def _edge_weights(edges: Edges, creases: np.ndarray, vertex_count: int) -> list[
 
 def _quarter(mesh: TriangleMesh, positions: np.ndarray, middle: np.ndarray) -> TriangleMesh:
     """Four faces of each, given (F, 3) numbers of the vertices in the middle of the edges that leave its corners."""
-    six, six_uvs = np.concatenate([mesh.faces, middle], axis=1), with_midpoints(mesh.uvs)
-    children = np.array(ALL_SPLIT)
-    return TriangleMesh(positions=positions, faces=six[:, children].reshape(-1, 3),
-                        uvs=six_uvs[:, children].reshape(-1, 3, 2), material=np.repeat(mesh.material, len(children)))
+    six, children = np.concatenate([mesh.faces, middle], axis=1), np.array(ALL_SPLIT)
+
+    def quartered(corners: np.ndarray) -> np.ndarray:
+        return with_midpoints(corners)[:, children].reshape(-1, 3, corners.shape[2])
+
+    return TriangleMesh(positions=positions, faces=six[:, children].reshape(-1, 3), uvs=quartered(mesh.uvs),
+                        material=np.repeat(mesh.material, len(children)),
+                        colors=None if mesh.colors is None else quartered(mesh.colors))

@@ -10,8 +10,9 @@ from dataset_builder.errors import Problem
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.document import Document
 from dataset_builder.spec.families import FAMILIES, Family
+from dataset_builder.spec.file_reference import MOST_BYTES
 from dataset_builder.spec.licences import contradiction, licence_of
-from dataset_builder.spec.mesh_source import MESH_SUFFIXES, MOST_BYTES, MeshSource, companions, mesh_source
+from dataset_builder.spec.mesh_source import MESH_SUFFIXES, MeshSource, companions, mesh_source
 from dataset_builder.spec.numbers import AnyNumber, check_within
 from dataset_builder.spec.problems import nearest, shown
 from dataset_builder.spec.scene import ObjectSpec

@@ -11,7 +11,6 @@ import pytest
 import trimesh
 from PIL import Image
 
-from dataset_builder.assets.file_materials import limited_size, linear_from_srgb, make_texture
 from dataset_builder.assets.mesh_file import load_mesh_file
 from dataset_builder.errors import UserError
 from dataset_builder.geometry.edges import corner_normals, edges_of
@@ -128,22 +127,6 @@ def test_materials_keep_exact_linear_factors_and_channels(tmp_path):
     np.testing.assert_allclose(texture.normal, np.broadcast_to((0, 0, 1), (2, 2, 3)), atol=0.01)
     np.testing.assert_allclose(np.linalg.norm(texture.normal, axis=2), 1, rtol=1e-6)
     assert {array.dtype for array in (texture.base_color, texture.roughness, texture.normal)} == {np.dtype(np.float32)}
-
-
-def test_srgb_is_made_linear():
-    linear = linear_from_srgb(np.array([0, 0.04045, 0.5, 1]))
-    np.testing.assert_allclose(linear, [0, 0.0031308, 0.2140411, 1], atol=1e-6)
-    grey = Image.fromarray(np.full((2, 2, 3), 128, np.uint8))
-    np.testing.assert_allclose(make_texture(base_color=grey).base_color, 0.2158605, rtol=1e-5)
-
-
-def test_large_textures_shrink_in_linear_light():
-    checks = np.tile(np.array([[0, 255], [255, 0]], np.uint8), (16, 32))
-    texture = make_texture(base_color=Image.fromarray(checks), max_size=16)
-    assert texture.base_color.shape == (8, 16, 3)
-    np.testing.assert_allclose(texture.base_color, 0.5, atol=1e-6)
-    assert limited_size((4096, 1), 1024) == (1024, 1)
-    assert limited_size((30, 20), 1024) == (30, 20)
 
 
 def test_obj_with_its_materials(tmp_path):

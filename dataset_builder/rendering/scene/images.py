@@ -7,7 +7,7 @@ import mitsuba as mi
 import numpy as np
 import OpenEXR
 
-from dataset_builder.assets.file_materials import resized
+from dataset_builder.assets.image_maps import resized
 from dataset_builder.digest import sha256_file
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.planning.view.emission import LUMINANCE

@@ -6,6 +6,7 @@ back more light than it gets, and half precision turns what is not finite or hug
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -75,7 +76,7 @@ def pack_texture(texture: Texture | None, texture_size: int = 4096) -> np.ndarra
     if factor >= 1:
         return _layout(texture)
     size = max(1, round(height * factor)), max(1, round(width * factor))
-    maps = {name: averaged(values, size) for name, values in _maps(texture).items()}
+    maps: dict[str, Any] = {name: averaged(values, size) for name, values in _maps(texture).items()}
     if "normal" in maps:
         maps["normal"] /= np.maximum(np.linalg.norm(maps["normal"], axis=2, keepdims=True), 1e-6)
     return _layout(Texture(**maps))

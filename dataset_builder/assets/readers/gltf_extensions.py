@@ -12,7 +12,7 @@ import numpy as np
 
 from dataset_builder.assets.asset import Material, reflectance_at
 from dataset_builder.errors import Problem, UserError
-from dataset_builder.spec.mesh_source import GLTF_SUFFIXES, gltf_header
+from dataset_builder.spec.gltf_references import gltf_header
 from dataset_builder.spec.scene import MAX_SPECULAR
 
 PREFIX = "KHR_materials_"
@@ -39,7 +39,7 @@ def material_entries(path: Path) -> dict[str | None, dict[str, Any]]:
     Materials that share a name must share their extensions, too, since the reader tells them apart by nothing else.
     Raises UserError where they do not.
     """
-    if path.suffix.lower() not in GLTF_SUFFIXES:
+    if path.suffix.lower() not in (".glb", ".gltf"):
         return {}
     entries: dict[str | None, dict[str, Any]] = {}
     for entry in gltf_header(path).get("materials", []):

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from dataset_builder.assets.asset import Asset, Material
-from dataset_builder.assets.gltf_extensions import extended
 from dataset_builder.assets.mesh_file import load_mesh_file
+from dataset_builder.assets.readers.gltf_extensions import extended
 from dataset_builder.errors import UserError
 
 TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], dtype=np.float32)

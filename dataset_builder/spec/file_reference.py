@@ -1,0 +1,23 @@
+"""A file that another file names, and how large files may be."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+MOST_BYTES = 2**31
+"""Of a mesh, a buffer, or an image."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileReference:
+    """A file that a mesh file needs."""
+
+    by: Path
+    """The file that names it, the mesh or its material library."""
+    key: str
+    """Where in `by`."""
+    written: str
+    """What stands there."""
+    name: str
+    """Its path relative to the folder of the mesh file."""
+    image: bool
+    """Whether it is a texture that is read."""
