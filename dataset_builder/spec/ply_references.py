@@ -12,6 +12,8 @@ TYPES = {"char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2"
          "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
          "double": "f8", "float64": "f8", "int64": "i8", "uint64": "u8"}
 """NumPy's names of the types of PLY, old and new."""
+COUNTS = {name for name, kind in TYPES.items() if kind[0] in "iu"}
+"""Types that the length of a list may have."""
 ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 MOST_HEADER = 2**20
 
@@ -102,7 +104,7 @@ def _parsed(lines: list[str], size: int) -> PlyHeader:
                 tables.append((name, int(count), []))
             case ["property", kind, name] if kind in TYPES and tables:
                 tables[-1][2].append(PlyProperty(name=name, type=TYPES[kind]))
-            case ["property", "list", counts, kind, name] if kind in TYPES and tables and TYPES.get(counts, "f")[0] in "iu":
+            case ["property", "list", counts, kind, name] if kind in TYPES and counts in COUNTS and tables:
                 tables[-1][2].append(PlyProperty(name=name, type=TYPES[kind], count_type=TYPES[counts]))
             case _:
                 raise ValueError(f"line {number}: expected format, comment, element or property, got {shown(line)}")
