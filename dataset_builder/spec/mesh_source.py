@@ -14,7 +14,8 @@ from dataset_builder.spec.ply_references import ply_references
 from dataset_builder.spec.problems import shown
 
 REFERENCES: dict[str, Callable[[Path], Iterable[FileReference]]] = {
-    ".glb": gltf_references, ".gltf": gltf_references, ".obj": obj_references, ".ply": ply_references}
+    ".glb": gltf_references, ".gltf": gltf_references, ".obj": obj_references, ".off": lambda path: (),
+    ".ply": ply_references, ".stl": lambda path: ()}
 """What finds the files that a mesh file names, by its suffix."""
 MESH_SUFFIXES = tuple(REFERENCES)
 

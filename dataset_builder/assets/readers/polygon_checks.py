@@ -1,5 +1,6 @@
 """What every reader holds the data of a file to, before it makes triangles of it."""
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,18 @@ def content_of(path: Path) -> bytes:
         return read_regular(path, most=MOST_BYTES)
     except OSError as error:
         refuse(path, f"expected a readable file, got: {error.strerror}")
+
+
+def numbers_of(text: bytes) -> np.ndarray | None:
+    """(N,) float64 numbers of a text with blanks between them; None where something else stands in it."""
+    if not text.strip():
+        return np.zeros(0)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            return np.fromstring(text, dtype=np.float64, sep=" ")
+    except (ValueError, DeprecationWarning):
+        return None
 
 
 def checked_triangles(path: Path, positions: np.ndarray, indices: np.ndarray, counts: np.ndarray, *,
