@@ -12,7 +12,7 @@ from dataset_builder.spec.document import Document
 from dataset_builder.spec.families import FAMILIES, Family
 from dataset_builder.spec.file_reference import MOST_BYTES
 from dataset_builder.spec.licences import contradiction, licence_of
-from dataset_builder.spec.mesh_source import MESH_SUFFIXES, MeshSource, companions, mesh_source
+from dataset_builder.spec.mesh_source import MeshSource, broken_suffix_rule, companions, mesh_source
 from dataset_builder.spec.numbers import AnyNumber, check_within
 from dataset_builder.spec.problems import nearest, shown
 from dataset_builder.spec.scene import ObjectSpec
@@ -118,8 +118,9 @@ def find_mesh(spec: ObjectSpec, document: Document, folder: Path) -> MeshSource 
 
 
 def _mesh_rule(path: Path, name: str) -> tuple[str, str]:
-    if path.suffix.lower() not in MESH_SUFFIXES:
-        return f"expected a file that ends in one of {' '.join(MESH_SUFFIXES)}, got {shown(name)}", ""
+    rule, hint = broken_suffix_rule(name)
+    if rule:
+        return rule, hint
     if not os.path.isfile(path):
         return f"expected a mesh file, found none at {shown(name)}", files_like(path)
     return "", ""

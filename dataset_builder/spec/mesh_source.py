@@ -18,6 +18,13 @@ REFERENCES: dict[str, Callable[[Path], Iterable[FileReference]]] = {
     ".ply": ply_references, ".stl": lambda path: ()}
 """What finds the files that a mesh file names, by its suffix."""
 MESH_SUFFIXES = tuple(REFERENCES)
+OTHER_FORMATS = {
+    ".dae": ("COLLADA", "Blender"), ".fbx": ("FBX", "Blender"), ".3ds": ("3D Studio", "Blender"),
+    ".blend": ("Blender's own format", "Blender, with File > Export > glTF 2.0"), ".x3d": ("X3D", "Blender"),
+    ".wrl": ("VRML", "Blender"), ".abc": ("Alembic", "Blender"), ".ifc": ("IFC", "Blender with Bonsai"),
+    ".step": ("STEP", "FreeCAD"), ".stp": ("STEP", "FreeCAD"), ".iges": ("IGES", "FreeCAD"), ".igs": ("IGES", "FreeCAD"),
+    ".3mf": ("3MF", "Blender"), ".max": ("3ds Max's own format", "3ds Max"), ".skp": ("SketchUp's own format", "SketchUp")}
+"""Formats that are not read: how they are called, and what exports glTF from them, by suffix."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,8 +46,19 @@ class MeshSource:
         return digest(self.content())
 
 
+def broken_suffix_rule(name: str) -> tuple[str, str]:
+    """The rule that the suffix of a mesh file breaks, and a hint; both empty where it breaks none."""
+    suffix = Path(name).suffix.lower()
+    if suffix in MESH_SUFFIXES:
+        return "", ""
+    if suffix in OTHER_FORMATS:
+        called, program = OTHER_FORMATS[suffix]
+        return f"expected a format that is read, got {shown(name)}: {called} is not read", f"export glTF from {program}"
+    return f"expected a file that ends in one of {' '.join(MESH_SUFFIXES)}, got {shown(name)}", ""
+
+
 def references(path: Path) -> tuple[FileReference, ...]:
-    """The files that a mesh file names: buffers and textures of glTF, .mtl and maps of .obj; each need not be there.
+    """The files that a mesh file names, such as buffers, textures and material libraries; each need not be there.
 
     Raises ValueError where the mesh file cannot be understood that far or names a file outside of its folder, OSError
     where it cannot be read.

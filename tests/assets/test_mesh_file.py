@@ -147,14 +147,6 @@ def test_obj_with_its_materials(tmp_path):
     assert len(asset.mesh.positions) == 4
 
 
-def test_ply_colours_become_one_colour(tmp_path):
-    head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n" \
-           "property uchar red\nproperty uchar green\nproperty uchar blue\n" \
-           "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
-    (tmp_path / "a.ply").write_text(head + "0 0 0 255 0 128\n1 0 0 255 0 128\n0 1 0 255 0 128\n3 0 1 2\n")
-    np.testing.assert_allclose(load(tmp_path / "a.ply").materials[0].base_color, (1, 0, 0.2158605), rtol=1e-5)
-
-
 def test_meta_records_what_was_done(tmp_path):
     meta = load(write_glb(tmp_path / "quad.glb")).meta
     assert meta["licence"] == "CC0-1.0" and meta["source"] == "quad.glb"
@@ -213,11 +205,13 @@ def test_every_missing_file_of_an_obj_is_named_at_once(tmp_path):
 def test_no_such_file_and_unsupported(tmp_path):
     with pytest.raises(UserError, match=r"none\.glb: expected an existing file, got none"):
         load(tmp_path / "none.glb")
-    with pytest.raises(UserError, match=r"expected a mesh file \(.glb .gltf .obj .ply\), got .fbx"):
-        load(tmp_path / "a.fbx")
+    with pytest.raises(UserError, match=r"got 'a.FBX': FBX is not read \(export glTF from Blender\)"):
+        load(tmp_path / "a.FBX")
+    with pytest.raises(UserError, match=r"expected a file that ends in one of .*, got 'a.jpg'"):
+        load(tmp_path / "a.jpg")
 
 
-@pytest.mark.parametrize("suffix", MESH_SUFFIXES)
+@pytest.mark.parametrize("suffix", [suffix for suffix in MESH_SUFFIXES if not suffix.startswith(".usd")])
 def test_every_format_is_read(tmp_path, suffix):
     written = trimesh.creation.box(extents=(1, 2, 4)).export(file_type=suffix[1:])
     for name, content in (written if isinstance(written, dict) else {f"model{suffix}": written}).items():

@@ -13,6 +13,7 @@ from dataset_builder.assets.readers.polygon_checks import numbers_of
 from dataset_builder.spec.ply_references import PlyHeader
 from dataset_builder.spec.problems import shown
 
+STRUCT = {"i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I", "i8": "q", "u8": "Q"}
 CHUNK = 2**20
 """Values that are gathered at once."""
 
@@ -57,7 +58,7 @@ class _Binary:
     def lengths(self, kind: str) -> Callable[[int], int]:
         if kind == "u1":
             return self._view.__getitem__
-        parse = Struct(self._order + np.dtype(kind).char).unpack_from
+        parse = Struct(self._order + STRUCT[kind]).unpack_from
         return lambda position: parse(self._view, position)[0]
 
     def rows(self, start: int, count: int, columns: list[tuple[str, int]]) -> list[np.ndarray]:
