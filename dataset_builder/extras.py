@@ -9,6 +9,7 @@ LIBRARIES = {
     "build": ("mitsuba", "drjit", "scipy", "open3d", "trimesh", "ruamel", "rich", "matplotlib", "psutil"),
     "train": ("torch", "tensorboard", "skimage", "ruamel", "rich"),
     "denoise": ("pyoidn",),
+    "usd": ("pxr",),
     "study": ("flip_evaluator",),
 }
 """What each extra brings, by the name that it is imported under."""

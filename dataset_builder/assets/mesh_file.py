@@ -11,16 +11,17 @@ from PIL import Image
 
 from dataset_builder.assets.asset import Asset, Material
 from dataset_builder.assets.file_model import GREY, ROUGHNESS, FileModel, FilePart, refuse
-from dataset_builder.assets.readers import by_trimesh, off, ply, stl
+from dataset_builder.assets.readers import by_trimesh, off, ply, stl, usd
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.geometry.mesh import TriangleMesh, concatenate, transform
 from dataset_builder.geometry.repair import repair
 from dataset_builder.spec.file_reference import FileReference
 from dataset_builder.spec.mesh_source import broken_suffix_rule, references
+from dataset_builder.spec.usd_references import USD_SUFFIXES
 
 READERS: dict[str, Callable[[Path, int], FileModel]] = {
     ".glb": by_trimesh.read, ".gltf": by_trimesh.read, ".obj": by_trimesh.read, ".off": off.read, ".ply": ply.read,
-    ".stl": stl.read}
+    ".stl": stl.read, **dict.fromkeys(USD_SUFFIXES, usd.read)}
 """What reads a file by its suffix: functions of its path and the longest side of a texture."""
 Up = Literal["x", "y", "z"]
 WORLD_FROM_FILE: dict[Up, np.ndarray] = {

@@ -12,18 +12,20 @@ from dataset_builder.spec.gltf_references import gltf_references
 from dataset_builder.spec.obj_references import obj_references
 from dataset_builder.spec.ply_references import ply_references
 from dataset_builder.spec.problems import shown
+from dataset_builder.spec.usd_references import USD_SUFFIXES, usd_references
 
 REFERENCES: dict[str, Callable[[Path], Iterable[FileReference]]] = {
     ".glb": gltf_references, ".gltf": gltf_references, ".obj": obj_references, ".off": lambda path: (),
-    ".ply": ply_references, ".stl": lambda path: ()}
+    ".ply": ply_references, ".stl": lambda path: (), **dict.fromkeys(USD_SUFFIXES, usd_references)}
 """What finds the files that a mesh file names, by its suffix."""
 MESH_SUFFIXES = tuple(REFERENCES)
 OTHER_FORMATS = {
     ".dae": ("COLLADA", "Blender"), ".fbx": ("FBX", "Blender"), ".3ds": ("3D Studio", "Blender"),
     ".blend": ("Blender's own format", "Blender, with File > Export > glTF 2.0"), ".x3d": ("X3D", "Blender"),
     ".wrl": ("VRML", "Blender"), ".abc": ("Alembic", "Blender"), ".ifc": ("IFC", "Blender with Bonsai"),
-    ".step": ("STEP", "FreeCAD"), ".stp": ("STEP", "FreeCAD"), ".iges": ("IGES", "FreeCAD"), ".igs": ("IGES", "FreeCAD"),
-    ".3mf": ("3MF", "Blender"), ".max": ("3ds Max's own format", "3ds Max"), ".skp": ("SketchUp's own format", "SketchUp")}
+    ".step": ("STEP", "FreeCAD"), ".stp": ("STEP", "FreeCAD"), ".iges": ("IGES", "FreeCAD"),
+    ".igs": ("IGES", "FreeCAD"), ".3mf": ("3MF", "Blender"), ".max": ("3ds Max's own format", "3ds Max"),
+    ".skp": ("SketchUp's own format", "SketchUp")}
 """Formats that are not read: how they are called, and what exports glTF from them, by suffix."""
 
 

@@ -1,0 +1,143 @@
+"""The files that a USD file names, found without opening any outside of its folder."""
+
+import os
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dataset_builder.digest import open_regular
+from dataset_builder.extras import missing_named
+from dataset_builder.spec.file_reference import MOST_BYTES, FileReference, is_inside
+from dataset_builder.spec.problems import shown
+
+if TYPE_CHECKING:
+    from pxr import Sdf
+
+USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
+STARTS = {".usd": (b"#usda 1.", b"PXR-USDC"), ".usda": (b"#usda 1.",), ".usdc": (b"PXR-USDC",),
+          ".usdz": (b"PK\x03\x04",)}
+"""What files of each suffix start with; pxr is kept from what is no USD at all."""
+MOST_LAYERS = 1000
+UDIM = "<UDIM>"
+SAID = re.compile(r"' at line \d+ in file [^\n]* : '(.*?)'?\s*$", re.DOTALL)
+
+
+@dataclass(frozen=True, kw_only=True)
+class UsdFiles:
+    """What a USD file is composed of."""
+
+    references: tuple[FileReference, ...]
+    """Layers and textures."""
+    passed_over: tuple[str, ...]
+    """Layers in formats that are not read, as they are written."""
+
+
+def usd_references(path: Path) -> tuple[FileReference, ...]:
+    """Layers that the file is composed of and textures of its shaders. Raises ValueError where one cannot be read, and
+    UserError without usd-core."""
+    return usd_files(path).references
+
+
+def usd_files(path: Path) -> UsdFiles:
+    """As `usd_references`, with what is passed over."""
+    with missing_named():
+        from pxr import Ar
+    found: dict[tuple[str, str], FileReference] = {}
+    passed: list[str] = []
+    top = Path(os.path.realpath(path))
+    waiting, seen = [str(top)], {str(top)}
+    with diagnostics():
+        while waiting:
+            identifier = waiting.pop(0)
+            layer = open_layer(identifier)
+            file = Ar.SplitPackageRelativePathOuter(identifier)[0]
+            named = [("layer", written) for written in layer.GetCompositionAssetDependencies() if written]
+            for key, written in [*named, *(("inputs:file", name) for name in _textures(layer))]:
+                target = layer.ComputeAbsolutePath(written)
+                outer, inner = Ar.SplitPackageRelativePathOuter(target)
+                if "://" in written:
+                    raise ValueError(f"{key} of {Path(file).name}: expected a file, got {shown(written)}")
+                if not os.path.isabs(outer):
+                    outer = os.path.join(os.path.dirname(file), outer)
+                if key == "layer" and Path(written).suffix.lower() != ".mtlx":
+                    _require_usd(inner or outer, file, written)
+                    if target not in seen and is_inside(top.parent, outer) and os.path.isfile(outer):
+                        seen.add(target)
+                        waiting.append(target)
+                elif key == "layer":
+                    passed.append(written)
+                    continue
+                if os.path.realpath(outer) != str(top) and UDIM not in written:
+                    name = os.path.relpath(outer, top.parent)
+                    found.setdefault((file, name), FileReference(
+                        by=path if file == str(top) else Path(file), key=key, written=written, name=name,
+                        image=key != "layer" and not inner))
+            if len(seen) > MOST_LAYERS:
+                raise ValueError(f"expected at most {MOST_LAYERS} layers, got more")
+    return UsdFiles(references=tuple(found.values()), passed_over=tuple(dict.fromkeys(passed)))
+
+
+def open_layer(identifier: str) -> "Sdf.Layer":
+    """A layer by its path, which may be within a package. Raises ValueError where it cannot be read."""
+    from pxr import Ar, Sdf, Tf
+
+    outer, inner = Ar.SplitPackageRelativePathOuter(identifier)
+    with open_regular(Path(outer), most=MOST_BYTES) as stream:
+        start = stream.read(8)
+    if not start.startswith(STARTS[Path(outer).suffix.lower()]):
+        raise ValueError(f"expected it to start with {STARTS[Path(outer).suffix.lower()][0].decode('latin-1')}, got "
+                         f"{shown(start.decode('latin-1'))}")
+    try:
+        layer = Sdf.Layer.FindOrOpen(identifier)
+    except Tf.ErrorException as error:
+        raise ValueError(said(error)) from error
+    if layer is None:
+        raise ValueError(f"expected a USD layer, got {inner or Path(outer).name}, which is damaged")
+    return layer
+
+
+def said(error: Exception) -> str:
+    """What pxr's exception says, without where in its code it was raised."""
+    match = SAID.search(str(error))
+    return (match[1] if match else str(error)).strip()
+
+
+@contextmanager
+def diagnostics() -> Iterator[None]:
+    """Keep pxr's warnings off the terminal."""
+    from pxr import UsdUtils
+
+    delegate = UsdUtils.CoalescingDiagnosticDelegate()
+    try:
+        yield
+    finally:
+        delegate.TakeUncoalescedDiagnostics()
+        delegate.TakeCoalescedDiagnostics()
+
+
+def _textures(layer: "Sdf.Layer") -> list[str]:
+    """What the shaders of a layer read, as it is written, each once."""
+    from pxr import Sdf
+
+    found: list[str] = []
+
+    def visit(where: "Sdf.Path") -> None:
+        if where.IsPropertyPath() and where.name == "inputs:file":
+            node = layer.GetAttributeAtPath(where.GetPrimPath().AppendProperty("info:id"))
+            if node and node.default not in (None, "UsdUVTexture"):
+                return
+            times = layer.ListTimeSamplesForPath(where)
+            values = [layer.GetAttributeAtPath(where).default, *(layer.QueryTimeSample(where, time) for time in times)]
+            found.extend(value.path for value in values if isinstance(value, Sdf.AssetPath) and value.path)
+
+    layer.Traverse(Sdf.Path.absoluteRootPath, visit)
+    return [*dict.fromkeys(found)]
+
+
+def _require_usd(target: str, file: str, written: str) -> None:
+    if Path(target).suffix.lower() not in USD_SUFFIXES:
+        raise ValueError(f"{Path(file).name}: expected layers that end in one of {' '.join(USD_SUFFIXES)}, got "
+                         f"{shown(written)}")
