@@ -26,6 +26,7 @@ from dataset_builder.planning.scene.contents import object_sources
 from dataset_builder.processes import cores
 from dataset_builder.rendering import oidn
 from dataset_builder.rendering.backend import choose
+from dataset_builder.rendering.scene.image_check import check_images
 from dataset_builder.shards.folder import Claim, build_lock, require_ours
 from dataset_builder.shards.manifest import Manifest, Rejected, make_manifest, shard_slot
 from dataset_builder.shards.publish import publish_dataset, whole_shards
@@ -138,6 +139,7 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
         oidn.require()
     planner = Planner(loaded)
     chosen = _chosen(planner.examples, only)
+    check_images(loaded)
     probe(planner)
     made_by = versions(job.backend, denoise)
     if not folder.exists():

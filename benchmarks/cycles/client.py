@@ -43,22 +43,23 @@ def make_environment(folder: Path) -> Path:
 
 
 class Blender(AbstractContextManager["Blender"]):
-    """One Blender process; `load` a scene folder, `show` one of its renders, `render`."""
+    """One Blender process that runs a `side`; the one of this folder can `load` a scene folder, `show` one of its
+    renders, and `render`."""
 
-    def __init__(self, python: Path, threads: int):
+    def __init__(self, python: Path, threads: int, side: Path = SIDE):
         self._folder = tempfile.TemporaryDirectory(prefix="cycles-")
         self._log = open(Path(self._folder.name) / "blender.log", "w+")  # noqa: SIM115
-        self._process = subprocess.Popen([python, str(SIDE), str(threads)], stdin=subprocess.PIPE,
+        self._process = subprocess.Popen([python, str(side), str(threads)], stdin=subprocess.PIPE,
                                          stdout=subprocess.PIPE, stderr=self._log, text=True)
         self.version: str = self._answer()["version"]
 
     def load(self, folder: Path) -> None:
         """Build the scene that `scene_file.write` wrote."""
-        self._ask(do="load", folder=str(folder))
+        self.ask(do="load", folder=str(folder))
 
     def show(self, name: str, bounces: int) -> None:
         """Choose the render: source, target or rough."""
-        self._ask(do="show", name=name, bounces=bounces)
+        self.ask(do="show", name=name, bounces=bounces)
 
     def render(self, *, spp: int, seed: int, threshold: float = 0.0, denoise: str = "",
                window: tuple[int, int, int, int] | None = None, passes: Sequence[str] = ()) -> CyclesImage:
@@ -68,7 +69,7 @@ class Blender(AbstractContextManager["Blender"]):
         the pass `composite`) or none.
         """
         out = Path(self._folder.name) / "passes.exr"
-        answer = self._ask(do="render", spp=spp, seed=seed, threshold=threshold, denoise=denoise, window=window,
+        answer = self.ask(do="render", spp=spp, seed=seed, threshold=threshold, denoise=denoise, window=window,
                            passes=list(passes), out=str(out))
         return CyclesImage(passes=read_passes(out), seconds=answer["seconds"])
 
@@ -79,7 +80,8 @@ class Blender(AbstractContextManager["Blender"]):
         self._log.close()
         self._folder.cleanup()
 
-    def _ask(self, **order: Any) -> dict[str, Any]:
+    def ask(self, **order: Any) -> dict[str, Any]:
+        """The answer to one order. Raises RuntimeError where the process ended."""
         print(json.dumps(order), file=self._process.stdin, flush=True)
         return self._answer()
 

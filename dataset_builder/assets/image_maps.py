@@ -1,9 +1,17 @@
-"""Images of mesh files -> texels -> Texture: decoded, made linear, and brought to one size of bounded sides."""
+"""Images of mesh files -> texels -> Texture: decoded, made linear, and brought to one size of bounded sides.
+
+The decoder holds a whole image at 4 bytes a pixel, at most 1 GiB; everything after it goes in strips.
+"""
 
 import io
-from collections.abc import Mapping
+import struct
+import warnings
+import zlib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -11,6 +19,24 @@ from PIL import Image
 
 from dataset_builder.assets.asset import Texture, Wrap
 from dataset_builder.errors import Problem, UserError
+
+FORMATS = ("PNG", "JPEG", "WEBP", "TGA", "BMP", "TIFF", "GIF", "DDS")
+"""What is read, as Pillow calls it. Others of its decoders start programs, or are not meant for textures."""
+MAX_SIDE, MAX_PIXELS = 16384, 1 << 28
+"""The largest image that is decoded."""
+STRIP = 1 << 21
+"""Pixels that are made linear at a time."""
+MOST_PIXELS_PER_BYTE = 8 * 1032
+"""Of a file that is as good as its header: deflate makes at most 1032 bytes of one (its author's technical page), of
+8 pixels each; JPEG stays below."""
+BARELY = 1e-9
+"""Weight of a colour without coverage: it counts only where there is no other."""
+WIDE = ("I;16", "I;16L", "I;16B", "I;16N")
+"""Modes of 16 bits."""
+BROKEN = (OSError, ValueError, SyntaxError, LookupError, TypeError, AttributeError, ArithmeticError, RuntimeError,
+          EOFError, MemoryError, AssertionError, struct.error, zlib.error)
+"""What Pillow's decoders raise for damaged files."""
+_OPENING = Lock()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,23 +53,59 @@ def linear_from_srgb(values: np.ndarray) -> np.ndarray:
     return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
 
 
-def read_texels(image: ImageFile, *, srgb: bool, max_size: int) -> np.ndarray:
+def check_image(image: ImageFile) -> tuple[int, int]:
+    """(width, height) from the image's header; nothing is decoded. Raises UserError for what is no image of `FORMATS`,
+    or larger than `MAX_SIDE` and `MAX_PIXELS` allow."""
+    with _opened(image) as opened:
+        return opened.size
+
+
+def read_texels(image: ImageFile, *, srgb: bool, max_size: int, opaque: bool = False) -> np.ndarray:
     """(H, W, 4) float32 in [0, 1]: colour and coverage, which is 1 where the image has none.
 
-    srgb: whether colours are encoded, and to be made linear; coverage never is. Sides longer than `max_size` texels are
-    shrunk together by area means, in linear light. A single channel fills three; 16 bits are kept. Raises UserError for
-    what is no image, or too large.
+    srgb: whether colours are encoded, and to be made linear; coverage never is, nor are floats. opaque: whether
+    coverage is to be taken for 1. Sides longer than `max_size` texels are shrunk together by area means in linear
+    light; those of sRGB colours are weighted by coverage, so that what is not there does not colour its neighbours. A
+    single channel fills three. 16 bits of grey are kept, of 16 bits of a colour the upper 8 (Pillow has no more). The
+    first frame is read; orientations, profiles and gammas beside the pixels are ignored, as glTF 2.0, section 3.8.2,
+    asks. Raises UserError for what is no image, too large, or has floats that are not in [0, 1].
     """
+    with _opened(image) as opened:
+        opened.load()
+        return _reduced(opened, limited_size(opened.size, max_size), srgb=srgb, opaque=opaque)
+
+
+@contextmanager
+def _opened(image: ImageFile) -> Iterator[Image.Image]:
+    """The image with its header read; whatever goes wrong inside becomes a UserError that names it."""
     try:
-        with Image.open(io.BytesIO(image.content) if isinstance(image.content, bytes) else image.content) as opened:
-            opened.load()
-            texels = _texels(opened)
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        problem = Problem(where=image.name, path="", rule=f"expected a readable image, got: {error}")
-        raise UserError([problem]) from error
-    if srgb:
-        texels[..., :3] = linear_from_srgb(texels[..., :3])
-    return resized(texels, limited_size((texels.shape[1], texels.shape[0]), max_size)).astype(np.float32)
+        with warnings.catch_warnings(action="ignore"), _unlimited(image) as opened:
+            if max(opened.size) > MAX_SIDE or opened.width * opened.height > MAX_PIXELS:
+                raise _refused(image, f"expected an image of at most {MAX_SIDE} pixels a side, got one of "
+                               f"{opened.width} x {opened.height}", "save it smaller")
+            size = len(image.content) if isinstance(image.content, bytes) else image.content.stat().st_size
+            if opened.format in ("PNG", "JPEG", "MPO") and opened.width * opened.height > MOST_PIXELS_PER_BYTE * size:
+                raise _refused(image, f"expected the pixels of an image of {opened.width} x {opened.height}, got "
+                               f"{size} bytes, which cannot hold them", "the file was cut short; copy it again")
+            yield opened
+    except BROKEN as error:
+        raise _refused(image, f"expected a readable image ({' '.join(FORMATS)}), got: {error or 'damaged bytes'}",
+                       "save it again as PNG or JPEG") from error
+
+
+def _unlimited(image: ImageFile) -> Image.Image:
+    """Opened without Pillow's own limit, which is below ours, and which it only has for the whole process."""
+    content = io.BytesIO(image.content) if isinstance(image.content, bytes) else image.content
+    with _OPENING:
+        before, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
+        try:
+            return Image.open(content, formats=FORMATS)
+        finally:
+            Image.MAX_IMAGE_PIXELS = before
+
+
+def _refused(image: ImageFile, rule: str, hint: str) -> UserError:
+    return UserError([Problem(where=image.name, path="", rule=rule, hint=hint)])
 
 
 def make_texture(maps: Mapping[str, np.ndarray], *, wrap: tuple[Wrap, Wrap] = ("repeat", "repeat"),
@@ -85,12 +147,68 @@ def resized(texels: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     return np.stack(channels, axis=2)
 
 
-def _texels(image: Image.Image) -> np.ndarray:
-    """(H, W, 4) float64 in [0, 1] as encoded."""
-    if image.mode.startswith(("I", "F")):
-        grey = np.asarray(image, dtype=np.float64)[..., None] / 65535
-        return np.concatenate([np.repeat(grey, 3, axis=2), np.ones_like(grey)], axis=2)
-    return np.asarray(image.convert("RGBA"), dtype=np.float64) / 255
+def _reduced(image: Image.Image, size: tuple[int, int], *, srgb: bool, opaque: bool) -> np.ndarray:
+    """(H, W, 4) float32 of a decoded image at (width, height) `size`, made linear and averaged strip by strip."""
+    covered = image.has_transparency_data and not opaque
+    if (image.mode in (*WIDE, "F") and covered) or image.mode == "I":
+        raise ValueError(f"pixels of kind {image.mode}{' with transparency' * covered}, which are not read")
+    weighted = covered and srgb
+    levels = np.arange(65536 if image.mode in WIDE else 256)
+    table = levels / levels[-1]
+    table = (linear_from_srgb(table) if srgb else table).astype(np.float32)
+    rows, columns = _edges(image.height, size[1]), _edges(image.width, size[0])
+    step = max(1, STRIP * size[1] // (image.width * image.height))
+    strips = []
+    for top in range(0, size[1], step):
+        chosen = rows[top:top + step + 1]
+        first = int(chosen[0])
+        strip = _linear(image.crop((0, first, image.width, int(np.ceil(chosen[-1])))), table, covered)
+        if weighted:
+            strip[..., :3] *= strip[..., 3:] + BARELY
+        strips.append(_area_means(_area_means(strip, chosen - first, 0), columns, 1))
+    texels = np.concatenate(strips)
+    if weighted:
+        texels[..., :3] /= texels[..., 3:] + BARELY
+    whole = np.ones((size[1], size[0], 4), dtype=np.float32)
+    whole[..., :4 if covered else 3] = np.clip(texels, 0, 1)
+    return whole
+
+
+def _linear(strip: Image.Image, table: np.ndarray, covered: bool) -> np.ndarray:
+    """(H, W, 1, 3 or 4) float32 of some rows; colours by `table`, coverage as it is. Raises ValueError for floats that
+    are not in [0, 1]."""
+    if strip.mode == "F":
+        values = np.asarray(strip)[..., None]
+        wrong = values[~((values >= 0) & (values <= 1))]
+        if len(wrong):
+            raise ValueError(f"the value {wrong[0]:g}, where floats are to be in [0, 1]")
+        return values
+    if strip.mode in WIDE:
+        return np.take(table, np.asarray(strip))[..., None]
+    mode = "RGBA" if covered else "L" if strip.mode in ("1", "L") else "RGB"
+    values = np.asarray(strip if strip.mode == mode else strip.convert(mode))
+    colours = np.take(table, np.atleast_3d(values)[..., :3])
+    return np.concatenate([colours, values[..., 3:] / np.float32(255)], axis=2) if covered else colours
+
+
+def _edges(pixels: int, texels: int) -> np.ndarray:
+    """(texels + 1,) float64: where texels begin and end, in pixels."""
+    return np.arange(texels + 1) * pixels / texels
+
+
+def _area_means(values: np.ndarray, edges: np.ndarray, axis: int) -> np.ndarray:
+    """Means between neighbouring `edges` along an axis, at least a pixel apart; pixels that one divides count in
+    part."""
+    if len(edges) == values.shape[axis] + 1:
+        return values
+    shape = [-1 if each == axis else 1 for each in range(values.ndim)]
+    whole = np.floor(edges).astype(np.intp)
+    sums = np.add.reduceat(values[(slice(None),) * axis + (slice(whole[-1]),)], whole[:-1], axis)
+    part = (edges - whole).astype(np.float32)
+    if part.any():
+        cut = values.take(np.minimum(whole, values.shape[axis] - 1), axis) * part.reshape(shape)
+        sums += np.diff(cut, axis=axis)
+    return sums / np.diff(edges).astype(np.float32).reshape(shape)
 
 
 def _unit_vectors(texels: np.ndarray) -> np.ndarray:

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from PIL import Image
 
 from dataset_builder.assets.asset import Asset, Material
 from dataset_builder.assets.file_model import GREY, ROUGHNESS, FileModel, FilePart, refuse
+from dataset_builder.assets.image_maps import ImageFile, check_image
 from dataset_builder.assets.readers import by_trimesh, off, ply, stl, usd
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.geometry.mesh import TriangleMesh, concatenate, transform
@@ -54,9 +54,9 @@ def _problem_of(reference: FileReference, file: Path) -> list[Problem]:
                         f"not in {file.parent}", hint="put it there, or export the model again with its textures")]
     if reference.image:
         try:
-            Image.open(file).close()
-        except OSError as error:
-            return [Problem(where=where, path=reference.key, rule=f"expected a readable image, got: {error}")]
+            check_image(ImageFile(name=file.name, content=file))
+        except UserError as error:
+            return [replace(problem, where=where, path=reference.key) for problem in error.problems]
     return []
 
 

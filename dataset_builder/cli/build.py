@@ -39,11 +39,13 @@ def _plan(options: argparse.Namespace) -> int:
     from dataset_builder.engine.unit import BuildJob
     from dataset_builder.planning.cost import estimate
     from dataset_builder.planning.plan import Planner, first_plan, plan_example
+    from dataset_builder.rendering.scene.image_check import check_images
     from dataset_builder.report.against_table import against_table
     from dataset_builder.report.console import decisions_table, estimate_table
     from dataset_builder.spec.load import load_dataset
 
     loaded = load_dataset(options.spec, options.overrides)
+    check_images(loaded)
     for index in options.example:
         print(json.dumps(plan_example(loaded, index).model_dump(mode="json"), indent=2))
     if options.against:

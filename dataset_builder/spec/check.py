@@ -1,74 +1,22 @@
-"""Rules that need more than one file or table: families and their limits, meshes, images, splits that share nothing."""
+"""Rules that need more than one file or table: families and their limits, meshes, splits that share nothing."""
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
-from dataset_builder.digest import sha256_file
 from dataset_builder.errors import Problem
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.document import Document
 from dataset_builder.spec.families import FAMILIES, Family
-from dataset_builder.spec.file_reference import MOST_BYTES
 from dataset_builder.spec.licences import contradiction, licence_of
 from dataset_builder.spec.mesh_source import MeshSource, broken_suffix_rule, companions, mesh_source
 from dataset_builder.spec.numbers import AnyNumber, check_within
 from dataset_builder.spec.problems import nearest, shown
 from dataset_builder.spec.scene import ObjectSpec
 
-ENVIRONMENT_SUFFIXES = (".exr", ".hdr")
-TEXTURE_SUFFIXES = (".exr", ".png")
-"""Files that an environment, and the texture of a lamp, may be."""
-KeyPath = tuple[str | int, ...]
 NO_LICENCE = "expected a `licence` beside it, the key is missing"
 LICENCE_OF_MESH = ("`licence: CC-BY-4.0`, or whatever SPDX identifier the mesh is published under; `CC0-1.0` only "
                    "where its author gave up all rights")
-
-
-def find_images(document: Document, folder: Path) -> tuple[dict[str, str], list[Problem]]:
-    """SHA-256 of every image that a dataset file in `folder` names, by the name written there; and what is wrong.
-
-    What is in an image is looked at when it is rendered.
-    """
-    digests, problems = dict[str, str](), list[Problem]()
-    for path, name, suffixes in _named(document.data):
-        file = folder / name
-        rule, hint = _image_rule(file, name, suffixes)
-        if not rule and name not in digests:
-            try:
-                digests[name] = sha256_file(file, most=MOST_BYTES)
-            except OSError as error:
-                rule = f"expected a readable image, got: {error.strerror}"
-        if rule:
-            problems.append(document.problem(path, rule, hint))
-    return digests, problems
-
-
-def _image_rule(file: Path, name: str, suffixes: tuple[str, ...]) -> tuple[str, str]:
-    """The rule that a named image breaks, and a hint."""
-    if file.suffix.lower() not in suffixes:
-        return f"expected a file that ends in one of {' '.join(suffixes)}, got {shown(name)}", "convert it"
-    if os.path.isdir(file):
-        return f"expected an image, got the folder {shown(name)}", "name a file in it"
-    if not os.path.isfile(file):
-        return f"expected an image, found none at {shown(name)}", files_like(file)
-    return "", ""
-
-
-def _named(data: Any) -> Iterator[tuple[KeyPath, str, tuple[str, ...]]]:
-    """Where plain data of a dataset names an image, its name, and the suffixes that it may have."""
-    for part in ("source", "target"):
-        if isinstance(name := _at(_at(data, part), "environment"), str) and name:
-            yield (part, "environment"), name, ENVIRONMENT_SUFFIXES
-    textures = _at(_at(data, "target"), "textures")
-    for index, name in enumerate(textures if isinstance(textures, tuple) else ()):
-        if isinstance(name, str):
-            yield ("target", "textures", index), name, TEXTURE_SUFFIXES
-
-
-def _at(data: Any, key: str) -> Any:
-    return data.get(key) if isinstance(data, dict) else None
 
 
 def check_object(spec: ObjectSpec, document: Document) -> list[Problem]:

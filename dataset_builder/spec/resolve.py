@@ -13,10 +13,11 @@ from pydantic import ValidationError
 
 from dataset_builder.digest import digest
 from dataset_builder.errors import Problem, SpecError
-from dataset_builder.spec.check import check_licence, check_object, check_splits, files_like, find_images, find_mesh
+from dataset_builder.spec.check import check_licence, check_object, check_splits, files_like, find_mesh
 from dataset_builder.spec.dataset import DatasetSpec, ObjectsSpec, ScenesSpec, SplitSpec
 from dataset_builder.spec.document import Document
 from dataset_builder.spec.families import FAMILIES
+from dataset_builder.spec.image_uses import ImageUse, find_images, image_uses
 from dataset_builder.spec.licences import FREE
 from dataset_builder.spec.mesh_source import MeshSource
 from dataset_builder.spec.model import Model
@@ -48,6 +49,8 @@ class LoadedSpec:
     """The mesh file of each object that has one, under the object's key."""
     images: Mapping[str, str]
     """SHA-256 of each image that lights show, by its name in the dataset file."""
+    image_uses: tuple[ImageUse, ...] = ()
+    """Where it names them."""
     overrides: tuple[str, ...] = ()
     """`key.path=value` strings that `dataset` has already been changed by; with `path` they load the spec again."""
 
@@ -118,7 +121,8 @@ class Resolver:
         for path, name in _split_references(document.data):
             kind = self._object if path[2] == "objects" else self._scene
             self._follow(document, path, name, "", kind)
-        images, problems = find_images(document, self.root.parent)
+        uses = image_uses(document)
+        images, problems = find_images(uses, self.root.parent)
         self.problems += problems
         if spec is not None:
             spec = spec.model_copy(update={"splits": tuple(map(_keyed_split, spec.splits))})
@@ -132,7 +136,7 @@ class Resolver:
             raise SpecError(dict.fromkeys(self.problems))
         return LoadedSpec(path=self.root, dataset=spec, objects=_found(self.objects), scenes=_found(self.scenes),
                           rooms=_found(self.rooms), meshes=MappingProxyType(self.meshes),
-                          images=MappingProxyType(images))
+                          images=MappingProxyType(images), image_uses=uses)
 
     def _validated(self, document: Document, model: type[AnyModel]) -> AnyModel | None:
         result = validated(document, model)

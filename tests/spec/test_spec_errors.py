@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from dataset_builder.errors import SpecError
-from dataset_builder.spec.check import ENVIRONMENT_SUFFIXES, TEXTURE_SUFFIXES
+from dataset_builder.spec.image_uses import ENVIRONMENT_SUFFIXES, TEXTURE_SUFFIXES
 from dataset_builder.spec.light import SourceSpec, TargetSpec
 from dataset_builder.spec.load import load_dataset
 

@@ -25,7 +25,7 @@ from dataset_builder.light_kinds import LIGHT_KINDS, Image, LightName
 from dataset_builder.planning.view.emission import BEAM_SHARE
 from dataset_builder.rendering.scene.images import LAMP_SIDE, environment, lamp_texture, read_image
 from dataset_builder.rendering.scene.shapes import is_small_sphere, small_sphere
-from dataset_builder.spec.check import ENVIRONMENT_SUFFIXES, TEXTURE_SUFFIXES
+from dataset_builder.spec.image_uses import ENVIRONMENT_SUFFIXES, TEXTURE_SUFFIXES
 
 SPARE_DEPTH = -240.0
 """Height of spare lights: far below any floor, within the cube that `shapes` pads scenes to."""

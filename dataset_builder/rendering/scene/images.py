@@ -3,14 +3,13 @@
 from functools import lru_cache
 from pathlib import Path
 
-import mitsuba as mi
 import numpy as np
-import OpenEXR
 
 from dataset_builder.assets.image_maps import resized
 from dataset_builder.digest import sha256_file
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.planning.view.emission import LUMINANCE
+from dataset_builder.rendering.scene.light_pictures import read_picture
 
 KEPT = 4
 """Images kept in memory: those of the lights of one view."""
@@ -18,16 +17,15 @@ LAMP_SIDE = 256
 """Texels along a side of what a lamp shows: one size, one kernel."""
 MIN_WIDTH, MAX_WIDTH = 64, 4096
 """Texels around the horizon of an environment."""
-COLOURS = (("R", "G", "B"), ("Y", "Y", "Y"))
-"""Channels that are taken for colours, the first that are there."""
 
 
 @lru_cache(maxsize=KEPT)
 def read_image(path: Path, sha256: str, suffixes: tuple[str, ...]) -> np.ndarray:
     """(H, W, 3) float32 linear Rec.709 of an OpenEXR, Radiance or PNG file (sRGB), not to be written to.
 
-    suffixes: those that its use allows. Raises PlanError where the file has another one, is missing, is not the one
-    that was planned, cannot be read, is black, or holds values that are not finite or below 0.
+    Colours that Rec.709 does not have lose what is below 0. suffixes: those that its use allows. Raises PlanError where
+    the file has another one, is missing, is not the one that was planned, cannot be read, is black, or holds values
+    that are not finite or below 0.
     """
     if path.suffix.lower() not in suffixes:
         raise _refused(path, f"expected a file of kind {' '.join(suffixes)}, got {path.suffix or 'none'}", "convert it")
@@ -38,43 +36,21 @@ def read_image(path: Path, sha256: str, suffixes: tuple[str, ...]) -> np.ndarray
     if found != sha256:
         raise _refused(path, f"expected content of SHA-256 {sha256}, got {found}",
                        "the file changed after planning; plan again")
-    image = _decoded(path)
+    try:
+        picture = read_picture(path)
+    except ValueError as error:
+        raise _refused(path, f"expected an image of colours, got: {error}", "save it again as one") from error
+    image = picture.pixels
     bad = image[~(np.isfinite(image) & (image >= 0))]
     if len(bad):
         raise _refused(path, f"expected finite values of at least 0, got {bad[0]:g} in {len(bad)} places", "mend it")
+    if picture.to_rec709 is not None:
+        image = np.maximum(image @ picture.to_rec709.T, 0).astype(np.float32)
     # What underflows when it is brought to mean 1 is as good as black
     if image.mean(dtype=np.float64) < np.finfo(np.float32).tiny:
         raise _refused(path, "expected an image with a value above 0, got a black one", "leave it out, or correct it")
     image.flags.writeable = False
     return image
-
-
-def _decoded(path: Path) -> np.ndarray:
-    try:
-        if path.suffix.lower() == ".exr":
-            return read_exr(path)
-        bitmap = mi.Bitmap(str(path)).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, srgb_gamma=False)
-    except (RuntimeError, ValueError) as error:
-        reason = str(error).strip().splitlines()[-1]
-        raise _refused(path, f"expected an image of colours, got: {reason}", "save it again as one") from error
-    return np.array(bitmap, dtype=np.float32)
-
-
-def read_exr(path: Path) -> np.ndarray:
-    """(H, W, 3) float32 as stored; a picture of luminance alone is grey. Raises ValueError for anything else.
-
-    Mitsuba's own reader and writer hand rows to a pool of threads that, in a process which has other libraries' pools
-    too, may never answer.
-    """
-    try:
-        file = OpenEXR.File(str(path), separate_channels=True)
-        channels = {name: channel.pixels for name, channel in file.channels(0).items()}
-    except (RuntimeError, ValueError, TypeError, IndexError, KeyError, MemoryError) as error:
-        raise ValueError(f"no OpenEXR picture that can be read ({error})") from error
-    for names in COLOURS:
-        if set(names) <= set(channels):
-            return np.stack([np.asarray(channels[name], dtype=np.float32) for name in names], axis=-1)
-    raise ValueError(f"channels {', '.join(sorted(channels))}, none of them R, G, B or Y")
 
 
 def lamp_texture(image: np.ndarray) -> np.ndarray:

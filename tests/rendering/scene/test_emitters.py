@@ -16,7 +16,7 @@ from dataset_builder.light_kinds import LampName
 from dataset_builder.planning.view.emission import LUMINANCE, direct_irradiance
 from dataset_builder.rendering.scene.emitters import emitters
 from dataset_builder.rendering.scene.images import environment, lamp_texture, mean_luminance, read_image
-from dataset_builder.spec.check import ENVIRONMENT_SUFFIXES, TEXTURE_SUFFIXES
+from dataset_builder.spec.image_uses import ENVIRONMENT_SUFFIXES, TEXTURE_SUFFIXES
 from tests.reference_scenes import deviates, diffuse, rectangle, sensor, traced
 from tests.small_scenes import light, lit_by
 

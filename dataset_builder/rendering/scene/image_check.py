@@ -1,0 +1,33 @@
+"""What is wrong with the images that a dataset's lights show, before anything is rendered."""
+
+from dataclasses import replace
+
+from dataset_builder.errors import PlanError, Problem
+from dataset_builder.spec.image_uses import ENVIRONMENT_SUFFIXES, ImageUse
+from dataset_builder.spec.resolve import LoadedSpec
+
+SHAPES = (1.5, 3.0)
+"""Widths over heights of what may be latitude and longitude, which are 2 to 1."""
+
+
+def check_images(loaded: LoadedSpec) -> None:
+    """Read every image of a spec. Raises PlanError with all that is wrong, each with the line that names the image."""
+    if problems := [problem for use in loaded.image_uses for problem in _problems(use, loaded)]:
+        raise PlanError(problems)
+
+
+def _problems(use: ImageUse, loaded: LoadedSpec) -> list[Problem]:
+    # It loads the renderer's library, which specs without images do not wait for
+    from dataset_builder.rendering.scene.images import read_image
+
+    try:
+        image = read_image(loaded.path.parent / use.name, loaded.images[use.name], use.suffixes)
+    except PlanError as error:
+        return [replace(problem, where=use.where, path=use.key, rule=f"{use.name}: {problem.rule}")
+                for problem in error.problems]
+    height, width, _ = image.shape
+    if use.suffixes == ENVIRONMENT_SUFFIXES and not SHAPES[0] <= width / height <= SHAPES[1]:
+        return [Problem(where=use.where, path=use.key, hint="convert mirror balls, fisheyes and cubes to it",
+                        rule=f"{use.name}: expected latitude and longitude, twice as wide as high, got {width} x "
+                        f"{height} pixels")]
+    return []

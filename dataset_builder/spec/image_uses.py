@@ -1,0 +1,84 @@
+"""Images that a dataset file names for its lights: where, and whether there is such a file."""
+
+import os
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from dataset_builder.digest import sha256_file
+from dataset_builder.errors import Problem
+from dataset_builder.spec.check import files_like
+from dataset_builder.spec.document import Document
+from dataset_builder.spec.file_reference import MOST_BYTES
+from dataset_builder.spec.problems import dotted, shown
+
+ENVIRONMENT_SUFFIXES = (".exr", ".hdr")
+TEXTURE_SUFFIXES = (".exr", ".png")
+"""Files that an environment, and the texture of a lamp, may be."""
+KeyPath = tuple[str | int, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImageUse:
+    """One place in a dataset file that names an image."""
+
+    name: str
+    """As it is written there."""
+    suffixes: tuple[str, ...]
+    """Those that this use allows."""
+    where: str
+    """`file:line`."""
+    key: str
+    """Dotted."""
+
+
+def image_uses(document: Document) -> tuple[ImageUse, ...]:
+    """Every place in a dataset file that names an image, in its order."""
+    return tuple(ImageUse(name=name, suffixes=suffixes, where=document.place(path), key=dotted(path))
+                 for path, name, suffixes in _named(document.data))
+
+
+def find_images(uses: Iterable[ImageUse], folder: Path) -> tuple[dict[str, str], list[Problem]]:
+    """SHA-256 of every image that is named in a dataset file in `folder`, by the name written there; and what is wrong.
+
+    `rendering.scene.image_check` looks at what is in them.
+    """
+    digests, problems = dict[str, str](), list[Problem]()
+    for use in uses:
+        file = folder / use.name
+        rule, hint = _image_rule(file, use.name, use.suffixes)
+        if not rule and use.name not in digests:
+            try:
+                digests[use.name] = sha256_file(file, most=MOST_BYTES)
+            except OSError as error:
+                rule = f"expected a readable image, got: {error.strerror}"
+        if rule:
+            problems.append(Problem(where=use.where, path=use.key, rule=rule, hint=hint))
+    return digests, problems
+
+
+def _image_rule(file: Path, name: str, suffixes: tuple[str, ...]) -> tuple[str, str]:
+    """The rule that a named image breaks, and a hint."""
+    if file.suffix.lower() not in suffixes:
+        return f"expected a file that ends in one of {' '.join(suffixes)}, got {shown(name)}", "convert it"
+    if os.path.isdir(file):
+        return f"expected an image, got the folder {shown(name)}", "name a file in it"
+    if not os.path.isfile(file):
+        return f"expected an image, found none at {shown(name)}", files_like(file)
+    return "", ""
+
+
+def _named(data: Any) -> Iterator[tuple[KeyPath, str, tuple[str, ...]]]:
+    """Where plain data of a dataset names an image, its name, and the suffixes that it may have."""
+    for part in ("source", "target"):
+        if isinstance(name := _at(_at(data, part), "environment"), str) and name:
+            yield (part, "environment"), name, ENVIRONMENT_SUFFIXES
+    textures = _at(_at(data, "target"), "textures")
+    for index, name in enumerate(textures if isinstance(textures, tuple) else ()):
+        if isinstance(name, str):
+            yield ("target", "textures", index), name, TEXTURE_SUFFIXES
+
+
+def _at(data: Any, key: str) -> Any:
+    return data.get(key) if isinstance(data, dict) else None
