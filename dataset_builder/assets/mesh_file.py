@@ -1,5 +1,6 @@
 """Mesh files (.glb .gltf .obj .ply) -> Asset."""
 
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +11,7 @@ from PIL import Image
 
 from dataset_builder.assets.asset import Asset, Material
 from dataset_builder.assets.file_model import GREY, ROUGHNESS, FileModel, FilePart, refuse
-from dataset_builder.assets.readers import by_trimesh
+from dataset_builder.assets.readers import by_trimesh, obj
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.geometry.mesh import TriangleMesh, concatenate, transform
 from dataset_builder.geometry.repair import repair
@@ -18,7 +19,7 @@ from dataset_builder.spec.file_reference import FileReference
 from dataset_builder.spec.mesh_source import MESH_SUFFIXES, references
 
 READERS: dict[str, Callable[[Path, int], FileModel]] = {
-    ".glb": by_trimesh.read, ".gltf": by_trimesh.read, ".obj": by_trimesh.read, ".ply": by_trimesh.read}
+    ".glb": by_trimesh.read, ".gltf": by_trimesh.read, ".obj": obj.read, ".ply": by_trimesh.read}
 """What reads a file by its suffix: functions of its path and the longest side of a texture."""
 Up = Literal["x", "y", "z"]
 WORLD_FROM_FILE: dict[Up, np.ndarray] = {
@@ -34,7 +35,7 @@ def checked_references(path: Path) -> tuple[FileReference, ...]:
     reader would pass over a missing texture."""
     try:
         found = references(path)
-    except ValueError as error:
+    except (OSError, ValueError) as error:
         problem = Problem(where=str(path), path="", rule=f"expected a readable {path.suffix} file, got: {error}")
         raise UserError([problem]) from error
     problems = [problem for reference in found for problem in _problem_of(reference, path.parent / reference.name)]
@@ -46,7 +47,7 @@ def checked_references(path: Path) -> tuple[FileReference, ...]:
 def _problem_of(reference: FileReference, file: Path) -> list[Problem]:
     """What is wrong with a `file` that is referred to, at most one problem; an image has to start like one."""
     where = str(reference.by)
-    if not file.is_file():
+    if not os.path.isfile(file):
         return [Problem(where=where, path=reference.key, rule=f"expected an existing file, got {file.name}, which is "
                         f"not in {file.parent}", hint="put it there, or export the model again with its textures")]
     if reference.image:
