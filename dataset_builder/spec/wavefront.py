@@ -62,7 +62,7 @@ def obj_bytes(path: Path) -> bytes:
         raise ValueError(f"expected text, got a NUL byte in line {line_at(data, at)}")
     for broken in (b"\\\r\n", b"\\\n"):
         data = data.replace(broken, b" " * (len(broken) - 1) + b"\v")
-    return data if b"\n" in data else data.replace(b"\r", b"\n")
+    return data.replace(b"\r\n", b" \n").replace(b"\r", b"\n")
 
 
 def line_at(data: bytes, offset: int) -> int:

@@ -4,6 +4,7 @@ The words are those of Alias/Wavefront's MTL format (illumination models include
 Pc, Pcr, Ke, norm (http://exocortex.com/blog/extending_wavefront_mtl_to_support_pbr). docs/readers.md has the table.
 """
 
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -35,7 +36,8 @@ class _Words:
         self.entry = entry
         self.said: dict[str, Statement] = {said.key.lower(): said for said in entry.statements}
         self.read: set[str] = set()
-        self.left_out: list[str] = []
+        times = Counter(said.key.lower() for said in entry.statements)
+        self.left_out = [f"all but the last {self.said[key].key}" for key, count in times.items() if count > 1]
 
     def numbers(self, key: str) -> list[float] | None:
         """The numbers after a key, None where it is not there. Raises UserError for what are none."""
@@ -103,7 +105,8 @@ def file_material(entry: MtlEntry, mesh: Path, max_texture: int) -> FileMaterial
     made = _glass(made, words, model) if glass else replace(made, alpha=_opaque(words))
     made = replace(made, texture=maps.texture)
     return FileMaterial(material=made, uv_transform=maps.uv_transform,
-                        left_out=(*words.left_out, *words.unread(), *maps.left_out, *_unseen(made, words)))
+                        left_out=tuple(dict.fromkeys([*words.left_out, *words.unread(), *maps.left_out,
+                                                      *_unseen(made, words)])))
 
 
 def _surface(words: _Words, maps: MtlMaps, model: int) -> Material:
@@ -135,7 +138,7 @@ def _specular(words: _Words, ks: Triple | None, maps: MtlMaps) -> float:
     if ks is not None and max(ks) - min(ks) > 1e-3:
         words.left_out.append("the colour of Ks")
     weight = 2 * (float(np.mean(ks)) if ks is not None else 1.0 if "specular" in maps.names else 0.5)
-    return min(weight * reflectance_at(index if index is not None and index > 1 else 1.5), MAX_SPECULAR)
+    return min(weight * (reflectance_at(index) if index is not None and index > 1 else 0.04), MAX_SPECULAR)
 
 
 def _mirror(material: Material, ks: Triple) -> Material:

@@ -179,7 +179,6 @@ class _Chunk:
         weighted = counts == 4
         self.found.notes["weights of vertices"] += int((made[weighted, 3] != 1).sum())
         made[weighted, 3] = np.nan
-        made[counts == 6, 6] = 1
         bad = ~np.isfinite(made[:, :3]).all(axis=1)
         self.found.fault("expected finite vertices, got {} with NaN or Inf", self._at(lines)[bad])
         self.found.vertices.append(made)
