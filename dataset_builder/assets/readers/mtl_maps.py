@@ -38,7 +38,11 @@ def mtl_maps(entry: MtlEntry, mesh: Path, max_texture: int, *, without: Collecti
     the first, is left out and named. Raises UserError for images that cannot be read."""
     left_out: list[str] = []
     named: dict[str, tuple[Statement, str]] = {}
-    for said, name in entry_maps(mesh, entry):
+    try:
+        listed = entry_maps(mesh, entry)
+    except ValueError as error:
+        refuse(mesh, f"expected a readable library, got: {error}")
+    for said, name in listed:
         channel = READ_MAPS[said.key.lower()]
         if channel in without:
             left_out.append(said.key)
