@@ -101,7 +101,9 @@ def load_mesh_file(path: Path, *, name: str, category: str, licence: str, scale:
 
 def _mesh(part: FilePart, model: FileModel) -> TriangleMesh:
     """A part with the texture coordinates that its material uses. Those without a material come after the others."""
-    index = part.material if part.material >= 0 else len(model.materials) + (part.colors is not None)
+    index = part.material
+    if index < 0:
+        index = len(model.materials) + _colored_or_not(model).index(part.colors is not None)
     used = model.materials[part.material] if part.material >= 0 else None
     uvs = part.uvs.get(used.uv_set if used else 0)
     if uvs is None:
@@ -113,11 +115,15 @@ def _mesh(part: FilePart, model: FileModel) -> TriangleMesh:
 
 
 def _materials(model: FileModel) -> tuple[Material, ...]:
-    """Those of the file, then a grey and a white one if a part has none."""
-    without = [part for part in model.parts if part.material < 0]
-    plain = [Material(name=name, base_color=(albedo,) * 3, roughness=ROUGHNESS)
-             for name, albedo in (("no material", GREY), ("vertex colours", 1.0))]
-    return (*(each.material for each in model.materials), *(plain if without else ()))
+    """Those of the file, then a grey one for parts with neither material nor colours, and a white one for colours."""
+    plain = [Material(name="vertex colours" if colored else "no material", roughness=ROUGHNESS,
+                      base_color=(1.0 if colored else GREY,) * 3) for colored in _colored_or_not(model)]
+    return (*(each.material for each in model.materials), *plain)
+
+
+def _colored_or_not(model: FileModel) -> list[bool]:
+    """Of the parts without a material: whether they have colours, each answer once."""
+    return sorted({part.colors is not None for part in model.parts if part.material < 0})
 
 
 def _left_out(model: FileModel) -> list[str]:

@@ -10,7 +10,7 @@ from dataset_builder.assets.file_model import FileMaterial, FileModel, FilePart,
 from dataset_builder.assets.image_maps import linear_from_srgb
 from dataset_builder.assets.readers.mtl import file_material
 from dataset_builder.assets.readers.obj_lines import ObjLines, read_lines
-from dataset_builder.assets.readers.polygons import Triangles, triangulated
+from dataset_builder.assets.readers.polygons import Triangulation, triangulated
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.spec.obj_references import defined_entries, obj_libraries, used_entries
 from dataset_builder.spec.wavefront import MtlEntry, obj_bytes
@@ -59,7 +59,7 @@ def _raise_faults(path: Path, lines: ObjLines) -> None:
                          for rule, (count, line) in lines.faults.items()])
 
 
-def _parts(lines: ObjLines, triangles: Triangles, labels: np.ndarray,
+def _parts(lines: ObjLines, triangles: Triangulation, labels: np.ndarray,
            arrays: tuple[np.ndarray, np.ndarray | None, np.ndarray, np.ndarray]) -> Iterator[FilePart]:
     """The triangles of each object or group and material, in the order of the file."""
     positions, colors, known, corners = arrays
@@ -123,6 +123,6 @@ def _bare(corners: np.ndarray, counts: np.ndarray, used: np.ndarray, materials: 
             if count and each.texture is not None]
 
 
-def _crossed(triangles: Triangles) -> list[str]:
+def _crossed(triangles: Triangulation) -> list[str]:
     count = len(triangles.crossed)
     return [f"{count:,} polygons whose outline crosses itself"] if count else []

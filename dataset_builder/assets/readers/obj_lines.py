@@ -13,10 +13,9 @@ FIGURES = {b"v": "vertices", b"vt": "texture coordinates", b"vn": "normals", b"f
 ALLOWED = {b"v": "3, 4, 6 or 7 numbers", b"vt": "1 to 3 numbers", b"vn": "3 numbers", b"f": "3 to 65535 corners"}
 """Values of a line. A vertex may have a weight, or a colour, or a colour and its coverage; so many corners of a polygon
 are few enough for ears to be clipped."""
-COUNTS = {b"v": np.array([3, 4, 6, 7]), b"vt": np.array([1, 2, 3]), b"vn": np.array([3]), b"f": np.arange(3, 2**16)}
+COUNTS = {b"v": (3, 4, 6, 7), b"vt": (1, 2, 3), b"vn": (3,), b"f": range(3, 2**16)}
 """The same as numbers."""
-IGNORED = frozenset({b"mtllib", b"s"})
-RUNS = frozenset({b"call", b"csh"})
+IGNORED, RUNS = (b"mtllib", b"s"), (b"call", b"csh")
 INTEGERS = np.array([1, 2, 2, 3])
 """Numbers in a corner of each form: v, v/vt, v//vn, v/vt/vn."""
 
@@ -105,7 +104,7 @@ class _Chunk:
         others = np.flatnonzero((self.values >= 0) & ~np.logical_or.reduce([*self.lines.values()]))
         labels = self._others(others)
         for key, lines in self.lines.items():
-            wrong = lines & ~np.isin(self.values, COUNTS[key])
+            wrong = lines & ~np.isin(self.values, list(COUNTS[key]))
             self.found.fault(f"expected {FIGURES[key]} of {ALLOWED[key]}, got {{}} with other than that",
                              self._at(wrong))
             lines &= ~wrong
@@ -168,8 +167,7 @@ class _Chunk:
     def _vertices(self) -> None:
         lines = self.lines[b"v"]
         counts = self.values[lines]
-        numbers = self._numbers(b"v", counts, np.float64)
-        if not len(numbers):
+        if not len(numbers := self._numbers(b"v", counts, np.float64)):
             return
         made = np.full((len(counts), 7), np.nan)
         firsts = np.cumsum(counts) - counts
@@ -185,8 +183,7 @@ class _Chunk:
 
     def _texcoords(self) -> None:
         counts = self.values[self.lines[b"vt"]]
-        numbers = self._numbers(b"vt", counts, np.float64)
-        if not len(numbers):
+        if not len(numbers := self._numbers(b"vt", counts, np.float64)):
             return
         firsts = np.cumsum(counts) - counts
         second = np.where(counts > 1, numbers[np.minimum(firsts + 1, len(numbers) - 1)], 0)
@@ -212,8 +209,7 @@ class _Chunk:
                          "have not", self._at(rows[mixed]))
         if len(mixed) or not len(rows):
             return
-        numbers = self._numbers(b"f", counts * INTEGERS[forms[first]], np.int64)
-        if not len(numbers):
+        if not len(numbers := self._numbers(b"f", counts * INTEGERS[forms[first]], np.int64)):
             return
         places = np.cumsum(INTEGERS[form]) - INTEGERS[form]
         corners = np.full((len(own), 3), -1, dtype=np.int32)
@@ -223,10 +219,10 @@ class _Chunk:
             before = (self.found.sizes[kind] + np.cumsum(self.lines[key]))[rows][owner[has]]
             said = numbers[places[has] + (offset if offset >= 0 else INTEGERS[form[has]] - 1)]
             index = np.where(said > 0, said - 1, before + said)
-            self.found.fault("expected indices from 1 on, or relative ones, got {} faces with the index 0",
-                             self._at(rows[np.unique(owner[has][said == 0])]))
-            self.found.fault("expected relative indices that reach what stands above them, got {} faces that reach too "
-                             "far", self._at(rows[np.unique(owner[has][(said < 0) & (index < 0)])]))
+            for wrong, rule in ((said == 0, "from 1 on, or relative ones, got {} faces with the index 0"),
+                                ((said < 0) & (index < 0), "that reach what stands above them, got {} faces that reach "
+                                 "too far")):
+                self.found.fault(f"expected indices {rule}", self._at(rows[np.unique(owner[has][wrong])]))
             corners[has, kind] = np.clip(index, -1, 2**31 - 1)
         self.found.corners.append(corners)
         self.found.counts.append(counts)
@@ -241,8 +237,7 @@ class _Chunk:
         token = np.searchsorted(self.tokens, slashes, side="right") - 1
         count = np.bincount(token, minlength=len(self.tokens))
         double = np.bincount(token[self.bytes[slashes + 1] == ord("/")], minlength=len(self.tokens))
-        return np.select([count == 0, count == 1, (count == 2) & (double == 1), (count == 2) & (double == 0)],
-                         [0, 1, 2, 3], -1)
+        return np.where(count < 2, count, np.where(count == 2, 3 - double, -1))
 
 
 def _parsed(text: bytes, dtype: type) -> np.ndarray:

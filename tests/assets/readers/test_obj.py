@@ -227,6 +227,38 @@ def test_faces_without_texture_coordinates_under_a_texture_are_named(tmp_path):
 
 # Libraries
 
+def test_textures_lie_where_their_coordinates_put_them(tmp_path):
+    """Lower left of the square is the lower left texel, which is blue."""
+    colors = [[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [255, 255, 255]]]
+    (tmp_path / "w.png").write_bytes(png(colors))
+    square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
+    model = obj(tmp_path, "mtllib l.mtl\n" + square + "usemtl m\nf 1/1 2/2 3/3 4/4\n", l="newmtl m\nmap_Kd w.png\n")
+    part, texture = model.parts[0], model.materials[0].material.texture
+    np.testing.assert_array_equal(part.uvs[0], corners(part)[..., :2])
+    np.testing.assert_array_equal(texture.base_color[1, 0], (0, 0, 1))
+
+
+def test_maps_lie_beside_their_library_whatever_their_options(tmp_path):
+    (folder := tmp_path / "mats").mkdir()
+    (tmp_path / "a.obj").write_text("mtllib mats\\a.mtl\n" + TRIANGLE + "usemtl m\nf 1 2 3\n")
+    (folder / "a.mtl").write_text("newmtl m\nmap_Kd -s 1 1 1 -clamp on old oak.png\n")
+    (tmp_path / "old oak.png").write_bytes(png([[[0, 0, 0]]]))
+    with pytest.raises(UserError, match=r"mats/a.mtl: line 2: map_Kd: expected an existing file, got old oak.png"):
+        load(tmp_path / "a.obj")
+    (folder / "old oak.png").write_bytes(png([[[255, 0, 0]]]))
+    np.testing.assert_array_equal(load(tmp_path / "a.obj").materials[0].texture.base_color, [[(1, 0, 0)]])
+
+
+def test_every_missing_file_is_named_at_once(tmp_path):
+    (tmp_path / "a.obj").write_text("mtllib a.mtl\nmtllib b.mtl\n" + TRIANGLE + "usemtl m\nf 1 2 3\n")
+    (tmp_path / "a.mtl").write_text("newmtl m\nmap_Kd oak.png\n")
+    with pytest.raises(UserError) as caught:
+        load(tmp_path / "a.obj")
+    assert len(caught.value.problems) == 2
+    assert "a.mtl: line 2: map_Kd: expected an existing file, got oak.png" in str(caught.value)
+    assert "a.obj: line 2: mtllib: expected an existing file, got b.mtl" in str(caught.value)
+
+
 def test_several_libraries_and_names_on_a_line(tmp_path):
     (tmp_path / "old oak.mtl").write_text("newmtl c\nKd 0 0 1\n")
     text = "mtllib x.mtl y.mtl\nmtllib old oak.mtl\n" + TRIANGLE + "".join(
