@@ -1,6 +1,7 @@
 """Mesh files -> Asset."""
 
 import os
+import unicodedata
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +12,7 @@ import numpy as np
 from dataset_builder.assets.asset import Asset, Material
 from dataset_builder.assets.file_model import GREY, ROUGHNESS, FileModel, FilePart, refuse
 from dataset_builder.assets.image_maps import ImageFile, check_image
-from dataset_builder.assets.readers import by_trimesh, off, ply, stl, usd
+from dataset_builder.assets.readers import by_trimesh, obj, off, ply, stl, usd
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.geometry.mesh import TriangleMesh, concatenate, transform
 from dataset_builder.geometry.repair import repair
@@ -20,7 +21,7 @@ from dataset_builder.spec.mesh_source import broken_suffix_rule, references
 from dataset_builder.spec.usd_references import USD_SUFFIXES
 
 READERS: dict[str, Callable[[Path, int], FileModel]] = {
-    ".glb": by_trimesh.read, ".gltf": by_trimesh.read, ".obj": by_trimesh.read, ".off": off.read, ".ply": ply.read,
+    ".glb": by_trimesh.read, ".gltf": by_trimesh.read, ".obj": obj.read, ".off": off.read, ".ply": ply.read,
     ".stl": stl.read, **dict.fromkeys(USD_SUFFIXES, usd.read)}
 """What reads a file by its suffix: functions of its path and the longest side of a texture."""
 Up = Literal["x", "y", "z"]
@@ -37,7 +38,7 @@ def checked_references(path: Path) -> tuple[FileReference, ...]:
     reader would pass over a missing texture."""
     try:
         found = references(path)
-    except ValueError as error:
+    except (OSError, ValueError) as error:
         problem = Problem(where=str(path), path="", rule=f"expected a readable {path.suffix} file, got: {error}")
         raise UserError([problem]) from error
     problems = [problem for reference in found for problem in _problem_of(reference, path.parent / reference.name)]
@@ -51,13 +52,25 @@ def _problem_of(reference: FileReference, file: Path) -> list[Problem]:
     where = str(reference.by)
     if not os.path.isfile(file):
         return [Problem(where=where, path=reference.key, rule=f"expected an existing file, got {file.name}, which is "
-                        f"not in {file.parent}", hint="put it there, or export the model again with its textures")]
+                        f"not in {file.parent}", hint=_alike(file) or
+                        "put it there, or export the model again with its textures")]
     if reference.image:
         try:
             check_image(ImageFile(name=file.name, content=file))
         except UserError as error:
             return [replace(problem, where=where, path=reference.key) for problem in error.problems]
     return []
+
+
+def _alike(file: Path) -> str:
+    """A hint: the file whose name differs from that of a missing one in case or in how its accents are encoded."""
+    def plain(name: str) -> str:
+        return unicodedata.normalize("NFC", name).casefold()
+    try:
+        found = sorted(name for name in os.listdir(file.parent) if plain(name) == plain(file.name))
+    except OSError:
+        return ""
+    return f"{found[0]} is there: write its name as it is" if found else ""
 
 
 def load_mesh_file(path: Path, *, name: str, category: str, licence: str, scale: float = 1.0, up: Up = "y",

@@ -16,7 +16,7 @@ from dataset_builder.errors import UserError
 from dataset_builder.geometry.edges import corner_normals, edges_of
 from dataset_builder.geometry.rough_base import bounding_radius, displace, rough_base
 from dataset_builder.seeding import rng
-from dataset_builder.spec.mesh_source import MESH_SUFFIXES, companions
+from dataset_builder.spec.mesh_source import MESH_SUFFIXES
 
 ASSETS = Path(os.environ.get("THREEDF_ASSETS") or Path(__file__).parents[3] / "shared" / "assets")
 COLORS = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [255, 255, 255]]], dtype=np.uint8)
@@ -129,22 +129,6 @@ def test_materials_keep_exact_linear_factors_and_channels(tmp_path):
     assert {array.dtype for array in (texture.base_color, texture.roughness, texture.normal)} == {np.dtype(np.float32)}
 
 
-def test_obj_with_its_materials(tmp_path):
-    (tmp_path / "a.obj").write_text("mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
-                                    "usemtl shiny\nf 1/1 2/2 3/3\nusemtl plain\nf 1/1 3/3 4/4\n")
-    (tmp_path / "a.mtl").write_text("newmtl shiny\nKd 0.001 0.5 1\nNs 6\nmap_Kd a.png\nnewmtl plain\nKd 1 0 0\n")
-    (tmp_path / "a.png").write_bytes(png(COLORS))
-    asset = load(tmp_path / "a.obj")
-    by_name = {material.name: material for material in asset.materials}
-    assert by_name["shiny"].base_color == (0.001, 0.5, 1.0)
-    assert by_name["shiny"].roughness == pytest.approx(0.25**0.25)
-    assert (by_name["plain"].base_color, by_name["plain"].roughness) == ((1.0, 0.0, 0.0), 0.8)
-    assert by_name["plain"].texture is None and by_name["shiny"].metallic == 0
-    names = [asset.materials[index].name for index in asset.mesh.material]
-    assert sorted(names) == ["plain", "shiny"]
-    lower_left = asset.mesh.uvs[names.index("shiny")][0]
-    np.testing.assert_array_equal(texel_at(by_name["shiny"].texture, lower_left + 0.01), (0, 0, 1))
-    assert len(asset.mesh.positions) == 4
 
 
 def test_meta_records_what_was_done(tmp_path):
@@ -175,31 +159,6 @@ def test_a_texture_is_found_under_its_decoded_name_or_named(tmp_path):
     (tmp_path / "quad.bin").unlink()
     with pytest.raises(UserError, match=r"buffers\[0\].uri: expected an existing file, got quad.bin"):
         load(path)
-
-
-def test_maps_lie_beside_their_library_whatever_their_options(tmp_path):
-    folder = tmp_path / "mats"
-    folder.mkdir()
-    (tmp_path / "a.obj").write_text("mtllib mats/a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\n"
-                                    "usemtl m\nf 1/1 2/2 3/3\n")
-    (folder / "a.mtl").write_text("newmtl m\nmap_Kd -s 1 1 1 -clamp on old oak.png\n")
-    # The decoy is where the reader looks by itself
-    (tmp_path / "old oak.png").write_bytes(png(np.zeros((3, 3, 3), np.uint8)))
-    with pytest.raises(UserError, match=r"mats/a.mtl: map_Kd: expected an existing file, got old oak.png"):
-        load(tmp_path / "a.obj")
-    (folder / "old oak.png").write_bytes(png(COLORS))
-    assert load(tmp_path / "a.obj").materials[0].texture.base_color.shape == (2, 2, 3)
-    assert companions(tmp_path / "a.obj") == ("mats/a.mtl", "mats/old oak.png")
-
-
-def test_every_missing_file_of_an_obj_is_named_at_once(tmp_path):
-    (tmp_path / "a.obj").write_text("mtllib a.mtl\nmtllib b.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
-    (tmp_path / "a.mtl").write_text("newmtl m\nmap_Kd oak.png\n")
-    with pytest.raises(UserError) as caught:
-        load(tmp_path / "a.obj")
-    assert len(caught.value.problems) == 2
-    assert "a.mtl: map_Kd: expected an existing file, got oak.png" in str(caught.value)
-    assert "a.obj: mtllib: expected an existing file, got b.mtl" in str(caught.value)
 
 
 def test_no_such_file_and_unsupported(tmp_path):

@@ -3,7 +3,6 @@
 import io
 import struct
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,7 @@ import numpy as np
 import trimesh
 from PIL import Image
 
-from dataset_builder.assets.asset import Material, Texture, reflectance_at
+from dataset_builder.assets.asset import Material, Texture
 from dataset_builder.assets.file_model import GREY, ROUGHNESS, FileMaterial, FileModel, FilePart, refuse
 from dataset_builder.assets.image_maps import ImageFile, linear_from_srgb, make_texture, read_texels
 from dataset_builder.assets.readers.gltf_extensions import Extended, extended, material_entries
@@ -19,10 +18,8 @@ from dataset_builder.errors import Problem, UserError
 from dataset_builder.spec.file_reference import FileReference
 from dataset_builder.spec.gltf_references import gltf_header
 from dataset_builder.spec.mesh_source import references
-from dataset_builder.spec.scene import MAX_SPECULAR
 
 GLTF_SUFFIXES = (".glb", ".gltf")
-SOLID_GLASS, THIN_GLASS = (6, 7), (4, 9)
 TEXTURES = ("baseColorTexture", "metallicRoughnessTexture")
 Entries = dict[str | None, dict[str, Any]]
 READER_ERRORS = (ArithmeticError, AssertionError, AttributeError, LookupError, NameError, NotImplementedError, OSError,
@@ -74,12 +71,11 @@ def _read(path: Path, named: Sequence[FileReference]) -> trimesh.Scene:
 
 
 class _Resolver(trimesh.resolvers.FilePathResolver):
-    """Files by what the mesh file says of them: glTF encodes names, and an .mtl counts from its own folder."""
+    """Files by what the mesh file says of them: glTF encodes names."""
 
     def __init__(self, path: Path, named: Sequence[FileReference]):
         super().__init__(str(path), allow_anywhere=True)
-        # Of two libraries the reader takes the first
-        self._names = {reference.written: reference.name for reference in reversed(named)}
+        self._names = {reference.written: reference.name for reference in named}
 
     def get(self, name: str) -> bytes:
         """Content of a file by its name as written."""
@@ -130,8 +126,6 @@ def file_material(visual: Any, *, name: str, factors: dict[str, Any], max_textur
     material = getattr(visual, "material", None)
     if hasattr(material, "metallicFactor"):
         return _metallic_roughness(material, name, factors, max_texture)
-    if hasattr(material, "kwargs"):
-        return _wavefront(material, name, max_texture)
     return Material(name=name, base_color=_mean_color(visual), roughness=ROUGHNESS)
 
 
@@ -147,48 +141,6 @@ def _metallic_roughness(material: Any, name: str, factors: dict[str, Any], max_t
     return Material(name=name, base_color=_triple(color), texture=texture,
                     roughness=_share(1.0 if material.roughnessFactor is None else material.roughnessFactor),
                     metallic=_share(1.0 if material.metallicFactor is None else material.metallicFactor))
-
-
-def _wavefront(material: Any, name: str, max_texture: int) -> Material:
-    """MTL: Kd is linear; Ns is a Blinn-Phong exponent.
-
-    The lobe of equal width has alpha = sqrt(2 / (Ns + 2)) (B. Walter et al., "Microfacet Models for Refraction through
-    Rough Surfaces", EGSR 2007); roughness is the root of alpha.
-    """
-    extra = getattr(material, "kwargs", {}) or {}
-    diffuse = getattr(material, "diffuse", None)
-    color = extra.get("kd", (GREY,) * 3 if diffuse is None else np.asarray(diffuse) / 255)
-    exponent = extra.get("ns")
-    roughness = ROUGHNESS if exponent is None else (2 / (max(float(exponent), 0.0) + 2)) ** 0.25
-    texture = _texture(getattr(material, "image", None), None, None, max_texture)
-    plain = Material(name=name, base_color=_triple(color), roughness=_share(roughness), texture=texture)
-    return _wavefront_glass(plain, extra)
-
-
-def _wavefront_glass(material: Material, extra: dict[str, Any]) -> Material:
-    """MTL's illumination models of glass: 6 and 7 refract and are solid, 4 and 9 bend no light and are thin.
-
-    d (or 1 - Tr) is what stays opaque; glass that refracts is often written with a d of 1, which then means nothing.
-    Tf, or a Kd that is not black, tints; Ni is the index of refraction. Other models keep no transparency.
-    """
-    model = int(_number(extra, "illum", 0))
-    if model not in (*SOLID_GLASS, *THIN_GLASS):
-        return material
-    opaque = _number(extra, "d", 1 - _number(extra, "tr", 0))
-    if opaque >= 1 and model in THIN_GLASS:
-        return material
-    ior = float(np.clip(_number(extra, "ni", 1.5), 1, 3))
-    tint = extra.get("tf") or (material.base_color if any(material.base_color) else (1.0, 1.0, 1.0))
-    return replace(material, transmission=_share(1 - opaque % 1), thin=model in THIN_GLASS, ior=ior,
-                   specular=min(reflectance_at(ior), MAX_SPECULAR),
-                   base_color=_triple([float(value) for value in tint]),
-                   roughness=material.roughness if "ns" in extra else 0.0)
-
-
-def _number(extra: dict[str, Any], key: str, default: float) -> float:
-    """A number of an MTL file, which the reader leaves as a list of words."""
-    value = extra.get(key, default)
-    return float(value[-1] if isinstance(value, list) else value)
 
 
 def _mean_color(visual: Any) -> tuple[float, float, float]:

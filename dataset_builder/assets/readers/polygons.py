@@ -9,7 +9,7 @@ SLIVER = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Triangles:
+class Triangulation:
     """What polygons became."""
 
     corners: np.ndarray
@@ -20,7 +20,7 @@ class Triangles:
     """Polygons whose outline crosses itself, so that no triangles cover just what it encloses; ascending."""
 
 
-def triangulated(positions: np.ndarray, indices: np.ndarray, counts: np.ndarray) -> Triangles:
+def triangulated(positions: np.ndarray, indices: np.ndarray, counts: np.ndarray) -> Triangulation:
     """Triangles of planar polygons, wound as these are; no corner is lost, so that neighbours still meet.
 
     positions: (V, 3), finite. indices: (C,) into them, all corners of the first polygon, then of the next. counts: (F,)
@@ -48,7 +48,7 @@ def triangulated(positions: np.ndarray, indices: np.ndarray, counts: np.ndarray)
             crossed += [int(faces[face])] if crosses else []
     owners = np.concatenate(owner)
     order = np.argsort(owners, kind="stable")
-    return Triangles(corners=np.concatenate(corners)[order], owner=owners[order],
+    return Triangulation(corners=np.concatenate(corners)[order], owner=owners[order],
                      crossed=np.array(sorted(crossed), dtype=np.int64))
 
 
