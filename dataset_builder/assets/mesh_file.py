@@ -10,7 +10,7 @@ from PIL import Image
 
 from dataset_builder.assets.asset import Asset, Material
 from dataset_builder.assets.file_model import GREY, ROUGHNESS, FileModel, FilePart, refuse
-from dataset_builder.assets.readers import by_trimesh
+from dataset_builder.assets.readers import by_trimesh, gltf
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.geometry.mesh import TriangleMesh, concatenate, transform
 from dataset_builder.geometry.repair import repair
@@ -18,7 +18,7 @@ from dataset_builder.spec.file_reference import FileReference
 from dataset_builder.spec.mesh_source import MESH_SUFFIXES, references
 
 READERS: dict[str, Callable[[Path, int], FileModel]] = {
-    ".glb": by_trimesh.read, ".gltf": by_trimesh.read, ".obj": by_trimesh.read, ".ply": by_trimesh.read}
+    ".glb": gltf.read, ".gltf": gltf.read, ".obj": by_trimesh.read, ".ply": by_trimesh.read}
 """What reads a file by its suffix: functions of its path and the longest side of a texture."""
 Up = Literal["x", "y", "z"]
 WORLD_FROM_FILE: dict[Up, np.ndarray] = {

@@ -1,4 +1,4 @@
-"""Interim: every format by trimesh, until it has a reader of its own."""
+"""Interim: .obj and .ply by trimesh, until they have readers of their own."""
 
 import io
 import struct
@@ -14,17 +14,12 @@ from PIL import Image
 from dataset_builder.assets.asset import Material, Texture, reflectance_at
 from dataset_builder.assets.file_model import GREY, ROUGHNESS, FileMaterial, FileModel, FilePart, refuse
 from dataset_builder.assets.image_maps import ImageFile, linear_from_srgb, make_texture, read_texels
-from dataset_builder.assets.readers.gltf_extensions import Extended, extended, material_entries
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.spec.file_reference import FileReference
-from dataset_builder.spec.gltf_references import gltf_header
 from dataset_builder.spec.mesh_source import references
 from dataset_builder.spec.scene import MAX_SPECULAR
 
-GLTF_SUFFIXES = (".glb", ".gltf")
 SOLID_GLASS, THIN_GLASS = (6, 7), (4, 9)
-TEXTURES = ("baseColorTexture", "metallicRoughnessTexture")
-Entries = dict[str | None, dict[str, Any]]
 READER_ERRORS = (ArithmeticError, AssertionError, AttributeError, LookupError, NameError, NotImplementedError, OSError,
                  TypeError, ValueError, struct.error)
 """What trimesh's readers raise over files that do not keep their format."""
@@ -33,35 +28,21 @@ READER_ERRORS = (ArithmeticError, AssertionError, AttributeError, LookupError, N
 def read(path: Path, max_texture: int) -> FileModel:
     """The file as trimesh reads it."""
     parts: list[FilePart] = []
-    materials: list[tuple[Any, Extended]] = []
-    factors, entries = exact_factors(path), material_entries(path)
+    materials: list[tuple[Any, Material]] = []
     for part, world_from_part in _parts(_read(path, references(path))):
         try:
-            index = _material_index(part.visual, materials, (factors, entries), max_texture)
+            index = _material_index(part.visual, materials, max_texture)
         except OSError as error:
             raise _problem(path, f"expected readable textures, got: {error}") from error
         except (AttributeError, TypeError, ValueError) as error:
             raise _problem(path, f"expected materials in a valid format, got: {error}") from error
         parts.append(_part(part, path, index, world_from_part))
-    found = tuple(FileMaterial(material=each.material, left_out=each.left_out) for _, each in materials)
+    found = tuple(FileMaterial(material=each) for _, each in materials)
     return FileModel(parts=tuple(parts), materials=found, contains=f"{len(parts)} parts")
 
 
 def _problem(path: Path, rule: str, hint: str = "") -> UserError:
     return UserError([Problem(where=str(path), path="", rule=rule, hint=hint)])
-
-
-def exact_factors(path: Path) -> dict[str | None, dict[str, Any]]:
-    """glTF's `pbrMetallicRoughness` of every material whose name, or lack of one, is its own; empty for other files.
-
-    The mesh reader keeps colours in 8 bits.
-    """
-    if path.suffix.lower() not in GLTF_SUFFIXES:
-        return {}
-    materials = gltf_header(path).get("materials", [])
-    names = [material.get("name") for material in materials]
-    return {name: material.get("pbrMetallicRoughness", {}) for name, material in zip(names, materials, strict=True)
-            if names.count(name) == 1}
 
 
 def _read(path: Path, named: Sequence[FileReference]) -> trimesh.Scene:
@@ -74,7 +55,7 @@ def _read(path: Path, named: Sequence[FileReference]) -> trimesh.Scene:
 
 
 class _Resolver(trimesh.resolvers.FilePathResolver):
-    """Files by what the mesh file says of them: glTF encodes names, and an .mtl counts from its own folder."""
+    """Files by what the mesh file says of them: an .mtl counts from its own folder."""
 
     def __init__(self, path: Path, named: Sequence[FileReference]):
         super().__init__(str(path), allow_anywhere=True)
@@ -94,18 +75,14 @@ def _parts(scene: trimesh.Scene) -> Iterator[tuple[trimesh.Trimesh, np.ndarray]]
             yield part, np.asarray(world_from_part)
 
 
-def _material_index(visual: Any, known: list[tuple[Any, Extended]], said: tuple[Entries, Entries],
-                    max_texture: int) -> int:
-    """Index of the visual's material among those `known`, which grow where it is new. said: factors and whole entries
-    of the file's materials, by name."""
+def _material_index(visual: Any, known: list[tuple[Any, Material]], max_texture: int) -> int:
+    """Index of the visual's material among those `known`, which grow where it is new."""
     source = getattr(visual, "material", None)
     for index, (other, _) in enumerate(known):
         if source is not None and other is source:
             return index
-    given = getattr(source, "name", None)
-    name = given or f"material_{len(known)}"
-    factors, entry = (by_name.get(given, {}) for by_name in said)
-    known.append((source, extended(file_material(visual, name=name, factors=factors, max_texture=max_texture), entry)))
+    name = getattr(source, "name", None) or f"material_{len(known)}"
+    known.append((source, file_material(visual, name=name, max_texture=max_texture)))
     return len(known) - 1
 
 
@@ -122,31 +99,12 @@ def _part(part: trimesh.Trimesh, path: Path, material: int, world: np.ndarray) -
                     material=material, uvs={key: each[:, order] for key, each in uvs.items()})
 
 
-def file_material(visual: Any, *, name: str, factors: dict[str, Any], max_texture: int) -> Material:
-    """Material of a mesh's `visual` as trimesh gives it.
-
-    factors: glTF's own numbers of this material where known; trimesh rounds colours to 8 bits. max_texture: texels.
-    """
+def file_material(visual: Any, *, name: str, max_texture: int) -> Material:
+    """Material of a mesh's `visual` as trimesh gives it."""
     material = getattr(visual, "material", None)
-    if hasattr(material, "metallicFactor"):
-        return _metallic_roughness(material, name, factors, max_texture)
     if hasattr(material, "kwargs"):
         return _wavefront(material, name, max_texture)
     return Material(name=name, base_color=_mean_color(visual), roughness=ROUGHNESS)
-
-
-def _metallic_roughness(material: Any, name: str, factors: dict[str, Any], max_texture: int) -> Material:
-    """glTF 2.0, section 3.9.2: factors are linear and default to 1."""
-    lost = [key for key in TEXTURES if key in factors and getattr(material, key) is None]
-    if lost:
-        raise UserError(f"material {name}: {', '.join(lost)}: expected PNG or JPEG images, got something else")
-    rounded = 1.0 if material.baseColorFactor is None else np.asarray(material.baseColorFactor) / 255
-    color = factors.get("baseColorFactor", np.broadcast_to(rounded, 4))
-    texture = _texture(material.baseColorTexture, material.metallicRoughnessTexture, material.normalTexture,
-                       max_texture)
-    return Material(name=name, base_color=_triple(color), texture=texture,
-                    roughness=_share(1.0 if material.roughnessFactor is None else material.roughnessFactor),
-                    metallic=_share(1.0 if material.metallicFactor is None else material.metallicFactor))
 
 
 def _wavefront(material: Any, name: str, max_texture: int) -> Material:
@@ -160,7 +118,7 @@ def _wavefront(material: Any, name: str, max_texture: int) -> Material:
     color = extra.get("kd", (GREY,) * 3 if diffuse is None else np.asarray(diffuse) / 255)
     exponent = extra.get("ns")
     roughness = ROUGHNESS if exponent is None else (2 / (max(float(exponent), 0.0) + 2)) ** 0.25
-    texture = _texture(getattr(material, "image", None), None, None, max_texture)
+    texture = _texture(getattr(material, "image", None), max_texture)
     plain = Material(name=name, base_color=_triple(color), roughness=_share(roughness), texture=texture)
     return _wavefront_glass(plain, extra)
 
@@ -199,23 +157,13 @@ def _mean_color(visual: Any) -> tuple[float, float, float]:
     return _triple(linear_from_srgb(np.asarray(colors)[:, :3] / 255).mean(axis=0))
 
 
-def _texture(base: Image.Image | None, surface: Image.Image | None, normal: Image.Image | None,
-             max_size: int) -> Texture | None:
-    maps: dict[str, np.ndarray] = {}
-    if base is not None:
-        maps["base_color"] = _decoded(base, True, max_size)[..., :3]
-    if surface is not None:
-        texels = _decoded(surface, False, max_size)
-        maps |= {"roughness": texels[..., 1], "metallic": texels[..., 2]}
-    if normal is not None:
-        maps["normal"] = _decoded(normal, False, max_size)[..., :3]
-    return make_texture(maps)
-
-
-def _decoded(image: Image.Image, srgb: bool, max_size: int) -> np.ndarray:
+def _texture(base: Image.Image | None, max_size: int) -> Texture | None:
+    if base is None:
+        return None
     stream = io.BytesIO()
-    image.save(stream, "PNG")
-    return read_texels(ImageFile(name="texture", content=stream.getvalue()), srgb=srgb, max_size=max_size)
+    base.save(stream, "PNG")
+    texels = read_texels(ImageFile(name="texture", content=stream.getvalue()), srgb=True, max_size=max_size)
+    return make_texture({"base_color": texels[..., :3]})
 
 
 def _triple(color: Any) -> tuple[float, float, float]:
