@@ -16,7 +16,14 @@ from dataset_builder.assets.readers.gltf_images import BASIS, READ_BY_PILLOW, Gl
 from dataset_builder.assets.readers.gltf_inventory import contents, left_aside
 from dataset_builder.assets.readers.gltf_materials import GltfMaterial, GltfMaterials
 from dataset_builder.assets.readers.gltf_nodes import INSTANCING, VISIBILITY, Placed, Placement, place_meshes
-from dataset_builder.assets.readers.gltf_primitives import DRACO, TRIANGLES, PrimitiveShape, mode_of, read_shape, triangle_count
+from dataset_builder.assets.readers.gltf_primitives import (
+    DRACO,
+    TRIANGLES,
+    GltfShape,
+    mode_of,
+    read_shape,
+    triangle_count,
+)
 from dataset_builder.assets.readers.gltf_values import Entry
 
 HONOURED = frozenset({
@@ -59,7 +66,7 @@ class _Reading:
     """Primitives without a material."""
     taken: dict[str, Entry] = field(default_factory=dict)
     """Primitives that were read, by where they stand."""
-    shapes: dict[tuple[str, tuple[float, ...]], PrimitiveShape] = field(default_factory=dict)
+    shapes: dict[tuple[str, tuple[float, ...]], GltfShape] = field(default_factory=dict)
     morphed: bool = False
 
     def model(self) -> FileModel:
@@ -113,7 +120,7 @@ class _Reading:
         for move in moves:
             yield self._part(placement, primitive, shape, place, material, move)
 
-    def _shape(self, placement: Placement, mesh: Entry, primitive: Entry, material: GltfMaterial | None) -> PrimitiveShape:
+    def _shape(self, placement: Placement, mesh: Entry, primitive: Entry, material: GltfMaterial | None) -> GltfShape:
         targets = len(primitive.entries("targets"))
         source = placement.node if placement.node.has("weights") else mesh
         weights = tuple(source.numbers("weights", (0.0,) * targets).tolist())
@@ -126,7 +133,7 @@ class _Reading:
             self._note(primitive, self.shapes[key], material)
         return self.shapes[key]
 
-    def _note(self, primitive: Entry, shape: PrimitiveShape, material: GltfMaterial | None) -> None:
+    def _note(self, primitive: Entry, shape: GltfShape, material: GltfMaterial | None) -> None:
         self.notes += [f"{primitive.at}: {note}" for note in shape.notes]
         if material is None:
             return
@@ -136,7 +143,7 @@ class _Reading:
         if material.unlit and shape.colors is not None:
             self.notes.append(f"{primitive.at}: vertex colours, since {name} is unlit")
 
-    def _part(self, placement: Placement, primitive: Entry, shape: PrimitiveShape, place: int, material: GltfMaterial | None,
+    def _part(self, placement: Placement, primitive: Entry, shape: GltfShape, place: int, material: GltfMaterial | None,
               move: np.ndarray | None) -> FilePart:
         """A shape moved by a matrix, or by the joints of its skin where there is none."""
         if move is None:
@@ -160,7 +167,7 @@ class _Reading:
                         faces=compact.reshape(-1, 3), material=place, uvs=uvs, colors=colors)
 
 
-def _skinned(primitive: Entry, shape: PrimitiveShape, placement: Placement) -> tuple[np.ndarray, bool]:
+def _skinned(primitive: Entry, shape: GltfShape, placement: Placement) -> tuple[np.ndarray, bool]:
     """Positions moved by the mean of their joints' matrices (section 3.7.3.3), and whether most of it is mirrored.
 
     Weights are made to add up to 1; vertices without any stay where their node is.

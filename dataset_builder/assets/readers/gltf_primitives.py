@@ -24,7 +24,7 @@ COLOUR_KINDS = ("VEC3", "VEC4")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PrimitiveShape:
+class GltfShape:
     """The triangles of a primitive, in the coordinates of its mesh."""
 
     positions: np.ndarray
@@ -60,7 +60,7 @@ def mode_of(primitive: Entry) -> int:
 
 
 def read_shape(gltf: GltfFile, primitive: Entry, *, weights: Sequence[float], uv_set: int | None,
-               colors: bool = True, skinned: bool = False) -> PrimitiveShape:
+               colors: bool = True, skinned: bool = False) -> GltfShape:
     """The shape of a primitive of triangles, with the morph targets added by their `weights`. Raises UserError."""
     source = _Source(gltf, primitive)
     positions = source.morphed("POSITION", ("VEC3",), weights)
@@ -81,7 +81,7 @@ def read_shape(gltf: GltfFile, primitive: Entry, *, weights: Sequence[float], uv
     influences = tuple(source.influences(len(positions))) if skinned else ()
     beyond = 0 if tones is None else int(((tones < 0) | (tones > 1)).any(axis=1).sum())
     notes = (f"{counted(beyond, 'vertex colour')} beyond 1, taken as 1",) if beyond else ()
-    return PrimitiveShape(positions=positions, faces=faces, uvs=uvs, influences=influences, notes=notes,
+    return GltfShape(positions=positions, faces=faces, uvs=uvs, influences=influences, notes=notes,
                  colors=None if tones is None else _with_coverage(np.clip(tones, 0, 1)))
 
 
