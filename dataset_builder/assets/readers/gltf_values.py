@@ -38,7 +38,7 @@ class Entry:
         """A finite number."""
         value = self.value.get(key, default)
         if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < LARGEST:
-            self.refuse(f"expected a number, got {shown(value)}", key=key)
+            self.refuse(f"expected a finite number, got {shown(value)}", key=key)
         return float(value)
 
     def integer(self, key: str, default: int | None = None, *, low: int = 0, high: int = 2**53) -> int:
@@ -63,7 +63,7 @@ class Entry:
         good = isinstance(value, list | tuple) and len(value) == (len(default) if count is None else count)
         if not good or not all(isinstance(x, int | float) and not isinstance(x, bool) and abs(x) < LARGEST
                                for x in value):
-            self.refuse(f"expected {count or len(default)} numbers, got {shown(value)}", key=key)
+            self.refuse(f"expected {count or len(default)} finite numbers, got {shown(value)}", key=key)
         return np.array(value, dtype=np.float64)
 
     def text(self, key: str, default: str = "") -> str:
