@@ -40,7 +40,8 @@ def open_regular(path: Path, *, most: int | None = None) -> BinaryIO:
 def read_regular(path: Path, *, most: int) -> bytes:
     """The bytes of a file. Raises OSError as `open_regular` does."""
     with open_regular(path, most=most) as stream:
-        return stream.read(most)
+        # A plain read(most) would set that much memory aside first
+        return stream.read(min(most, os.fstat(stream.fileno()).st_size))
 
 
 def sha256_file(path: Path, *, most: int | None = None) -> str:

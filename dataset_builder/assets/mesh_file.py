@@ -1,5 +1,6 @@
 """Mesh files (.glb .gltf .obj .ply) -> Asset."""
 
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -46,7 +47,7 @@ def checked_references(path: Path) -> tuple[FileReference, ...]:
 def _problem_of(reference: FileReference, file: Path) -> list[Problem]:
     """What is wrong with a `file` that is referred to, at most one problem; an image has to start like one."""
     where = str(reference.by)
-    if not file.is_file():
+    if not os.path.isfile(file):
         return [Problem(where=where, path=reference.key, rule=f"expected an existing file, got {file.name}, which is "
                         f"not in {file.parent}", hint="put it there, or export the model again with its textures")]
     if reference.image:

@@ -1,5 +1,6 @@
 """A file that another file names, and how large files may be."""
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,3 +22,10 @@ class FileReference:
     """Its path relative to the folder of the mesh file."""
     image: bool
     """Whether it is a texture that is read."""
+
+
+def is_inside(folder: Path, name: str) -> bool:
+    """Whether a file lies in a folder or below it, once links and `..` are followed. Raises ValueError for what no file
+    can be called."""
+    top = os.path.realpath(folder)
+    return os.path.realpath(os.path.join(top, name)).startswith(os.path.join(top, ""))

@@ -1,6 +1,7 @@
 """The container of a glTF 2.0 file, and the files that it names."""
 
 import json
+import os
 import re
 import struct
 from collections.abc import Iterator
@@ -105,8 +106,8 @@ def _not_json(name: str) -> NoReturn:
 def gltf_references(path: Path) -> Iterator[FileReference]:
     """External `uri`s of a glTF 2.0 file (section 3.6 and 3.8.4); data URIs are inside the file.
 
-    Raises ValueError as `read_container` does, for an address that leaves the folder of the file, and for a name that
-    differs from a file's by upper and lower case.
+    Raises ValueError as `read_container` does, for an address elsewhere, and for a name that differs from a file's by
+    upper and lower case.
     """
     header = read_container(path).header
     for kind in ("buffers", "images"):
@@ -129,17 +130,11 @@ def _local_name(folder: Path, uri: str, key: str) -> str:
     if SCHEME.match(uri) or uri.startswith(("/", "\\")):
         raise ValueError(f"{key}: expected a name relative to the file, got {shown(uri)} (nothing is fetched from "
                          "elsewhere; put the file beside it)")
-    try:
-        choices = [unquote(uri), uri, unquote(uri).replace("\\", "/")]
-        name = next((choice for choice in choices if (folder / choice).is_file()), choices[-1])
-        resolved = (folder / name).resolve()
-    except (OSError, RuntimeError) as error:
-        raise ValueError(f"{key}: expected the name of a file, got {shown(uri)}") from error
-    if not resolved.is_relative_to(folder.resolve()):
-        raise ValueError(f"{key}: expected a file in the folder of the mesh file or below, got {shown(uri)}")
-    if not resolved.is_file() and resolved.parent.is_dir():
-        for there in sorted(resolved.parent.iterdir()):
-            if there.name.casefold() == resolved.name.casefold():
-                raise ValueError(f"{key}: expected {resolved.name}, found {there.name} (rename it: upper and "
-                                 "lower case differ)")
+    choices = [unquote(uri), uri, unquote(uri).replace("\\", "/")]
+    name = next((choice for choice in choices if os.path.isfile(folder / choice)), choices[-1])
+    file = folder / name
+    if not os.path.isfile(file) and os.path.isdir(file.parent):
+        for there in sorted(os.listdir(file.parent)):
+            if there.casefold() == file.name.casefold():
+                raise ValueError(f"{key}: expected {file.name}, found {there} (rename it: upper and lower case differ)")
     return name

@@ -7,9 +7,10 @@ from types import MappingProxyType
 from typing import Any
 
 from dataset_builder.digest import digest, sha256_file
-from dataset_builder.spec.file_reference import MOST_BYTES, FileReference
+from dataset_builder.spec.file_reference import MOST_BYTES, FileReference, is_inside
 from dataset_builder.spec.gltf_references import gltf_references
 from dataset_builder.spec.obj_references import obj_references
+from dataset_builder.spec.problems import shown
 
 REFERENCES: dict[str, Callable[[Path], Iterable[FileReference]]] = {
     ".glb": gltf_references, ".gltf": gltf_references, ".obj": obj_references, ".ply": lambda path: ()}
@@ -38,11 +39,17 @@ class MeshSource:
 
 
 def references(path: Path) -> tuple[FileReference, ...]:
-    """The files that a mesh file names: buffers and textures of glTF, .mtl and maps of .obj; each need not be there.
+    """The files that a mesh file names, such as buffers, textures and material libraries; each need not be there.
 
-    Raises ValueError where the mesh file cannot be understood that far, OSError where it cannot be read.
+    Raises ValueError where the mesh file cannot be understood that far or names a file outside of its folder, OSError
+    where it cannot be read.
     """
-    return tuple(REFERENCES[path.suffix.lower()](path))
+    found = tuple(REFERENCES[path.suffix.lower()](path))
+    for reference in found:
+        if not is_inside(path.parent, reference.name):
+            raise ValueError(f"{reference.key}: expected a file in the folder of the mesh or below it, got "
+                             f"{shown(reference.written)}")
+    return found
 
 
 def companions(path: Path) -> tuple[str, ...]:

@@ -15,7 +15,8 @@ from dataset_builder.assets.readers.gltf_values import Entry
 from dataset_builder.digest import read_regular
 from dataset_builder.extras import missing_named
 from dataset_builder.spec.file_reference import MOST_BYTES
-from dataset_builder.spec.gltf_references import GltfContainer, gltf_references, is_data, read_container
+from dataset_builder.spec.gltf_references import GltfContainer, is_data, read_container
+from dataset_builder.spec.mesh_source import references
 from dataset_builder.spec.problems import shown
 
 MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
@@ -125,7 +126,7 @@ class GltfFile:
 def open_gltf(path: Path) -> GltfFile:
     """Read the container. Raises UserError where it cannot be."""
     try:
-        files = {reference.key: path.parent / reference.name for reference in gltf_references(path)}
+        files = {reference.key: path.parent / reference.name for reference in references(path)}
         return GltfFile(path=path, container=read_container(path), files=files)
     except (OSError, ValueError) as error:
         refuse(path, f"expected a readable {path.suffix} file, got: {error}")
