@@ -35,6 +35,8 @@ HOMES = {
     "mitsuba": "rendering", "drjit": "rendering", "ruamel": "spec.load", "open3d": "geometry",
     "OpenEXR": ("shards.exr", "rendering.scene.images"),
     "matplotlib": "report", "pyvista": "report", "trimesh": "assets.readers", "ray": "engine",
+    "DracoPy": "assets.readers.gltf_primitives", "meshopt": "assets.readers.gltf_file",
+    "opengl_basisu": "assets.readers.gltf_images",
     "torch": ("lightnet", "release"), "tensorboard": "lightnet.training", "skimage": "lightnet.results",
     "flip_evaluator": "studies.image_errors", "pyoidn": "rendering.oidn",
 }

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from dataset_builder.assets.asset import Asset
+from dataset_builder.assets.asset import Asset, Texture
 from dataset_builder.assets.file_model import FileModel
 from dataset_builder.assets.mesh_file import load_mesh_file
 from dataset_builder.assets.readers import gltf
@@ -71,13 +71,15 @@ class GltfMaker:
         return self.add("accessors", **place, componentType=COMPONENTS[values.dtype.name], count=len(values),
                         type=TYPES[values.shape[1]], **more)
 
-    def texture(self, image: bytes | np.ndarray, *, sampler: dict[str, int] | None = None, mime: str = "image/png") -> int:
+    def texture(self, image: bytes | np.ndarray, *, sampler: dict[str, int] | None = None,
+                mime: str = "image/png") -> int:
         content = image if isinstance(image, bytes) else png(image)
         source = self.add("images", bufferView=self.view(content), mimeType=mime)
         more = {} if sampler is None else {"sampler": self.add("samplers", **sampler)}
         return self.add("textures", source=source, **more)
 
-    def primitive(self, positions: np.ndarray = QUAD, faces: np.ndarray | None = QUAD_FACES, **attributes: Any) -> dict[str, Any]:
+    def primitive(self, positions: np.ndarray = QUAD, faces: np.ndarray | None = QUAD_FACES,
+                  **attributes: Any) -> dict[str, Any]:
         """A primitive; attributes in small letters are its other keys, and all may be arrays or accessors."""
         found = {"POSITION": positions, **{key: value for key, value in attributes.items() if key.isupper()}}
         made: dict[str, Any] = {key: value for key, value in attributes.items() if not key.isupper()}
@@ -125,6 +127,12 @@ def quad_of(material: dict[str, Any], images: Any = (), **attributes: Any) -> Gl
 
 def load(path: Path, **how: Any) -> Asset:
     return load_mesh_file(path, name="thing", category="chair", licence="CC0-1.0", **how)
+
+
+def texel_at(texture: Texture, uv: np.ndarray) -> np.ndarray:
+    """Nearest texel under the Texture convention: row 0 at v = 1."""
+    height, width = texture.base_color.shape[:2]
+    return texture.base_color[min(int((1 - uv[1]) * height), height - 1), min(int(uv[0] * width), width - 1)]
 
 
 def write_glb(path: Path, images: Any = (), *, pbr: Any = None, extra: Any = None, nodes: Any = ({"mesh": 0},),

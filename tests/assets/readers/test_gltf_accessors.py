@@ -82,7 +82,8 @@ def test_sparse_places_beyond_the_end(tmp_path: Path) -> None:
     ({"count": 1.5}, "count: expected a whole number"), ({"byteOffset": -4}, "byteOffset: expected a whole number"),
     ({"componentType": 5124}, "componentType: expected one of 5120, "), ({"type": "VEC9"}, "type: expected VEC3, got"),
     ({"bufferView": 1}, r"bufferView: expected a whole number in \[0, 0\], got 1"),
-    ({"bufferView": None}, "bufferView: expected a whole number"), ({"normalized": 1}, "normalized: expected true or false")])
+    ({"bufferView": None}, "bufferView: expected a whole number"),
+    ({"normalized": 1}, "normalized: expected true or false")])
 def test_claims_that_no_bytes_bear_out(tmp_path: Path, change: dict[str, Any], rule: str) -> None:
     made = GltfMaker()
     index = made.accessor(QUAD)
@@ -102,7 +103,8 @@ def test_zeros_that_nothing_stands_for_are_bounded(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("view", "rule"), [
     ({"byteLength": 49}, r"expected bytes of buffers\[0\], which has 48, got 0 to 49"),
-    ({"byteOffset": 2**40}, r"expected bytes of buffers\[0\]"), ({"buffer": 3}, r"buffer: expected a whole number in \[0, 0\]"),
+    ({"byteOffset": 2**40}, r"expected bytes of buffers\[0\]"),
+    ({"buffer": 3}, r"buffer: expected a whole number in \[0, 0\]"),
     ({"byteStride": 8}, r"byteStride: expected at least 12, the size of an element of accessors\[0\], got 8")])
 def test_views_that_their_buffer_does_not_have(tmp_path: Path, view: dict[str, int], rule: str) -> None:
     made = GltfMaker()
@@ -131,8 +133,8 @@ def test_values_that_are_not_numbers_are_counted(tmp_path: Path) -> None:
     positions[[1, 2], 0] = np.nan, np.inf
     made = GltfMaker()
     made.draw(made.primitive(positions))
-    with pytest.raises(UserError, match=r"meshes\[0\].primitives\[0\]: expected finite vertices, got 2 with NaN or Inf, "
-                                        "first at vertex 1"):
+    with pytest.raises(UserError, match=r"meshes\[0\].primitives\[0\]: expected finite vertices, got 2 with NaN or "
+                                        "Inf, first at vertex 1"):
         made.model(tmp_path)
     uvs = np.full((4, 2), np.nan, np.float32)
     made = quad_of({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}, [COLORS])
@@ -143,5 +145,6 @@ def test_values_that_are_not_numbers_are_counted(tmp_path: Path) -> None:
 
 def test_bytes_stay_little_endian(tmp_path: Path) -> None:
     made = GltfMaker()
-    index = made.add("accessors", bufferView=made.view(struct.pack("<3f", 1, 2, 3)), componentType=5126, count=1, type="VEC3")
+    index = made.add("accessors", bufferView=made.view(struct.pack("<3f", 1, 2, 3)), componentType=5126, count=1,
+                     type="VEC3")
     np.testing.assert_array_equal(read_numbers(opened(tmp_path, made), index, "VEC3"), [[1, 2, 3]])

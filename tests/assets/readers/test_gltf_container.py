@@ -71,9 +71,11 @@ def test_other_chunks_are_named(tmp_path: Path) -> None:
     (lambda data: data[:100], "100 of the .* bytes that it says it has; it is cut short"),
     (lambda data: data[:12] + b"\xff\xff\xff\x7f" + data[16:], r"a chunk b'JSON' of 2,147,483,647 bytes where only"),
     (lambda data: data[:16] + b"BIN\0" + data[20:], "expected one JSON chunk, then at most one BIN chunk"),
-    (lambda data: data[:4] + struct.pack("<I", 1) + data[8:], "glTF 1.0, which is not read: convert the file to glTF 2.0"),
+    (lambda data: data[:4] + struct.pack("<I", 1) + data[8:],
+     "glTF 1.0, which is not read: convert the file to glTF 2.0"),
     (lambda data: data[:4] + struct.pack("<I", 3) + data[8:], "version 3 of the binary format, expected 2"),
-    (lambda data: data[:10], "expected at least 20 bytes, got 10"), (lambda data: b"", "expected it to start with glTF"),
+    (lambda data: data[:10], "expected at least 20 bytes, got 10"),
+    (lambda data: b"", "expected it to start with glTF"),
     (lambda data: glb(b"[]", None), "expected it to hold an object"), (lambda data: glb(b"{", None), "Expecting"),
     (lambda data: glb(b'{"asset": {"version": "2.0"}, "x": NaN}', None), "expected numbers, got NaN"),
     (lambda data: glb(b'"\xff"', None), "can't decode"), (lambda data: glb(b"[" * 99999, None), "nested without end")])
@@ -104,7 +106,8 @@ def test_gltf_1_names_its_entries(tmp_path: Path) -> None:
 @pytest.mark.parametrize("scheme", ["data:application/octet-stream;base64,", "data:;base64,", "DATA:,"])
 def test_data_uris(tmp_path: Path, scheme: str) -> None:
     made = quad()
-    text = base64.b64encode(made.binary).decode().rstrip("=") if "base64" in scheme else "".join(f"%{b:02x}" for b in made.binary)
+    packed, escaped = base64.b64encode(made.binary).decode().rstrip("="), "".join(f"%{b:02x}" for b in made.binary)
+    text = packed if "base64" in scheme else escaped
     made.add("buffers", uri=scheme + text, byteLength=len(made.binary))
     (tmp_path / "a.gltf").write_text(json.dumps(made.finished()))
     assert len(read(tmp_path / "a.gltf").parts) == 1 and companions(tmp_path / "a.gltf") == ()
@@ -148,7 +151,8 @@ def test_names_with_spaces_escapes_and_letters_of_all_kinds(tmp_path: Path, writ
 @pytest.mark.parametrize(("uri", "rule"), [
     ("../secret.bin", r"buffers\[0\].uri: expected a file in the folder of the mesh or below it, got '../secret.bin'"),
     ("sub/../../secret.bin", "below it"), ("%2e%2e/secret.bin", "below it"), ("link.bin", "below it, got 'link.bin'"),
-    ("/etc/passwd", "expected a name relative to the file, got '/etc/passwd'"), ("\\\\host\\x.bin", "relative to the file"),
+    ("/etc/passwd", "expected a name relative to the file, got '/etc/passwd'"),
+    ("\\\\host\\x.bin", "relative to the file"),
     ("http://example.org/x.bin", "nothing is fetched from elsewhere"), ("file:///etc/passwd", "relative to the file"),
     ("C:\\x.bin", "relative to the file"), ("a\0b", "null"), ("x" * 5000, "expected"),
     ("Quad.BIN", "expected Quad.BIN, found quad.bin .rename it")])

@@ -68,7 +68,8 @@ def test_coats_sheen_and_specular(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("ior", "index", "specular", "said"), [
-    (1.0, 1.0, 0.0, 0), (1.5, 1.5, 0.04, 0), (2.5, 2.5, 0.16, 1), (0.0, 1.0, 0.16, 1), (0.5, 1.0, 0.0, 1), (4, 3, 0.16, 2)])
+    (1.0, 1.0, 0.0, 0), (1.5, 1.5, 0.04, 0), (2.5, 2.5, 0.16, 1), (0.0, 1.0, 0.16, 1),
+    (0.5, 1.0, 0.0, 1), (4, 3, 0.16, 2)])
 def test_indices_at_their_limits(tmp_path: Path, ior: float, index: float, specular: float, said: int) -> None:
     """An index of 0 stands for a reflectance of 1 (KHR_materials_ior)."""
     found = read(tmp_path, ior={"ior": ior})
@@ -141,8 +142,8 @@ def test_extensions_that_break_their_format_are_refused(tmp_path: Path, wrong: A
 
 
 def test_specular_glossiness_of_a_dielectric_and_of_metals() -> None:
-    """By hand: a reflectance of 0.04 is no metal, and its base colour the diffuse one; black with a bright reflectance is
-    all metal of that colour."""
+    """By hand: a reflectance of 0.04 is no metal, and its base colour the diffuse one; black with a bright reflectance
+    is all metal of that colour."""
     diffuse = np.array([[0.5, 0.25, 0.1], [0, 0, 0], [0, 0, 0]])
     specular = np.array([[0.04, 0.04, 0.04], [0.9, 0.6, 0.3], [0.02, 0.02, 0.02]])
     base, metallic = metallic_roughness(diffuse, specular)

@@ -34,7 +34,8 @@ def test_names_are_made_unique(tmp_path: Path) -> None:
     for name in ("wood", "wood", "wood_2", None):
         made.draw(made.primitive(material=made.add("materials", **({"name": name} if name else {}),
                                                    pbrMetallicRoughness={"roughnessFactor": 0.5})))
-    assert [each.material.name for each in made.model(tmp_path).materials] == ["wood", "wood_2", "wood_2_2", "material_3"]
+    names = [each.material.name for each in made.model(tmp_path).materials]
+    assert names == ["wood", "wood_2", "wood_2_2", "material_3"]
 
 
 def test_materials_that_no_part_has_are_not_read(tmp_path: Path) -> None:
@@ -85,11 +86,13 @@ def test_emission_with_its_strength(tmp_path: Path) -> None:
 
 
 def test_occlusion_is_named(tmp_path: Path) -> None:
-    assert read(tmp_path, {"occlusionTexture": {"index": 0}}, [COLORS]).left_out == ("occlusionTexture (light that is baked in)",)
+    found = read(tmp_path, {"occlusionTexture": {"index": 0}}, [COLORS])
+    assert found.left_out == ("occlusionTexture (light that is baked in)",)
 
 
 def test_numbers_beyond_their_range_are_cut_and_named(tmp_path: Path) -> None:
-    found = read(tmp_path, {"pbrMetallicRoughness": {"roughnessFactor": 1.5, "metallicFactor": -1, "baseColorFactor": [2, 0, 0, 1]}})
+    found = read(tmp_path, {"pbrMetallicRoughness": {"roughnessFactor": 1.5, "metallicFactor": -1,
+                                                     "baseColorFactor": [2, 0, 0, 1]}})
     assert (found.material.roughness, found.material.metallic, found.material.base_color) == (1, 0, (1, 0, 0))
     assert found.left_out == ("baseColorFactor [2.0, 0.0, 0.0, 1.0], cut to [0, 1]", "roughnessFactor 1.5, taken as 1",
                               "metallicFactor -1, taken as 0")
@@ -105,17 +108,19 @@ def texel_under(made: GltfMaker, tmp_path: Path, place: tuple[float, float]) -> 
         shares = np.linalg.solve(np.vstack([corners.T, np.ones(3)]), (*place, 1))
         if (shares >= -1e-9).all():
             u, v = shares @ uvs
-            return texels[int((1 - v % 1) * texels.shape[0]), int(u % 1 * texels.shape[1])].round(3).tolist()  # type: ignore[no-any-return]
+            row, column = int((1 - v % 1) * texels.shape[0]), int(u % 1 * texels.shape[1])
+            return [round(float(value), 3) for value in texels[row, column]]
     raise AssertionError(place)
 
 
 @pytest.mark.parametrize(("transform", "seen"), [
-    ({}, [0, 0, 1]), ({"offset": [0.5, 0]}, [1, 1, 1]), ({"offset": [0, 0.5]}, [1, 0, 0]), ({"scale": [0.5, 0.5]}, [1, 0, 0]),
+    ({}, [0, 0, 1]), ({"offset": [0.5, 0]}, [1, 1, 1]), ({"offset": [0, 0.5]}, [1, 0, 0]),
+    ({"scale": [0.5, 0.5]}, [1, 0, 0]),
     ({"rotation": np.pi / 2}, [1, 1, 1]), ({"rotation": np.pi / 2, "offset": [0, 1], "scale": [0.5, 1]}, [1, 1, 1])])
 def test_texture_transforms_at_the_lower_left(tmp_path: Path, transform: dict[str, Any], seen: list[float]) -> None:
-    """By hand, from (u, v) = (0.25, 0.75) of the file, v downwards, where the image is blue. A quarter turn brings it to
-    (v, -u) = (0.75, -0.25), which is the lower right; scaled by a half before, to (0.75, -0.125), and by an offset of 1
-    to (0.75, 0.875)."""
+    """By hand, from (u, v) = (0.25, 0.75) of the file, v downwards, where the image is blue. A quarter turn brings it
+    to (v, -u) = (0.75, -0.25), which is the lower right; scaled by a half before, to (0.75, -0.125), and by an offset
+    of 1 to (0.75, 0.875)."""
     info = {"index": 0, "extensions": {"KHR_texture_transform": transform}}
     made = quad_of({"pbrMetallicRoughness": {"baseColorTexture": info}}, [COLORS])
     made.use("KHR_texture_transform", required=True)
@@ -138,7 +143,8 @@ def test_coordinates_that_a_part_lacks_are_named(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("sampler", "wrap", "nearest"), [
     (None, ("repeat", "repeat"), False), ({"wrapS": 33071, "wrapT": 33648}, ("clamp", "mirror"), False),
-    ({"magFilter": 9728}, ("repeat", "repeat"), True), ({"magFilter": 9729, "wrapT": 10497}, ("repeat", "repeat"), False)])
+    ({"magFilter": 9728}, ("repeat", "repeat"), True),
+    ({"magFilter": 9729, "wrapT": 10497}, ("repeat", "repeat"), False)])
 def test_samplers(tmp_path: Path, sampler: dict[str, int] | None, wrap: tuple[str, str], nearest: bool) -> None:
     made = GltfMaker()
     made.texture(COLORS, sampler=sampler)
@@ -153,7 +159,8 @@ def test_maps_that_lie_otherwise_are_replaced_by_their_mean(tmp_path: Path) -> N
     found = read(tmp_path, {"pbrMetallicRoughness": base}, [COLORS, surface])
     texture = texture_of(found)
     assert texture.roughness is not None and texture.metallic is not None
-    np.testing.assert_allclose([texture.roughness, texture.metallic], [np.full((2, 2), 0.2), np.full((2, 2), 0.4)], rtol=1e-6)
+    np.testing.assert_allclose(texture.roughness, np.full((2, 2), 0.2), rtol=1e-6)
+    np.testing.assert_allclose(texture.metallic, np.full((2, 2), 0.4), rtol=1e-6)
     assert found.left_out == ("metallicRoughnessTexture, which lies otherwise than the other maps: its mean instead",)
 
 
@@ -172,12 +179,15 @@ def test_samplers_that_differ_are_named(tmp_path: Path) -> None:
     ({"textures": [{"source": 5}]}, r"textures\[0\].source: expected a whole number in \[0, 0\], got 5"),
     ({"textures": [{}]}, r"textures\[0\]: expected an image, got none that is read"),
     ({"textures": []}, "index: expected no such key, since the file has no textures"),
-    ({"samplers": [{"wrapS": 3}], "textures": [{"source": 0, "sampler": 0}]}, r"samplers\[0\].wrapS: expected one of 10497"),
+    ({"samplers": [{"wrapS": 3}], "textures": [{"source": 0, "sampler": 0}]},
+     r"samplers\[0\].wrapS: expected one of 10497"),
     ({"images": [{}]}, r"images\[0\]: expected a uri or a bufferView"),
     ({"materials": [{"pbrMetallicRoughness": 3}]}, r"materials\[0\].pbrMetallicRoughness: expected an object, got 3"),
     ({"materials": [{"name": 3}]}, r"materials\[0\].name: expected text, got 3"),
-    ({"materials": [{"pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1]}}]}, "baseColorFactor: expected 4 finite numbers"),
-    ({"materials": [{"pbrMetallicRoughness": {"roughnessFactor": "all"}}]}, "roughnessFactor: expected a finite number")])
+    ({"materials": [{"pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1]}}]},
+     "baseColorFactor: expected 4 finite numbers"),
+    ({"materials": [{"pbrMetallicRoughness": {"roughnessFactor": "all"}}]},
+     "roughnessFactor: expected a finite number")])
 def test_materials_that_break_the_format(tmp_path: Path, change: dict[str, Any], rule: str) -> None:
     made = quad_of(BASE, [COLORS])
     made.header |= change
@@ -190,5 +200,5 @@ def test_images_are_what_they_begin_like(tmp_path: Path) -> None:
     made.texture(png(COLORS), mime="image/jpeg")
     made.draw(made.primitive(QUAD, TEXCOORD_0=QUAD_UVS, material=made.add("materials", **BASE)))
     assert texture_of(made.model(tmp_path).materials[0]).base_color.shape == (2, 2, 3)
-    with pytest.raises(UserError, match=r"images\[0\]: expected a PNG, JPEG, WebP, AVIF or KTX2 image, got one that starts with"):
+    with pytest.raises(UserError, match=r"images\[0\]: expected a PNG, .* image, got one that starts with b'%!PS"):
         quad_of(BASE, [b"%!PS-Adobe-3.0 EPSF-3.0"]).model(tmp_path)

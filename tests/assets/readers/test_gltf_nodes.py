@@ -101,8 +101,9 @@ def test_hidden_nodes_hide_what_is_below_them(tmp_path: Path) -> None:
 
 def test_all_instances_are_drawn(tmp_path: Path) -> None:
     made = with_nodes({"mesh": 0, "translation": [0, 1, 0]})
+    turns = np.array([[0, 0, 0, 127], [0, 0, 90, 90], [0, 0, 0, 127]], np.int8)
     attributes = {"TRANSLATION": made.accessor(np.array([[0, 0, 0], [2, 0, 0], [4, 0, 0]], np.float32)),
-                  "ROTATION": made.accessor(np.array([[0, 0, 0, 127], [0, 0, 90, 90], [0, 0, 0, 127]], np.int8), normalized=True),
+                  "ROTATION": made.accessor(turns, normalized=True),
                   "SCALE": made.accessor(np.array([[1, 1, 1], [1, 1, 1], [-1, 1, 1]], np.float32)), "_ID": 0}
     made.header["nodes"][0]["extensions"] = {"EXT_mesh_gpu_instancing": {"attributes": attributes}}
     made.use("EXT_mesh_gpu_instancing", required=True)
@@ -143,12 +144,13 @@ def skinned(weights: np.ndarray, joints: np.ndarray | None = None, **skin: Any) 
 def test_skins_move_with_their_joints_and_not_with_their_node(tmp_path: Path) -> None:
     weights = np.array([[1, 0, 0, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0.5, 0.5, 0, 0]], np.float32)
     model = skinned(weights).model(tmp_path)
-    np.testing.assert_allclose(model.parts[0].positions, QUAD + np.array([[0, 0, 0], [0, 0, 0], [0, 1, 0], [0, 0.5, 0]]))
+    moved = QUAD + np.array([[0, 0, 0], [0, 0, 0], [0, 1, 0], [0, 0.5, 0]])
+    np.testing.assert_allclose(model.parts[0].positions, moved)
     assert "skins in the pose that the nodes of the file have" in model.uncertain
     doubled = skinned((255 * weights).astype(np.uint8)).model(tmp_path)
     assert doubled.parts[0].positions[2, 1] == pytest.approx(2)  # weights are made to add up to 1
     free = skinned(np.zeros((4, 4), np.float32)).model(tmp_path)
-    np.testing.assert_allclose(free.parts[0].positions, QUAD + (50, 0, 0))
+    np.testing.assert_allclose(free.parts[0].positions, QUAD + np.array([50, 0, 0]))
 
 
 def test_skins_that_lack_something(tmp_path: Path) -> None:
@@ -166,7 +168,8 @@ def test_skins_that_lack_something(tmp_path: Path) -> None:
 
 
 def test_what_moves_looks_and_lights_is_named(tmp_path: Path) -> None:
+    lights = {"KHR_lights_punctual": {"lights": [{"type": "point"}]}}
     made = with_nodes({"mesh": 0}, {"camera": 0}, animations=[{"channels": [], "samplers": []}] * 2,
-                      cameras=[{"type": "perspective"}], extensions={"KHR_lights_punctual": {"lights": [{"type": "point"}]}})
+                      cameras=[{"type": "perspective"}], extensions=lights)
     made.use("KHR_lights_punctual", "ACME_sound")
     assert made.model(tmp_path).left_out == ("2 animations", "1 camera", "1 light", "the extensions ACME_sound")

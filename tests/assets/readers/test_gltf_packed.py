@@ -24,8 +24,8 @@ MESHOPT = "EXT_meshopt_compression"
 
 def draco_quad(made: GltfMaker, shift: float, *, plain: bool = False, **more: Any) -> dict[str, Any]:
     """A quad in a Draco stream, with bytes for its accessors beside it or without."""
-    packed = DracoPy.encode(QUAD + np.float32(shift), QUAD_FACES.reshape(-1, 3), quantization_bits=16, preserve_order=True,
-                            tex_coord=QUAD_UVS.astype(np.float64), colors=np.full((4, 4), 51, np.uint8))
+    packed = DracoPy.encode(QUAD + np.float32(shift), QUAD_FACES.reshape(-1, 3), quantization_bits=16,
+                            preserve_order=True, tex_coord=QUAD_UVS.astype(np.float64), colors=np.full((4, 4), 51, np.uint8))
     kinds = {"POSITION": (QUAD + 100).astype(np.float32), "TEXCOORD_0": QUAD_UVS, "COLOR_0": np.zeros((4, 4), np.uint8)}
     names = {"POSITION": 0, "COLOR_0": 2, "TEXCOORD_0": 3}
     ids = {name: next(each["unique_id"] for each in DracoPy.decode(packed).attributes if each["attribute_type"] == kind)
@@ -128,8 +128,10 @@ def test_a_buffer_that_stands_there_plainly_is_taken(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("change", "rule"), [
-    ({"count": 2**31}, "expected at most .* bytes out of"), ({"mode": "POINTS"}, "expected data compressed by meshoptimizer"),
-    ({"byteOffset": 3}, "expected data compressed by meshoptimizer, got: Malformed"), ({"byteStride": 3}, "expected data"),
+    ({"count": 2**31}, "expected at most .* bytes out of"),
+    ({"mode": "POINTS"}, "expected data compressed by meshoptimizer"),
+    ({"byteOffset": 3}, "expected data compressed by meshoptimizer, got: Malformed"),
+    ({"byteStride": 3}, "expected data"),
     ({"filter": "NOISE"}, "expected data compressed")])
 def test_damaged_meshoptimizer(tmp_path: Path, change: dict[str, Any], rule: str) -> None:
     with pytest.raises(UserError, match=rf"bufferViews\[0\].extensions.{MESHOPT}: {rule}"):

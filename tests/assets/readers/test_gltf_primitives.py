@@ -56,8 +56,10 @@ def test_triangles_without_area_are_kept_for_the_repair(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("faces", "mode", "rule"), [
-    ([0, 1, 2, 0, 2, 9], 4, "expected indices below 4, its number of vertices, got 1 of 6 that are not, first 9 at corner 5"),
-    ([0, 1, 2, 3], 4, "expected indices by threes, got 4"), ([0, 1, 65535, 2], 5, "expected indices below 4.*first 65,535"),
+    ([0, 1, 2, 0, 2, 9], 4, "expected indices below 4, its number of vertices, got 1 of 6 that are not, first 9 at"
+                            " corner 5"),
+    ([0, 1, 2, 3], 4, "expected indices by threes, got 4"),
+    ([0, 1, 65535, 2], 5, "expected indices below 4.*first 65,535"),
     ([0, 1, 2], 7, r"mode: expected a whole number in \[0, 6\], got 7")])
 def test_indices_that_lead_nowhere(tmp_path: Path, faces: list[int], mode: int, rule: str) -> None:
     made = GltfMaker()
@@ -81,7 +83,7 @@ def test_only_vertices_that_are_used_come_along(tmp_path: Path) -> None:
     """Primitives that share one large array of vertices must not copy it each."""
     made = GltfMaker()
     shared = made.accessor(np.concatenate([QUAD, QUAD + 9]).astype(np.float32))
-    made.draw(made.primitive(shared, np.array([4, 5, 6], np.uint16)), made.primitive(shared, np.array([0, 1, 2], np.uint16)))
+    made.draw(*(made.primitive(shared, np.array(face, np.uint16)) for face in ([4, 5, 6], [0, 1, 2])))
     first, second = made.model(tmp_path).parts
     np.testing.assert_array_equal(first.positions, QUAD[:3] + 9)
     np.testing.assert_array_equal(second.positions, QUAD[:3])
