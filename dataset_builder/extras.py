@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from dataset_builder.errors import UserError
 
 LIBRARIES = {
+    "gltf": ("DracoPy", "meshopt", "opengl_basisu"),
     "build": ("mitsuba", "drjit", "scipy", "open3d", "trimesh", "ruamel", "rich", "matplotlib", "psutil"),
     "train": ("torch", "tensorboard", "skimage", "ruamel", "rich"),
     "denoise": ("pyoidn",),

@@ -34,8 +34,9 @@ STRANGERS = {("lightnet", "api"), ("lightnet", "builder"), ("lightnet", "engine"
 HOMES = {
     "mitsuba": "rendering", "drjit": "rendering", "ruamel": "spec.load", "open3d": "geometry",
     "OpenEXR": ("shards.exr", "rendering.scene.light_pictures"),
-    "matplotlib": "report", "pyvista": "report", "trimesh": "assets.readers",
-    "mapbox_earcut": "assets.readers.polygons", "ray": "engine",
+    "matplotlib": "report", "pyvista": "report", "mapbox_earcut": "assets.readers.polygons", "ray": "engine",
+    "DracoPy": "assets.readers.gltf_primitives", "meshopt": "assets.readers.gltf_file",
+    "opengl_basisu": "assets.readers.gltf_images",
     "torch": ("lightnet", "release"), "tensorboard": "lightnet.training", "skimage": "lightnet.results",
     "flip_evaluator": "studies.image_errors", "pyoidn": "rendering.oidn",
     "pxr": ("assets.readers", "spec.usd_references"),

@@ -12,7 +12,7 @@ import numpy as np
 from dataset_builder.assets.asset import Asset, Material
 from dataset_builder.assets.file_model import GREY, ROUGHNESS, FileModel, FilePart, refuse
 from dataset_builder.assets.image_maps import ImageFile, check_image
-from dataset_builder.assets.readers import by_trimesh, obj, off, ply, stl, usd
+from dataset_builder.assets.readers import gltf, obj, off, ply, stl, usd
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.geometry.mesh import TriangleMesh, concatenate, transform
 from dataset_builder.geometry.repair import repair
@@ -21,8 +21,8 @@ from dataset_builder.spec.mesh_source import broken_suffix_rule, references
 from dataset_builder.spec.usd_references import USD_SUFFIXES
 
 READERS: dict[str, Callable[[Path, int], FileModel]] = {
-    ".glb": by_trimesh.read, ".gltf": by_trimesh.read, ".obj": obj.read, ".off": off.read, ".ply": ply.read,
-    ".stl": stl.read, **dict.fromkeys(USD_SUFFIXES, usd.read)}
+    ".glb": gltf.read, ".gltf": gltf.read, ".obj": obj.read, ".off": off.read, ".ply": ply.read, ".stl": stl.read,
+    **dict.fromkeys(USD_SUFFIXES, usd.read)}
 """What reads a file by its suffix: functions of its path and the longest side of a texture."""
 Up = Literal["x", "y", "z"]
 WORLD_FROM_FILE: dict[Up, np.ndarray] = {

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from dataset_builder.assets.file_model import refuse
-from dataset_builder.assets.readers.polygons import Triangles, triangulated
+from dataset_builder.assets.readers.polygons import Triangulation, triangulated
 from dataset_builder.digest import read_regular
 from dataset_builder.spec.file_reference import MOST_BYTES
 
@@ -32,7 +32,7 @@ def numbers_of(text: bytes) -> np.ndarray | None:
 
 
 def checked_triangles(path: Path, positions: np.ndarray, indices: np.ndarray, counts: np.ndarray, *,
-                      at: str = "", kept: np.ndarray | None = None) -> Triangles:
+                      at: str = "", kept: np.ndarray | None = None) -> Triangulation:
     """Triangles of the polygons with these (C,) corners, in runs of (F,) counts; (V, 3) positions.
 
     kept: which polygons become triangles; all, if not given. Raises UserError for vertices that are not finite, faces
@@ -54,10 +54,10 @@ def checked_triangles(path: Path, positions: np.ndarray, indices: np.ndarray, co
         return triangulated(positions, indices, counts)
     corners, faces = np.flatnonzero(np.repeat(kept, counts)), np.flatnonzero(kept)
     found = triangulated(positions, indices[corners], counts[kept])
-    return Triangles(corners=corners[found.corners], owner=faces[found.owner], crossed=faces[found.crossed])
+    return Triangulation(corners=corners[found.corners], owner=faces[found.owner], crossed=faces[found.crossed])
 
 
-def crossing(found: Triangles) -> tuple[str, ...]:
+def crossing(found: Triangulation) -> tuple[str, ...]:
     """What is uncertain about triangles of polygons, in words."""
     many = len(found.crossed)
     return (f"{many} faces whose outline crosses itself, first face {found.crossed[0]}",) if many else ()

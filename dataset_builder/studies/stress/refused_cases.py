@@ -58,9 +58,10 @@ def no_light(size: Size) -> CaseMeasured:
 def textured(value: float) -> CaseMeasured:
     """One texel of each map has the value."""
     def texture(name: str) -> Texture:
-        maps: dict[str, Any] = {"base_color": np.full((4, 4, 3), 0.5, np.float32), "roughness": np.full((4, 4), 0.5, np.float32),
-                "metallic": np.full((4, 4), 0.5, np.float32),
-                "normal": np.tile(np.array([0, 0, 1], np.float32), (4, 4, 1))}
+        maps: dict[str, Any] = {
+            "base_color": np.full((4, 4, 3), 0.5, np.float32), "roughness": np.full((4, 4), 0.5, np.float32),
+            "metallic": np.full((4, 4), 0.5, np.float32),
+            "normal": np.tile(np.array([0, 0, 1], np.float32), (4, 4, 1))}
         maps[name][(2, 3, 0)[:maps[name].ndim]] = value
         return Texture(**maps)
     attempts: dict[str, Callable[[], object]] = {
