@@ -177,6 +177,13 @@ def test_parts_are_those_of_objects_and_materials(tmp_path):
     assert model.contains == "2 objects or groups, 5 faces, 5 triangles, 2 of 3 materials used"
 
 
+def test_a_thousand_groups_are_not_kept_apart(tmp_path, monkeypatch):
+    text = "mtllib l.mtl\n" + TRIANGLE + "".join(f"g {k}\nusemtl m{k % 2}\nf 1 2 3\n" for k in range(6))
+    monkeypatch.setattr("dataset_builder.assets.readers.obj.MOST_PARTS", 5)
+    model = obj(tmp_path, text, l="newmtl m0\nnewmtl m1\n")
+    assert [(len(part.faces), part.material) for part in model.parts] == [(3, 0), (3, 1)]
+
+
 def test_texture_coordinates_without_a_material_are_grey(tmp_path):
     obj(tmp_path, TRIANGLE + "vt 0 0\nf 1/1 2/1 3/1\n")
     asset = load(tmp_path / "a.obj")
