@@ -18,6 +18,8 @@ from dataset_builder.spec.obj_references import READ_MAPS
 from dataset_builder.spec.scene import MAX_SPECULAR
 from dataset_builder.spec.wavefront import MtlEntry, Statement, uncommented
 
+BRIGHTEST = 1e6
+"""Of Ke: more than any lamp."""
 KD = 0.8
 """Of a material without Kd and map_Kd, as in Blender."""
 FLAT, MIRRORS, SOLID_GLASS, THIN_GLASS = (0, 1), (3, 5, 8), (6, 7), (4, 9)
@@ -163,7 +165,7 @@ def _layers(material: Material, words: _Words, maps: MtlMaps) -> Material:
         said = get(key)
         return said if said is not None else float(channel in maps.names)
 
-    emitted, sheen = words.color("ke", np.inf), factor("ps", "sheen")
+    emitted, sheen = words.color("ke", BRIGHTEST), factor("ps", "sheen")
     return replace(material, coat=factor("pc", "coat"), coat_roughness=factor("pcr", "coat_roughness"),
                    sheen=(sheen,) * 3,
                    emission=emitted if emitted is not None else (float("emission" in maps.names),) * 3)

@@ -92,8 +92,9 @@ def _wordless(option: str, values: tuple[str, ...]) -> bool:
 
 
 def _float(word: str) -> float:
+    """A number of a sensible size; NaN of anything else."""
     try:
-        return float(word)
+        return float(word) if abs(float(word)) < 1e9 else np.nan
     except ValueError:
         return np.nan
 

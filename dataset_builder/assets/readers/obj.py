@@ -16,6 +16,7 @@ from dataset_builder.spec.obj_references import defined_entries, obj_libraries, 
 from dataset_builder.spec.wavefront import MtlEntry, obj_bytes
 
 KINDS = ("vertices", "texture coordinates", "normals")
+MOST_PARTS = 1000
 
 
 def read(path: Path, max_texture: int) -> FileModel:
@@ -61,12 +62,15 @@ def _raise_faults(path: Path, lines: ObjLines) -> None:
 
 def _parts(lines: ObjLines, triangles: Triangulation, labels: np.ndarray,
            arrays: tuple[np.ndarray, np.ndarray | None, np.ndarray, np.ndarray]) -> Iterator[FilePart]:
-    """The triangles of each object or group and material, in the order of the file."""
+    """The triangles of each object or group and material, or of each material where those are many, in the order of the
+    file."""
     positions, colors, known, corners = arrays
     texcoords = np.concatenate(lines.texcoords) if lines.texcoords else np.zeros((0, 2))
     names, materials = [*lines.objects, "no object"], [*lines.materials, "no material"]
-    keys = (labels[:, 1] * (len(materials) + 1) + labels[:, 0])[triangles.owner]
-    _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
+    keys = labels[:, 1] * (len(materials) + 1) + labels[:, 0]
+    if len(np.unique(keys)) > MOST_PARTS:
+        keys = known[labels[:, 0]]
+    _, first, inverse = np.unique(keys[triangles.owner], return_index=True, return_inverse=True)
     order = np.argsort(inverse, kind="stable")
     groups = np.split(order, np.cumsum(np.bincount(inverse))[:-1])
     for number in np.argsort(first):

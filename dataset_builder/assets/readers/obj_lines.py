@@ -8,7 +8,7 @@ import numpy as np
 
 from dataset_builder.spec.wavefront import as_text, line_at
 
-CHUNK_BYTES = 2**23
+CHUNK_BYTES, FARTHEST = 2**23, 1e30
 FIGURES = {b"v": "vertices", b"vt": "texture coordinates", b"vn": "normals", b"f": "faces"}
 ALLOWED = {b"v": "3, 4, 6 or 7 numbers", b"vt": "1 to 3 numbers", b"vn": "3 numbers", b"f": "3 to 65535 corners"}
 """Values of a line. A vertex may have a weight, or a colour, or a colour and its coverage; so many corners of a polygon
@@ -177,8 +177,8 @@ class _Chunk:
         weighted = counts == 4
         self.found.notes["weights of vertices"] += int((made[weighted, 3] != 1).sum())
         made[weighted, 3] = np.nan
-        bad = ~np.isfinite(made[:, :3]).all(axis=1)
-        self.found.fault("expected finite vertices, got {} with NaN or Inf", self._at(lines)[bad])
+        bad = ~(np.abs(made[:, :3]) < FARTHEST).all(axis=1)
+        self.found.fault("expected finite vertices, got {} with NaN, Inf or more than 1e30", self._at(lines)[bad])
         self.found.vertices.append(made)
 
     def _texcoords(self) -> None:
@@ -188,13 +188,11 @@ class _Chunk:
         firsts = np.cumsum(counts) - counts
         second = np.where(counts > 1, numbers[np.minimum(firsts + 1, len(numbers) - 1)], 0)
         made = np.stack([numbers[firsts], second], axis=1)
-        bad = ~np.isfinite(made).all(axis=1)
+        bad = ~(np.abs(made) < FARTHEST).all(axis=1)
         self.found.notes["texture coordinates that are not finite, taken as (0, 0)"] += int(bad.sum())
         self.found.notes["third texture coordinates"] += int(np.count_nonzero(numbers[firsts[counts == 3] + 2]))
         made[bad] = 0
         self.found.texcoords.append(made)
-
-    # Faces
 
     def _faces(self, labels: np.ndarray) -> None:
         lines = self.lines[b"f"]

@@ -46,10 +46,11 @@ def triangulated(positions: np.ndarray, indices: np.ndarray, counts: np.ndarray)
             corners.append(rings[face][clipped])
             owner.append(np.full(len(clipped), faces[face]))
             crossed += [int(faces[face])] if crosses else []
-    owners = np.concatenate(owner)
-    order = np.argsort(owners, kind="stable")
-    return Triangulation(corners=np.concatenate(corners)[order], owner=owners[order],
-                     crossed=np.array(sorted(crossed), dtype=np.int64))
+    made, owners = np.concatenate(corners), np.concatenate(owner)
+    if (np.diff(owners) < 0).any():
+        order = np.argsort(owners, kind="stable")
+        made, owners = made[order], owners[order]
+    return Triangulation(corners=made, owner=owners, crossed=np.array(sorted(crossed), dtype=np.int64))
 
 
 def _fan_starts(positions: np.ndarray, indices: np.ndarray, rings: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

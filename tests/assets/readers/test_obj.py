@@ -93,8 +93,8 @@ def test_chunks_make_no_difference(tmp_path, monkeypatch):
     ("f 1 2 3x\n", 4, "faces of numbers"), ("f 1-2 3\n", 4, "3 to 65535 corners"), ("f 1 2-3 3\n", 4, "of numbers"),
     ("f /1 2 3\n", 4, "corners are all of one form"), ("f 1/1 2 3\n", 4, "corners are all of one form"),
     ("f 1/1/1/1 2/1/1/1 3/1/1/1\n", 4, "corners are all of one form"), ("f 99999999999999999999 2 3\n", 4, "up to 3"),
-    ("v 1 nan 1\nf 1 2 3\nv inf 0 0", 4, "finite vertices, got 2 with NaN or Inf"),
-    ("v 1 1e999 1\nf 1 2 3\n", 4, "finite vertices, got 1"),
+    ("v 1 nan 1\nf 1 2 3\nv inf 0 0", 4, "finite vertices, got 2 with NaN, Inf or"),
+    ("v 1 1e999 1\nf 1 2 3\n", 4, "finite vertices, got 1"), ("v 1 1e300 1\nf 1 2 3\n", 4, "got 1 with"),
     ("v 1 2\nf 1 2 3\n", 4, "vertices of 3, 4, 6 or 7 numbers"),
     ("v 1,5 2 3\nf 1 2 3\n", 4, "vertices of numbers"), ("v 1 two 3\nf 1 2 3\n", 4, "vertices of numbers"),
     ("v 1 2 3 4 5\nf 1 2 3\n", 4, "vertices of 3, 4, 6 or 7"),
@@ -175,6 +175,13 @@ def test_parts_are_those_of_objects_and_materials(tmp_path):
         ("'leg', 'steel'", 1, 1)]
     assert [each.material.name for each in model.materials] == ["oak", "steel"]
     assert model.contains == "2 objects or groups, 5 faces, 5 triangles, 2 of 3 materials used"
+
+
+def test_a_thousand_groups_are_not_kept_apart(tmp_path, monkeypatch):
+    text = "mtllib l.mtl\n" + TRIANGLE + "".join(f"g {k}\nusemtl m{k % 2}\nf 1 2 3\n" for k in range(6))
+    monkeypatch.setattr("dataset_builder.assets.readers.obj.MOST_PARTS", 5)
+    model = obj(tmp_path, text, l="newmtl m0\nnewmtl m1\n")
+    assert [(len(part.faces), part.material) for part in model.parts] == [(3, 0), (3, 1)]
 
 
 def test_texture_coordinates_without_a_material_are_grey(tmp_path):
