@@ -26,7 +26,7 @@ def versions(backend: str, denoise: bool = False) -> dict[str, str]:
 
 def pass_versions(backend: str) -> dict[str, str]:
     """Versions of whatever turns a plan into the results of its passes."""
-    libraries = {name: importlib.metadata.version(name) for name in ("numpy", "open3d", "scipy", "trimesh")}
+    libraries = {name: importlib.metadata.version(name) for name in ("mapbox_earcut", "numpy", "open3d", "scipy")}
     return {**renderer_versions(backend), **libraries, "source": source.source_digest(source.PASSES)}
 
 

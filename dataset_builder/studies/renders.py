@@ -110,7 +110,7 @@ class References:
 
 def pixel_versions(backend: str) -> dict[str, str]:
     """Versions of whatever turns a plan into pixels."""
-    libraries = {name: importlib.metadata.version(name) for name in ("numpy", "open3d", "scipy", "trimesh")}
+    libraries = {name: importlib.metadata.version(name) for name in ("mapbox_earcut", "numpy", "open3d", "scipy")}
     return {**renderer_versions(backend), **libraries, "source": source_digest(*PIXELS)}
 
 

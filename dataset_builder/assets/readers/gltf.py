@@ -162,9 +162,10 @@ class _Reading:
             colors = shape.colors[faces]
             if material is None or material.opaque:
                 colors[..., 3] = 1
-        used, compact = np.unique(faces, return_inverse=True)
+        used = np.zeros(len(positions), bool)
+        used[faces] = True
         return FilePart(name=f"{placement.node.title}, {primitive.at}", positions=positions[used],
-                        faces=compact.reshape(-1, 3), material=place, uvs=uvs, colors=colors)
+                        faces=(np.cumsum(used) - 1)[faces], material=place, uvs=uvs, colors=colors)
 
 
 def _skinned(primitive: Entry, shape: GltfShape, placement: Placement) -> tuple[np.ndarray, bool]:

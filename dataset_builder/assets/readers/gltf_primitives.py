@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from dataset_builder.assets.readers.gltf_accessors import (
+    WIDTHS,
     component_type,
     count_of,
     dequantised,
@@ -119,7 +120,11 @@ class _Source:
         if index is None:
             return None
         if self._ids is not None and entry is self._attributes and self._ids.has(name):
-            return dequantised(self._decoded(name, component_type(accessors[index])), accessors[index])
+            found = self._decoded(name, component_type(accessors[index]))
+            if found.shape[1] not in [WIDTHS[kind] for kind in kinds]:
+                self._primitive.refuse(f"expected {name} of {' or '.join(kinds)} in its Draco data, got "
+                                       f"{found.shape[1]} numbers a vertex")
+            return dequantised(found, accessors[index])
         values = read_numbers(self._gltf, index, *kinds)
         whole = component_type(accessors[index])
         if name.startswith("COLOR") and whole.kind != "f" and not accessors[index].flag("normalized"):

@@ -25,8 +25,8 @@ MESHOPT = "EXT_meshopt_compression"
 def draco_quad(made: GltfMaker, shift: float, *, plain: bool = False, **more: Any) -> dict[str, Any]:
     """A quad in a Draco stream, with bytes for its accessors beside it or without."""
     packed = DracoPy.encode(QUAD + np.float32(shift), QUAD_FACES.reshape(-1, 3), quantization_bits=16,
-                            preserve_order=True,
-                            tex_coord=QUAD_UVS.astype(np.float64), colors=np.full((4, 4), 51, np.uint8))
+                            preserve_order=True, tex_coord=QUAD_UVS.astype(np.float64),
+                            colors=np.full((4, 4), 51, np.uint8))
     kinds = {"POSITION": (QUAD + 100).astype(np.float32), "TEXCOORD_0": QUAD_UVS, "COLOR_0": np.zeros((4, 4), np.uint8)}
     names = {"POSITION": 0, "COLOR_0": 2, "TEXCOORD_0": 3}
     ids = {name: next(each["unique_id"] for each in DracoPy.decode(packed).attributes if each["attribute_type"] == kind)
@@ -85,6 +85,9 @@ def test_damaged_draco(tmp_path: Path) -> None:
     ids = primitive["extensions"][DRACO]["attributes"]
     right, ids["POSITION"] = ids["POSITION"], 77
     with pytest.raises(UserError, match="expected POSITION as attribute 77 of its Draco data, got none"):
+        made.model(tmp_path)
+    ids["POSITION"] = ids["TEXCOORD_0"]
+    with pytest.raises(UserError, match="expected POSITION of VEC3 in its Draco data, got 2 numbers a vertex"):
         made.model(tmp_path)
     ids["POSITION"] = right
     made.header["accessors"][primitive["indices"]]["count"] = 9
