@@ -29,6 +29,9 @@ from dataset_builder.tonemap import side_by_side
 SIDE = Path(__file__).with_name("importers") / "blender_import.py"
 SUFFIXES = (".gltf", ".glb", ".obj", ".ply", ".stl", ".usd", ".usda", ".usdc", ".usdz")
 
+FAULTS = (ArithmeticError, AttributeError, LookupError, MemoryError, OSError, RuntimeError, TypeError, ValueError)
+"""What must not come out of a reader, and is a line of the table rather than the end of it."""
+
 
 class Importers:
     """Blender's side; a file that ends its process costs no other."""
@@ -73,7 +76,10 @@ def likenesses(given: argparse.Namespace, importers: Importers, folder: Path) ->
         try:
             ours = our_picture(path, folder, size=given.size, spp=given.spp, azimuth=given.azimuth)
         except UserError as error:
-            yield Likeness(model=name, ours=str(error.problems[0].rule))
+            yield Likeness(model=name, ours=error.problems[0].rule)
+            continue
+        except FAULTS as error:
+            yield Likeness(model=name, ours=f"a fault of this builder: {error!r}")
             continue
         theirs, said = importers.picture(path, ours, size=given.size, spp=given.spp)
         if theirs is None:

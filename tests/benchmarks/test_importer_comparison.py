@@ -76,9 +76,10 @@ def test_it_says_what_it_needs():
 
 
 def write_models(folder: Path) -> None:
-    """A box whose top and front are red, elsewhere textured; one that nobody can read; one of which half is cut out."""
-    red_and_blue = np.zeros((8, 8, 3), np.uint8)
-    red_and_blue[:, :4, 0] = red_and_blue[:, 4:, 2] = 230
+    """A box whose top and front are red, elsewhere textured; and one that we cannot read. Cycles interpolates encoded
+    texels, so that there are many of them."""
+    red_and_blue = np.zeros((256, 256, 3), np.uint8)
+    red_and_blue[:, :128, 0] = red_and_blue[:, 128:, 2] = 230
     Image.fromarray(red_and_blue).save(folder / "rb.png")
     (folder / "box.mtl").write_text("newmtl red\nKd 0.8 0.1 0.1\nnewmtl picture\nKd 1 1 1\nmap_Kd rb.png\n")
     corners = "".join(f"v {x} {y} {z}\n" for z in (0, 1) for y in (0, 2) for x in (0, 1))

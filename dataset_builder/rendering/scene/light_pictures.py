@@ -20,7 +20,8 @@ MAX_SAMPLES = 4 * MAX_PIXELS
 """Values of all channels of a file that is decoded."""
 MAX_HEADER = 1 << 16
 """Bytes of a Radiance file that its header may take."""
-DAMAGE = (RuntimeError, ValueError, TypeError, IndexError, KeyError, MemoryError, OSError)
+DAMAGE = (RuntimeError, ValueError, TypeError, LookupError, AttributeError, ArithmeticError, MemoryError, OSError)
+"""What readers raise for damaged files."""
 NUMBERS = {"COLORCORR": 3, "PRIMARIES": 8, "GAMMA": 1}
 """Lines of a Radiance header that change colours, and how many numbers they have. What changes brightness alone
 changes no picture that is brought to mean 1."""
@@ -55,13 +56,13 @@ def read_exr(path: Path) -> LightPicture:
         _check_headers(headers)
         channels = OpenEXR.File(str(path), separate_channels=True).channels(0)
         planes = [np.asarray(channels[name].pixels) for name in names]
+        chromaticities = tuple(map(float, headers[0].get("chromaticities", REC709)))
     except _Unfit:
         raise
     except DAMAGE as error:
         raise ValueError(f"no OpenEXR picture that can be read ({error})") from error
     if wrong := [plane.dtype for plane in planes if plane.dtype.kind != "f"]:
         raise ValueError(f"channels of {wrong[0]}, where colours are float16 or float32")
-    chromaticities = tuple(map(float, headers[0].get("chromaticities", REC709)))
     matrix = rec709_from_rgb(chromaticities)
     planes = [plane.astype(np.float32) for plane in planes]
     if len(planes) == 1:
@@ -144,12 +145,14 @@ def _read_radiance(path: Path) -> LightPicture:
         lines = header.decode("latin-1").splitlines()
         file.seek(len(header) + 2)
         size = re.fullmatch(rb"-Y (\d+) \+X (\d+)\s*", file.readline(100))
+        content = file.read()
     if not found or not lines or not lines[0].startswith("#?"):
         raise ValueError("no header of a Radiance picture")
     if size is None:
         raise ValueError("a resolution that is not of the form -Y height +X width, the only one that is read")
-    if max(int(side) for side in size.groups()) > MAX_SIDE:
-        raise ValueError(f"{int(size[2])} x {int(size[1])} pixels, more than {MAX_SIDE} a side")
+    height, width = map(int, size.groups())
+    if max(width, height) > MAX_SIDE:
+        raise ValueError(f"{width} x {height} pixels, more than {MAX_SIDE} a side")
     matrix, correction = None, np.ones(3, dtype=np.float32)
     for line in lines[1:]:
         key, _, value = line.partition("=")
@@ -162,7 +165,48 @@ def _read_radiance(path: Path) -> LightPicture:
             if key == "COLORCORR":
                 correction *= np.array(numbers, dtype=np.float32)
             matrix = rec709_from_rgb(numbers) if key == "PRIMARIES" else matrix
-    return LightPicture(pixels=_by_mitsuba(path) / correction, to_rec709=matrix)
+    return LightPicture(pixels=rgbe_pixels(content, width, height) / correction, to_rec709=matrix)
+
+
+def rgbe_pixels(content: bytes, width: int, height: int) -> np.ndarray:
+    """(H, W, 3) float32 of what follows a Radiance header: mantissas with one exponent, flat or in runs.
+
+    Raises ValueError where it is damaged; Mitsuba's reader may then write beyond its memory.
+    """
+    packed = 8 <= width < 1 << 15 and content[:2] == b"\2\2" and content[2:3] < b"\x80"
+    flat = content[:4 * width * height] if not packed else _unpacked(content, width, height)
+    if len(flat) != 4 * width * height:
+        raise ValueError(f"{len(flat)} bytes of pixels, where {width} x {height} take {4 * width * height}")
+    values = np.frombuffer(flat, dtype=np.uint8)
+    values = values.reshape(height, 4, width).transpose(0, 2, 1) if packed else values.reshape(height, width, 4)
+    if not packed and ((values[..., :3] == 1).all(axis=-1) & (values[..., 3] > 0)).any():
+        raise ValueError("runs of the oldest kind, which are not read")
+    scale = np.ldexp(np.float32(1), np.arange(256) - 136)
+    scale[0] = 0
+    return values[..., :3].astype(np.float32) * np.take(scale, values[..., 3:])
+
+
+def _unpacked(content: bytes, width: int, height: int) -> bytearray:
+    """Row by row the four channels one after the other."""
+    values, at = bytearray(), 0
+    start = bytes((2, 2, width >> 8, width & 255))
+    for row in range(1, height + 1):
+        if content[at:at + 4] != start:
+            raise ValueError(f"no row {row} of {height} where it is to begin")
+        at += 4
+        while len(values) < 4 * width * row:
+            count = content[at] if at < len(content) else 0
+            if count == 0:
+                raise ValueError(f"row {row} of {height} cut short")
+            if count > 128:
+                values += content[at + 1:at + 2] * (count - 128)
+                at += 2
+            else:
+                values += content[at + 1:at + 1 + count]
+                at += 1 + count
+        if len(values) != 4 * width * row:
+            raise ValueError(f"row {row} of {height} with more than {width} pixels")
+    return values
 
 
 def _numbers(line: str, value: str, count: int) -> tuple[float, ...]:

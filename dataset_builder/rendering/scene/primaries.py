@@ -17,7 +17,8 @@ def xyz_from_rgb(chromaticities: tuple[float, ...]) -> np.ndarray:
     """
     points = np.array(chromaticities, dtype=np.float64).reshape(4, 2)
     colours = np.concatenate([points, 1 - points.sum(axis=1, keepdims=True)], axis=1)
-    if not np.isfinite(points).all() or points[3, 1] <= 0 or abs(np.linalg.det(colours[:3])) < 1e-6:
+    bounded = bool((np.abs(points) < 10).all()) and points[3, 1] > 1e-3
+    if not bounded or abs(np.linalg.det(colours[:3])) < 1e-6 or (BRADFORD @ colours[3] <= 0).any():
         raise ValueError(f"chromaticities {', '.join(f'{value:g}' for value in chromaticities)}, which span no colours")
     primaries = colours[:3].T
     return primaries * np.linalg.solve(primaries, colours[3] / points[3, 1])

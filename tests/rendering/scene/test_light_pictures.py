@@ -6,11 +6,13 @@ import mitsuba as mi
 import numpy as np
 import OpenEXR
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from dataset_builder.digest import sha256_file
 from dataset_builder.errors import PlanError
 from dataset_builder.rendering.scene.images import read_image
-from dataset_builder.rendering.scene.light_pictures import read_picture
+from dataset_builder.rendering.scene.light_pictures import read_picture, rgbe_pixels
 from dataset_builder.rendering.scene.primaries import REC709, rec709_from_rgb, xyz_from_rgb
 from tests.rendering.scene.test_primaries import AP0, REC2020
 
@@ -174,7 +176,8 @@ def test_headers_that_are_not_understood_are_refused(tmp_path, line, said):
 def test_other_radiance_files_are_refused(tmp_path):
     path = radiance(tmp_path / "a.hdr")
     whole = path.read_bytes()
-    for content, said in ((whole.replace(b"-Y", b"+Y"), "-Y height"), (whole[:100], r"read \d+ out of 4 bytes"),
+    for content, said in ((whole.replace(b"-Y", b"+Y"), "-Y height"),
+                          (whole[:100], "bytes of pixels, where 16 x 8 take 512"),
                           (b"P6 4 4 255\n", "no header of a Radiance"),
                           (whole.replace(b"X 16", b"X 50000"), "50000 x 8 pixels, more than 16384 a side")):
         path.write_bytes(content)
@@ -190,10 +193,38 @@ def test_a_picture_too_large_is_refused(tmp_path):
         colours(tmp_path / "a.png")
 
 
-def test_no_variant_of_mitsuba_matters(tmp_path):
-    """The class that reads is the one that the variants share."""
-    pixels = np.random.default_rng(4).gamma(0.5, 1.0, (8, 16, 3)).astype(np.float32)
+@pytest.mark.parametrize(("width", "tall"), [(16, 1), (300, 40), (7, 1)])
+def test_pixels_are_those_that_mitsuba_reads(tmp_path, width, tall):
+    """Noise, long runs in rows, and rows too short for runs."""
+    pixels = np.random.default_rng(4).gamma(0.5, 1.0, (8, width // tall + 1, 3)).astype(np.float32)
+    pixels = np.ascontiguousarray(np.repeat(pixels, tall, axis=1)[:, :width])
     mi.Bitmap(pixels).write(str(tmp_path / "a.hdr"))
     bitmap = mi.Bitmap(str(tmp_path / "a.hdr"))
     theirs = np.array(bitmap.convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, srgb_gamma=False))
     assert read_picture(tmp_path / "a.hdr").pixels.tobytes() == theirs.tobytes()
+
+
+def test_runs_of_the_oldest_kind_are_refused():
+    with pytest.raises(ValueError, match="runs of the oldest kind"):
+        rgbe_pixels(b"\x80\x80\x80\x80\1\1\1\7" + bytes(8), 4, 1)
+
+
+@settings(max_examples=150, deadline=None,
+          suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture])
+@given(st.sampled_from([".exr", ".hdr"]), st.lists(st.tuples(st.integers(0, 700), st.integers(0, 255)), max_size=6),
+       st.integers(1, 2000))
+def test_damaged_files_are_read_or_refused(tmp_path, suffix, changes, length):
+    path = tmp_path / f"a{suffix}"
+    pixels = np.random.default_rng(5).random((4, 16, 3), dtype=np.float32)
+    content = exr(path, {"RGB": pixels}).read_bytes() if suffix == ".exr" else radiance(
+        path, "PRIMARIES= " + " ".join(map(str, REC2020)), pixels=(b"\2\2\0\x10" + b"\x90\x55" * 4) * 8).read_bytes()
+    content = bytearray(content[:length])
+    for place, value in changes:
+        content[place % len(content)] = value
+    path.write_bytes(content)
+    try:
+        found = colours(path)
+    except PlanError as error:
+        assert str(error).startswith(f"{path}: expected")
+    else:
+        assert np.isfinite(found).all() and found.min() >= 0
