@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 
 from dataset_builder.assets.asset import Material, Texture
 from dataset_builder.planning.effects.materials_used import glass_share, mean_schlick, scattered_share
-from dataset_builder.rendering.surface.reflectance import COSINES, split_sum_table
+from dataset_builder.rendering.surface.reflectance import cosines, split_sum_table
 
 SHARES = st.floats(0, 1)
-COSINE = np.linspace(0, 1, COSINES)
+COSINE = cosines()
 TABLE = np.trapezoid(split_sum_table() * (2 * COSINE)[:, None], COSINE, axis=1)
 """(roughnesses, 2) both parts of the split sum, for light from everywhere."""
 MEAN = 1 / 21
