@@ -19,6 +19,8 @@ from dataset_builder.rendering.surface.sheen import Sheen
 
 DIFFUSE, GLOSSY, GLOSSY_TRANSMISSION, DELTA_REFLECTION, DELTA_TRANSMISSION, NULL = range(6)
 """Components, in the order in which a surface that has them lists them."""
+AIR = GLOSSY + 1
+"""What passes straight on where there is no glass."""
 
 
 @dataclass
@@ -28,7 +30,7 @@ class GgxLobe:
     reflectance: mi.Color3f
     """Directional, seen from the viewer."""
     f0: mi.Color3f
-    f90: mi.Float
+    f90: mi.Color3f
     alpha: mi.Float
 
 
@@ -45,6 +47,8 @@ class Lobes:
     """It lies on the surface itself, whatever a normal map tilts below it."""
     sheen: Sheen | None = None
     glass: Glass | None = None
+    coverage: mi.Float | None = None
+    """Share of the surface that is there, where that is still open; `evaluate` and `sample` count the rest as air."""
 
     @property
     def top(self) -> bool:
@@ -84,9 +88,10 @@ def reflectance(lobes: Lobes, si: mi.SurfaceInteraction3f) -> mi.Color3f:
 
 def transparency(lobes: Lobes, si: mi.SurfaceInteraction3f) -> mi.Color3f:
     """Share of light that passes straight on, as if the surface were not there."""
-    if lobes.glass is None:
-        return mi.Color3f(0)
-    return glass_lobes.straight(lobes.glass, mi.Frame3f(lobes.normal).to_local(si.wi))
+    passed = mi.Color3f(0)
+    if lobes.glass is not None:
+        passed = glass_lobes.straight(lobes.glass, mi.Frame3f(lobes.normal).to_local(si.wi))
+    return passed if lobes.coverage is None else 1 - lobes.coverage + lobes.coverage * passed
 
 
 def evaluate(lobes: Lobes, si: mi.SurfaceInteraction3f, wo: mi.Vector3f) -> tuple[mi.Color3f, mi.Float]:
@@ -104,7 +109,9 @@ def evaluate(lobes: Lobes, si: mi.SurfaceInteraction3f, wo: mi.Vector3f) -> tupl
     if lobes.sheen is not None:
         value += sheen_lobe.evaluate(lobes.sheen, wi, wo_facing, half)
     value, pdf = dr.select(valid, value, 0), dr.select(valid, pdf, 0)
-    return _add_top(lobes, si, wo, above, value, pdf) if lobes.top else (value, pdf)
+    if lobes.top:
+        value, pdf = _add_top(lobes, si, wo, above, value, pdf)
+    return (value, pdf) if lobes.coverage is None else (value * lobes.coverage, pdf * lobes.coverage)
 
 
 def scatter(lobes: Lobes, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample2: mi.Point2f) -> Scattered:
@@ -139,17 +146,29 @@ def scatter(lobes: Lobes, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample
 
 def sample(lobes: Lobes, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample2: mi.Point2f,
            active: mi.Bool) -> tuple[mi.BSDFSample3f, mi.Color3f]:
-    """A local direction of one of the lobes, and its weight."""
+    """A local direction of one of the lobes, or straight on past what is not there, and its weight."""
+    past = mi.Bool(False)
+    if lobes.coverage is not None:
+        past = sample1 >= lobes.coverage
+        sample1 = dr.select(past, sample1, sample1 / lobes.coverage)
     found = scatter(lobes, si, sample1, sample2)
     bs = dr.zeros(mi.BSDFSample3f)
     bs.wo, bs.eta, bs.sampled_component, bs.sampled_type = found.wo, found.eta, found.component, found.kind
     value, pdf = evaluate(lobes, si, bs.wo)
-    active = active & found.valid & (pdf > 0)
+    asked, active = active, active & found.valid & (pdf > 0)
     weight = dr.select(active, value / pdf, 0)
     bs.pdf = dr.select(active, pdf, 0)
     if lobes.glass is not None:
-        bs.pdf = dr.select(found.delta, found.delta_probability, bs.pdf)
+        share = 1 if lobes.coverage is None else lobes.coverage
+        bs.pdf = dr.select(found.delta, found.delta_probability * share, bs.pdf)
         weight = dr.select(found.delta, found.delta_weight, weight)
+    if lobes.coverage is not None:
+        bs.wo, bs.eta = dr.select(past, -si.wi, bs.wo), dr.select(past, 1, bs.eta)
+        bs.sampled_component = dr.select(past, mi.UInt32(NULL if lobes.glass is not None else AIR),
+                                         bs.sampled_component)
+        bs.sampled_type = dr.select(past, mi.UInt32(+mi.BSDFFlags.Null), bs.sampled_type)
+        bs.pdf = dr.select(past, 1 - lobes.coverage, bs.pdf)
+        weight = dr.select(past & asked, mi.Color3f(1), weight)
     return bs, weight
 
 

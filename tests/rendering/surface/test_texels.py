@@ -44,7 +44,8 @@ def test_every_map_shrinks_and_normals_keep_their_mean_direction():
     normal[:2, ::2, 0], normal[:2, 1::2, 0], normal[2:, :, 1] = 0.6, -0.6, 0.6
     roughness = np.tile(np.float32([0.2, 0.6]), (4, 4))
     block = pack_texture(Texture(base_color=grey(4, 8), roughness=roughness, metallic=1 - roughness, normal=normal), 4)
-    assert block.shape == (2, 4, CHANNELS) and block.dtype == np.float16
+    assert block.shape == (1, 2, 4, CHANNELS) and block.dtype == np.float16
+    block = block[0]
     assert np.allclose(block[..., :3], 0.5) and np.allclose(block[..., 3], 0.4, atol=1e-3)
     assert np.allclose(block[..., 4], 0.6, atol=1e-3)
     assert np.allclose(block[0, :, 5:7], 0, atol=1e-3) and np.allclose(block[1, :, 5:7], (0, 0.6), atol=1e-3)
@@ -64,14 +65,18 @@ def test_rows_hold_every_factor():
                         coat_roughness=0.8, sheen=(0.9, 0.11, 0.12), sheen_roughness=0.13, transmission=0.14, ior=1.6,
                         thin=True, abbe=42.0)
     row = pack([material]).factors[0]
-    assert np.allclose(row, [0.1, 0.2, 0.3, 0.4, 0.5, 0.06, 0.7, 0.8, 0.9, 0.11, 0.12, 0.13, 0.14, 1.6, 1, 42])
+    assert np.allclose(row[:16], [0.1, 0.2, 0.3, 0.4, 0.5, 0.06, 0.7, 0.8, 0.9, 0.11, 0.12, 0.13, 0.14, 1.6, 1, 42])
+    glowing = replace(material, emission=(0.1, 0.2, 3.0), alpha=0.4, alpha_cutoff=0.5)
+    assert np.allclose(pack([material]).factors[0, 16:], [0, 0, 0, 1, -1, 0, 0, 0])
+    # Half a step of half precision below the cutoff is still the cutoff
+    assert np.allclose(pack([glowing], sky=2.0).factors[0, 16:], [0.2, 0.4, 6, 0.4, 0.5 * (1 - 2**-11), 0, 0, 0])
 
 
 @pytest.mark.parametrize("factor", CHECKED)
 def test_every_factor_moves_its_row_and_is_checked(factor):
     plain = Material(name="wax", base_color=(0.5, 0.5, 0.5))
     value = getattr(plain, factor)
-    colour, truth = isinstance(value, tuple), isinstance(value, bool)
+    colour, truth, value = isinstance(value, tuple), isinstance(value, bool), 0.0 if value is None else value
     moved = replace(plain, **{factor: (0.25, 0.25, 0.25) if colour else not value if truth else value / 2 + 0.375})
     assert not np.array_equal(pack([moved]).factors, pack([plain]).factors)
     if not truth:
