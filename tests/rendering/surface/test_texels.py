@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from dataset_builder.assets.asset import Material, Texture
+from dataset_builder.assets.asset import MORE_MAPS, Material, Texture
 from dataset_builder.errors import PlanError
 from dataset_builder.rendering.surface.texels import CHANNELS, FACTORS, averaged, pack, pack_texture
 
@@ -51,6 +51,18 @@ def test_every_map_shrinks_and_normals_keep_their_mean_direction():
     assert np.allclose(block[0, :, 5:7], 0, atol=1e-3) and np.allclose(block[1, :, 5:7], (0, 0.6), atol=1e-3)
 
 
+def test_further_maps_have_planes_of_their_own():
+    texture = Texture(base_color=grey(2, 3), alpha=np.full((2, 3), 0.25, np.float32), sheen=grey(2, 3),
+                      coat=np.full((2, 3), 0.75, np.float32), wrap=("mirror", "clamp"), nearest=True)
+    block = pack_texture(texture)
+    assert block.shape == (3, 2, 3, CHANNELS)
+    assert np.allclose(block[:, 0, 0], [[0.5, 0.5, 0.5, 1, 1, 0, 0, 0.25], [1, 1, 1, 1, 1, 0.75, 1, 1],
+                                        [0.5, 0.5, 0.5, 1, 1, 1, 1, 1]])
+    arrays = pack([textured(base_color=grey(1, 1)), Material(name="m", base_color=(1, 1, 1), texture=texture)])
+    assert np.array_equal(arrays.extents, [[0, 1, 1, 0], [1, 3, 2, 1 + (2 << 2) + 16 + 32]])
+    assert len(arrays.texels) == 1 + 3 * 6
+
+
 def test_small_textures_are_left_alone_and_shared_once():
     texture = Texture(base_color=np.random.default_rng(3).random((3, 5, 3)).astype(np.float32))
     materials = [Material(name=name, base_color=(1, 1, 1), texture=texture) for name in "ab"]
@@ -85,10 +97,10 @@ def test_every_factor_moves_its_row_and_is_checked(factor):
 
 
 @pytest.mark.parametrize("value", (np.nan, np.inf, -np.inf, 1e8, -1.0, 1.01, -0.01))
-@pytest.mark.parametrize("name", ("base_color", "roughness", "metallic"))
+@pytest.mark.parametrize("name", ("base_color", "roughness", "metallic", "alpha", *MORE_MAPS))
 def test_texels_that_no_surface_has_are_counted_and_refused(value, name):
-    maps = {"base_color": grey(4, 4), "roughness": np.ones((4, 4), np.float32), "metallic": np.ones((4, 4), np.float32)}
-    maps[name] = maps[name].copy()
+    colour = name in ("base_color", "emission", "sheen")
+    maps = {"base_color": grey(4, 4), name: grey(4, 4) if colour else np.ones((4, 4), np.float32)}
     maps[name][1, 2] = maps[name][3, 3] = value
     with pytest.raises(PlanError, match=rf"'oak'.*texture.{name}.*2 of 16 texels.*row 1, column 2"):
         pack([textured(**maps)])
