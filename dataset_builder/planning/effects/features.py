@@ -91,9 +91,11 @@ def _said(feature: Feature, found: Sequence[MaterialUse], count: int) -> Decisio
 def _nowhere(use: SceneUse) -> list[Decision]:
     """Things of which nothing can be seen."""
     owners = dict.fromkeys(each.owner for each in use.materials if each.part == "furniture")
-    gone = [owner for owner in owners if all(each.coverage[1] == 0 for each in use.materials if each.owner == owner)]
-    return [Decision(effect="coverage", choice="nothing there", reason=f"alpha is 0, or below its cutoff, everywhere on "
-                     f"{names(gone)}")] if gone else []
+    gone = [owner for owner in owners if not any(each.coverage[1] for each in use.materials if each.owner == owner)]
+    if not gone:
+        return []
+    return [Decision(effect="coverage", choice="nothing there",
+                     reason=f"alpha is 0, or below its cutoff, everywhere on {names(gone)}")]
 
 
 def _textures(found: Sequence[MaterialUse], texture_size: int) -> Decision:

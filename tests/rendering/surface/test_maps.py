@@ -138,7 +138,7 @@ def test_a_cutoff_counts_what_vertices_cover():
 def test_colours_that_no_surface_has_are_refused(value):
     bad = COLORS.copy()
     bad[1, 2, 0] = value
-    with pytest.raises(PlanError, match="1 corners of 6 .* corner 2 of face 1"):
+    with pytest.raises(PlanError, match=r"1 corners of 6 .* corner 2 of face 1"):
         VertexColours.of([RICH], np.array([0, 0]), bad, owned(mi.Float, CORNERS))
 
 
