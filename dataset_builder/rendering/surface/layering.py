@@ -16,7 +16,8 @@ import mitsuba as mi
 
 from dataset_builder.rendering.surface import sheen as sheen_lobe
 from dataset_builder.rendering.surface.glass import glass_of
-from dataset_builder.rendering.surface.lobes import GgxLobe, Lobes
+from dataset_builder.rendering.surface.gloss import GgxLobe
+from dataset_builder.rendering.surface.lobes import Lobes
 from dataset_builder.rendering.surface.material_table import SurfacePoint
 from dataset_builder.rendering.surface.reflectance import MIN_ALPHA, scattered_again
 

@@ -22,7 +22,7 @@ def leaf(material: Material, y: float = 0.0) -> Soup:
 
 
 @hard_case(name="material/leaf-stack", bound=SIGMAS, figure="worst |z| of pixels and picture",
-           expectation=f"through {STACK} black leaves, {SHARE:g} of each there, the sky is {1 - SHARE:g}^{STACK} bright",
+           expectation=f"through {STACK} black leaves, each {SHARE:g} there, the sky is {1 - SHARE:g}^{STACK} bright",
            failure="a stack as dark or bright as one leaf: sight ends after a few, or a choice is made only once")
 def leaf_stack(size: Size) -> CaseMeasured:
     """The mask holds the rest."""
