@@ -9,11 +9,15 @@ import pytest
 
 from dataset_builder.assets.asset import MORE_MAPS, Material, Texture
 from dataset_builder.errors import PlanError
+from dataset_builder.geometry.mesh import TriangleMesh
+from dataset_builder.geometry.rough_base import displace
 from dataset_builder.rendering.buffers import owned
+from dataset_builder.rendering.scene.triangle_soup import merge, soup_of
 from dataset_builder.rendering.surface.bsdf import PLUGIN
 from dataset_builder.rendering.surface.material_table import MaterialTable, Textures, VertexColours
 from dataset_builder.rendering.surface.texels import needs
 from tests.rendering.surface.surface_bench import hemisphere, interaction, surface_of
+from tests.small_scenes import sheet
 
 RICH = Material(name="rich", base_color=(0.6, 0.5, 0.4), roughness=0.5, specular=0.16, transmission=0.8, ior=1.4,
                 coat=0.8, coat_roughness=0.8, sheen=(0.8, 0.6, 0.4), sheen_roughness=0.9, emission=(1.0, 2.0, 3.0),
@@ -122,6 +126,19 @@ def test_colours_of_corners_are_interpolated():
     assert np.allclose(base, expected[:, :3] * (0.8, 0.4, 1.0), atol=1e-6)
     assert np.allclose(np.array(surface.coverage(si, mi.Bool(True))), expected[:, 3], atol=1e-6)
     assert vertices.needs == {"colours", "coverage"}
+
+
+def test_colours_stay_with_their_triangles():
+    plain, painted = sheet(RICH, 0, 1), sheet(RICH, 1, 1, colors=COLORS)
+    both = merge([plain, painted, plain])
+    assert np.array_equal(both.colors, np.concatenate([np.ones_like(COLORS), COLORS, np.ones_like(COLORS)]))
+    assert np.array_equal(both.only(np.arange(6) == 3).colors, COLORS[1:]) and merge([plain, plain]).colors is None
+    # Moved by the noise of a twin, and split
+    mesh = TriangleMesh(positions=CORNERS, faces=np.arange(6).reshape(2, 3), uvs=np.zeros((2, 3, 2)),
+                        material=np.zeros(2, int), colors=COLORS)
+    moved = displace(mesh, sigma=0.1, radius=1.0, direction="isotropic", rng=np.random.default_rng(1))
+    assert np.array_equal(moved.colors, COLORS)
+    assert np.array_equal(soup_of(moved, np.zeros((2, 3, 3)), (RICH,), np.eye(4), 1).colors, COLORS)
 
 
 def test_a_cutoff_counts_what_vertices_cover():
