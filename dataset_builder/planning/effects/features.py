@@ -46,7 +46,8 @@ _OWN: dict[Feature, Callable[[MaterialUse], bool]] = {
     "colours": lambda use: use.coloured, "coverage": lambda use: use.coverage[0] < 1}
 """What vertices call for."""
 _COSTS: dict[Feature, str] = {
-    "coverage": "sight and light go straight on past what is not there, which takes a ray each time",
+    "coverage": "sight and light go straight on past what is not there, which takes a ray each time; cameras and "
+                "target lights are placed as if all of it were there",
     "emission": "paths meet it by chance, so what is small and bright is noisy; target lights are placed without it",
 }
 """What else there is to say of a feature that is on."""

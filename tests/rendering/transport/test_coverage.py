@@ -146,6 +146,19 @@ def test_i_is_d_s_spec_and_air_for_every_path(fog):
     assert np.abs(rest[~lit]).max() < 1e-3
 
 
+def test_alpha_that_leaves_all_there_needs_no_other_kernel():
+    texture = Texture(base_color=np.ones((2, 2, 3), np.float32), alpha=np.ones((2, 2), np.float32))
+    plain, kept = Texture(base_color=np.ones((2, 2, 3), np.float32)), []
+    for material in (leaf(1.0, texture=plain), leaf(1.0, texture=texture, emission=(0, 0, 0)),
+                     leaf(0.7, texture=texture, alpha_cutoff=0.6)):
+        gc.collect()
+        with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
+            dr.kernel_history_clear()
+            look(sheet(material, 0, 1), light("dome"), spp=8, features=frozenset({"textures"}))
+            kept.append([kernel["hash"] for kernel in dr.kernel_history() if kernel.get("operation_count", 0) > 1000])
+    assert kept[0] == kept[1] == kept[2] and len(kept[0]) == 2
+
+
 def test_another_cut_out_needs_no_new_kernel():
     rng = np.random.default_rng(4)
     features = FEATURES | {"maps", "colours", "emission"}
