@@ -74,3 +74,12 @@ def corner_of_a_room(target: Soup) -> Soup:
     return merge([target, box(matte((0.7, 0.7, 0.7)), (-3, -3, -1.2), (3, 3, -1)), box(red, (-3, 2, -1), (3, 2.2, 3)),
                   box(green, (-2.2, -3, -1), (-2, 2, 3)),
                   box(matte((0.3, 0.4, 0.7)), (0.9, -0.9, -1), (1.3, -0.5, 0.6), 3)])
+
+
+def sheet(material: Material, y: float, half: float, instance: int = 1, colors=None) -> Soup:
+    """An upright square of two triangles that faces the camera, with the whole texture on it."""
+    points = np.array([[-half, y, -half], [half, y, -half], [half, y, half], [-half, y, half]])
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    mesh = TriangleMesh(positions=points, faces=faces, uvs=np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)[faces],
+                        material=np.zeros(2, int), colors=colors)
+    return soup_of(mesh, corner_normals(mesh), (material,), np.eye(4), instance)

@@ -108,14 +108,57 @@ class Asset:
     """Strings for the record, among them `licence` and `source`."""
 
 
+MORE_MAPS = ("emission", "specular", "transmission", "coat", "coat_roughness", "sheen", "sheen_roughness")
+"""Maps that few textures have."""
+
+
+def range_of(material: Material, name: str) -> tuple[float, float]:
+    """Least and largest value of a factor over its texels; of a colour, over its channels."""
+    return _range(getattr(material, name), None if material.texture is None else getattr(material.texture, name))
+
+
 def metallic_range(material: Material) -> tuple[float, float]:
     """Least and largest metallic value over the texels."""
-    return _range(material.metallic, None if material.texture is None else material.texture.metallic)
+    return range_of(material, "metallic")
 
 
 def roughness_range(material: Material) -> tuple[float, float]:
     """Perceptual roughness where a material is smoothest and where it is roughest."""
-    return _range(material.roughness, None if material.texture is None else material.texture.roughness)
+    return range_of(material, "roughness")
+
+
+def coverage_range(material: Material, vertices: tuple[float, float] = (1.0, 1.0)) -> tuple[float, float]:
+    """Least and largest share of a surface that is there, over its texels. vertices: least and largest alpha of the
+    vertices of its faces."""
+    found = tuple(alpha * other for alpha, other in zip(range_of(material, "alpha"), vertices, strict=True))
+    cutoff = material.alpha_cutoff
+    low, high = (float(alpha >= cutoff) for alpha in found) if cutoff is not None else found
+    return low, high
+
+
+def vertex_alphas(material: np.ndarray, colors: np.ndarray | None) -> dict[int, tuple[float, float]]:
+    """By material, of those that a coloured face has, the least and largest alpha of these faces' vertices.
+
+    material: (F,) by face. colors: (F, 3, 4) of their corners; a face is coloured unless all of them are 1.
+    """
+    if colors is None:
+        return {}
+    coloured = (colors != 1).any(axis=(1, 2))
+    alphas = colors[..., 3]
+    return {int(index): (float(found.min()), float(found.max())) for index in np.unique(material[coloured])
+            if (found := alphas[material == index]).size}
+
+
+def sends(material: Material) -> bool:
+    """Whether a surface sends out light of its own."""
+    return range_of(material, "emission")[1] > 0
+
+
+def is_mapped(material: Material) -> bool:
+    """Whether a texture has more than the usual maps, ends somewhere, or shows its texels as squares."""
+    texture = material.texture
+    return texture is not None and (texture.nearest or texture.wrap != ("repeat", "repeat") or any(
+        getattr(texture, name) is not None for name in MORE_MAPS))
 
 
 def is_solid(material: Material) -> bool:
@@ -136,12 +179,14 @@ def disperses(material: Material) -> bool:
 def _transmits(material: Material) -> bool:
     """Metal lets nothing through. glTF's metallic factor is 1 unless a file says otherwise, so that with a metallic map
     the texels alone tell."""
-    return material.transmission > 0 and metallic_range(material)[0] < 1
+    return range_of(material, "transmission")[1] > 0 and metallic_range(material)[0] < 1
 
 
-def _range(factor: float, texels: np.ndarray | None) -> tuple[float, float]:
+def _range(factor: float | tuple[float, ...], texels: np.ndarray | None) -> tuple[float, float]:
     """Least and largest product of a factor and its texels; what is not a number counts as 1."""
     if texels is None:
-        return factor, factor
+        return float(np.min(factor)), float(np.max(factor))
     texels = np.clip(np.nan_to_num(texels, nan=1.0), 0, 1)
-    return factor * float(texels.min()), factor * float(texels.max())
+    axes = tuple(range(np.ndim(texels) - np.ndim(factor)))
+    low, high = (np.asarray(factor) * end(texels, axis=axes) for end in (np.min, np.max))
+    return float(np.min(low)), float(np.max(high))

@@ -22,7 +22,8 @@ class Decision(Model):
     """Why, in one sentence."""
 
 
-Feature = Literal["textures", "specular", "coat", "sheen", "glass", "thin", "dispersion", "fog"]
+Feature = Literal["textures", "maps", "colours", "specular", "coat", "sheen", "glass", "thin", "dispersion", "coverage",
+                  "emission", "fog"]
 """What a kernel can do beyond Lambertian surfaces in clear air: the rendering kernels are compiled with those that the
 scene calls for."""
 

@@ -5,6 +5,7 @@ the dataset and layers that the pass does not make have no part in it. Nothing h
 """
 
 from collections import Counter, defaultdict
+from math import pi
 from typing import Any
 
 from dataset_builder.digest import digest
@@ -66,11 +67,19 @@ def goals_at(plan: ExamplePlan, name: str, step: int) -> tuple[GoalPlan, ...]:
     return tuple(goals[min(step, len(goals) - 1)] for goals in by_layer.values())
 
 
+def sky_radiance(plan: ExamplePlan) -> float:
+    """Radiance of white paper under the source light, nothing in the way: the unit of emission under every light. It is
+    the source dome's radiance, or that of paper which faces the sun where there is no dome."""
+    return plan.source_light.lights[0].weight / pi
+
+
 def inputs_of(plan: ExamplePlan, name: str, steps: int | None = None) -> Inputs:
     """What the first `steps` (all of them by default) of the pass `name` of an example depend on."""
     found: Inputs = {"pass": name, "seed": plan.render.seed, "room": _plain(plan.room), "object": _placed(plan.target),
                      "furniture": [_placed(placed) for placed in plan.furniture], "fog": _plain(plan.fog),
                      "effects": list(plan.effects.features), "texture size": plan.render.texture_size}
+    if "emission" in plan.effects.features and name in (*RADIANCE, LIGHTING):
+        found["emission"] = sky_radiance(plan)
     if name == LIGHTING:
         return found | _light(plan, "target") | {"path length": _path_length(plan, "target")}
     found |= {"camera": _plain(plan.camera), "image size": [plan.render.width, plan.render.height]}

@@ -18,6 +18,7 @@ from dataset_builder.rendering.sampling.moments import Estimate
 from dataset_builder.rendering.scene.open_scene import OpenScene, sensor_of
 from dataset_builder.rendering.surface.first_hit import reflectance
 from dataset_builder.rendering.transport.integrator import trace
+from dataset_builder.rendering.transport.sight import first_surface
 
 RADIANCE_CHANNELS = {"image": slice(0, 3), "shading": slice(3, 6), "specular": slice(6, 9),
                      "shading_squared": slice(9, 12), "air": slice(12, 15)}
@@ -77,7 +78,7 @@ def first_hit(view: ViewSensor, opened: OpenScene, pixels: np.ndarray, spp: int,
     dr.make_opaque(forward, origin)
 
     def integrand(samplers: Samplers, position: mi.Vector2f) -> list[mi.Float]:
-        ray, si = _beyond_lamps(opened.scene, mi.ShapePtr(opened.shape), _primary(sensor, position))
+        ray, si = _beyond_lamps(opened, _primary(sensor, position), samplers)
         met = si.is_valid()
         diffuse, specular, normal = reflectance(si.bsdf(ray), si, met)
         target = met & (_instance(opened, si) == TARGET_INSTANCE)
@@ -90,12 +91,13 @@ def first_hit(view: ViewSensor, opened: OpenScene, pixels: np.ndarray, spp: int,
 
 
 def instances(view: ViewSensor, opened: OpenScene, pixels: np.ndarray) -> np.ndarray:
-    """(P,) instance that the ray through each pixel's centre meets; 0 for none."""
+    """(P,) instance that the ray through each pixel's centre meets; 0 for none. Past what is there in part it is that
+    where half of the sight has ended."""
     sensor = view.sensor()
     size = mi.Vector2f(dr.opaque(mi.Float, view.render.width), dr.opaque(mi.Float, view.render.height))
     row, column = np.divmod(pixels, view.render.width)
     centre = mi.Vector2f(mi.Float(column + CENTRE), mi.Float(row + CENTRE)) / size
-    _, si = _beyond_lamps(opened.scene, mi.ShapePtr(opened.shape), _primary(sensor, centre))
+    _, si = _beyond_lamps(opened, _primary(sensor, centre), None)
     return np.array(dr.select(si.is_valid(), _instance(opened, si), 0))
 
 
@@ -117,20 +119,14 @@ def _primary(sensor: mi.Sensor, position: mi.Vector2f) -> mi.Ray3f:
     return ray
 
 
-@dr.syntax
-def _beyond_lamps(scene: mi.Scene, body: mi.ShapePtr, ray: mi.Ray3f) -> tuple[mi.Ray3f, mi.SurfaceInteraction3f]:
-    """The first point of the body that a ray meets, and the ray that meets it: the shapes of lamps are no surfaces.
-
-    So a lamp in the picture hides nothing in the light-free layers.
-    """
-    ray = mi.Ray3f(ray)
-    si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=True)
-    lamp = si.is_valid() & (si.shape != body)
-    while lamp:
-        ray = si.spawn_ray(ray.d)
-        si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=True, active=lamp)
-        lamp = lamp & si.is_valid() & (si.shape != body)
-    return ray, si
+def _beyond_lamps(opened: OpenScene, ray: mi.Ray3f,
+                  samplers: Samplers | None) -> tuple[mi.Ray3f, mi.SurfaceInteraction3f]:
+    """What `sight.first_surface` finds of the body: the shapes of lamps are no surfaces, so that a lamp in the picture
+    hides nothing in the light-free layers. Without samplers, where half of the sight has ended."""
+    choice = None
+    if "coverage" in opened.features:
+        choice = dr.opaque(mi.Float, CENTRE) if samplers is None else samplers.strata.next_1d()
+    return first_surface(opened.scene, ray, mi.ShapePtr(opened.shape), choice, mi.Bool(True))
 
 
 def _instance(opened: OpenScene, si: mi.SurfaceInteraction3f) -> mi.UInt32:

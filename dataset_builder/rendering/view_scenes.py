@@ -12,6 +12,7 @@ from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.label.example_plan import ExamplePlan, RoughPlan
 from dataset_builder.label.scene_plan import IlluminationPlan
 from dataset_builder.layers import Pass
+from dataset_builder.rendering.pass_inputs import sky_radiance
 from dataset_builder.rendering.passes import ViewSensor
 from dataset_builder.rendering.scene.local_frame import LocalFrame
 from dataset_builder.rendering.scene.open_scene import Body, OpenScene, body_of, open_scene
@@ -63,7 +64,8 @@ class ViewScenes:
     @cached_property
     def _materials(self) -> Textures:
         """Materials of the target and of everything about it: the same for every geometry of the view."""
-        return Textures.upload([*self.clean_object.materials, *self._room.materials], self.plan.render.texture_size)
+        return Textures.upload([*self.clean_object.materials, *self._room.materials], self.plan.render.texture_size,
+                               sky_radiance(self.plan))
 
     @cached_property
     def _clean_body(self) -> Body:

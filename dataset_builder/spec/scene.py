@@ -70,6 +70,10 @@ class MaterialSpec(Model):
     """Colour of the sheen of fibres; 0 is none."""
     sheen_roughness: within(low=0.05, high=1) | None = None  # type: ignore[valid-type]
     """Roughness of the sheen."""
+    emission: tuple[within(low=0, high=1e6), within(low=0, high=1e6), within(low=0, high=1e6)] | None = None  # type: ignore[valid-type]
+    """Radiance that the surface sends out to both sides, in units of the source sky's; 0 switches it off."""
+    alpha: within(low=0, high=1) | None = None  # type: ignore[valid-type]
+    """Share of the surface that is there, times the alpha of its texture; the rest lets light and sight through."""
     plain: bool = False
     """Whether to ignore the material's texture."""
 

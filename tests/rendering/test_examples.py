@@ -3,17 +3,20 @@
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
 
-from dataset_builder.label.example_plan import ExamplePlan
+from dataset_builder.label.example_plan import ExamplePlan, Feature
+from dataset_builder.label.scene_plan import MaterialChange, Param
 from dataset_builder.layers import LAYERS
 from dataset_builder.planning.effects.decisions import plan_effects
 from dataset_builder.planning.plan import plan_example
 from dataset_builder.rendering import passes, view_scenes
 from dataset_builder.rendering.examples import Rendered, render_view
+from dataset_builder.shards.gates import check_gates
+from dataset_builder.spec.dataset import GatesSpec
 from dataset_builder.spec.load import load_dataset
 
 Plan = Callable[..., ExamplePlan]
@@ -110,6 +113,27 @@ def test_instances_are_those_of_the_plan(plan: Plan) -> None:
     ids = layers["instance"][..., 0]
     assert set(np.unique(ids)) <= {1, 2, *(piece.instance for piece in whole.furniture)}
     assert layers["mask"][ids == 1].min() > 0 and not layers["mask"][ids == 2].all()
+
+
+def test_an_object_that_is_half_there_and_glows(plan: Plan) -> None:
+    """Of closed bodies sight has to pass two faces or more: a quarter or less gets through. Radiance adds up within the
+    gate's bounds."""
+    layers = {name: "object" for name in ("i_s", "i_t", "d", "s", "spec", "mask", "mask_rough", "s_prime", "instance")}
+    opaque = plan(**layers)
+    values = {"alpha": 0.5, "emission.0": 0.5, "emission.1": 0.25, "emission.2": 0.0}
+    change = MaterialChange(name="*", values=tuple(Param(name=name, value=value) for name, value in values.items()))
+    target = opaque.target.model_copy(update={"object": opaque.target.object.model_copy(
+        update={"materials": (change,)})})
+    features = tuple(name for name in get_args(Feature) if name in (*opaque.effects.features, "coverage", "emission"))
+    half = opaque.model_copy(update={"target": target, "effects": opaque.effects.model_copy(
+        update={"features": features})})
+    there, whole = rendered(half), rendered(opaque)
+    for name in ("mask", "mask_rough"):
+        solid = whole.layers[name] == 1
+        ratio = there.layers[name][solid].mean()
+        assert 0.7 < ratio < 0.99
+    assert there.layers["spec"][whole.layers["mask"][..., 0] == 1].mean(axis=0)[0] > 0.15
+    assert not check_gates(there.layers, GatesSpec(mask_overlap=0.3), there.evidence, (16, 16))
 
 
 def test_standard_errors_are_of_their_layers(plan: Plan) -> None:

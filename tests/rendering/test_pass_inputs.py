@@ -5,7 +5,8 @@ from collections.abc import Callable
 import pytest
 
 from dataset_builder.label.example_plan import ExamplePlan, GoalPlan, SppPart
-from dataset_builder.rendering.pass_inputs import all_passes, goals_at, inputs_of, key_of, steps_of
+from dataset_builder.label.scene_plan import MaterialChange, Param
+from dataset_builder.rendering.pass_inputs import all_passes, goals_at, inputs_of, key_of, sky_radiance, steps_of
 from tests.plans import example_plan
 
 PASSES = ("first_hit", "instance", "source", "target", "first_hit_rough", "rough", "lighting")
@@ -56,6 +57,10 @@ EDITS: dict[str, tuple[Edit, set[str]]] = {
     "source light": (lamp("source_light", radiance=(9.0, 9.0, 9.0)), {"source"}),
     "camera": (within("camera", fov=41.0), set(PASSES) - {"lighting"}),
     "size of the image": (within("render", width=9), set(PASSES) - {"lighting"}),
+    "alpha": (within("target.object", materials=(MaterialChange(name="*", values=(Param(name="alpha", value=0.5),)),)),
+              set(PASSES)),
+    "emission": (within("target.object", materials=(MaterialChange(name="*", values=(
+        Param(name="emission.0", value=2.0),)),)), set(PASSES)),
     "noise": (within("rough", sigma=0.02), {"first_hit_rough", "rough"}),
     "level": (within("rough", level=4), {"first_hit_rough", "rough"}),
     "spp of the target": (within("render", spp_target=128), {"target"}),
@@ -81,6 +86,15 @@ def test_a_change_touches_the_passes_that_see_it(what: str) -> None:
     before, after = keys(plan()), keys(edit(plan()))
     assert edit(plan()) != plan()
     assert {name for name in PASSES if before[name] != after[name]} == touched
+
+
+def test_where_something_shines_every_light_pass_depends_on_the_source_sky() -> None:
+    """Its radiance is in units of that."""
+    shining = within("effects", features=(*plan().effects.features, "emission"))(plan())
+    brighter = lamp("source_light", weight=9.0)(shining)
+    assert sky_radiance(brighter) == pytest.approx(9 / 3.14159265)
+    before, after = keys(shining), keys(brighter)
+    assert {name for name in PASSES if before[name] != after[name]} == {*LIT, "lighting"}
 
 
 def test_every_pass_has_a_key_of_its_own() -> None:

@@ -3,7 +3,17 @@
 from collections.abc import Callable, Sequence
 from typing import get_args
 
-from dataset_builder.assets.asset import Material, disperses, is_pane, is_solid, metallic_range
+from dataset_builder.assets.asset import (
+    Material,
+    coverage_range,
+    disperses,
+    is_mapped,
+    is_pane,
+    is_solid,
+    metallic_range,
+    range_of,
+    sends,
+)
 from dataset_builder.label.example_plan import Decision, Feature
 from dataset_builder.label.scene_plan import FogPlan, LightPlan
 from dataset_builder.light_kinds import LIGHT_KINDS
@@ -21,14 +31,26 @@ def _glossy(material: Material) -> bool:
 
 _CALLS: dict[Feature, tuple[Callable[[Material], bool], str]] = {
     "textures": (lambda material: material.texture is not None, "has a texture"),
+    "maps": (is_mapped, "has a texture with further maps, ends or square texels"),
     "specular": (_glossy, "is glossy"),
-    "coat": (lambda material: material.coat > 0, "has a clear coat"),
-    "sheen": (lambda material: max(material.sheen) > 0, "has sheen"),
+    "coat": (lambda material: range_of(material, "coat")[1] > 0, "has a clear coat"),
+    "sheen": (lambda material: range_of(material, "sheen")[1] > 0, "has sheen"),
     "glass": (is_solid, "is solid glass"),
     "thin": (is_pane, "is thin glass"),
     "dispersion": (disperses, "is glass with an Abbe number"),
+    "coverage": (lambda material: coverage_range(material)[0] < 1, "is cut out or there in part"),
+    "emission": (sends, "sends out light"),
 }
 """What a material must be to call for a feature, and how to say so."""
+_OWN: dict[Feature, Callable[[MaterialUse], bool]] = {
+    "colours": lambda use: use.coloured, "coverage": lambda use: use.coverage[0] < 1}
+"""What vertices call for."""
+_COSTS: dict[Feature, str] = {
+    "coverage": "sight and light go straight on past what is not there, which takes a ray each time; cameras and "
+                "target lights are placed as if all of it were there",
+    "emission": "paths meet it by chance, so what is small and bright is noisy; target lights are placed without it",
+}
+"""What else there is to say of a feature that is on."""
 
 
 def names(uses: Sequence[str]) -> str:
@@ -43,22 +65,38 @@ def scene_features(use: SceneUse, fog: FogPlan, lights: Sequence[LightPlan], tex
 
     lights: of all passes; no feature depends on them, only what is said of caustics does.
     """
-    calling = {feature: [each for each in use.materials if calls(each.material)]
-               for feature, (calls, _) in _CALLS.items()}
+    calling = {feature: [each for each in use.materials if _calls(feature, each)]
+               for feature in get_args(Feature) if feature in {*_CALLS, *_OWN}}
     on = {feature for feature, found in calling.items() if found} | ({"fog"} if fog.extinction > 0 else set())
     features = tuple(feature for feature in get_args(Feature) if feature in on)
     decisions = [_said(feature, found, len(use.materials)) for feature, found in calling.items()
                  if feature not in ("textures", "dispersion")]
     return features, (_textures(calling["textures"], texture_size), *decisions, _dispersion(calling["dispersion"]),
-                      _fog(fog), *_caustics(use.materials, lights), _normals(use), *_left_out(use))
+                      _fog(fog), *_nowhere(use), *_caustics(use.materials, lights), _normals(use), *_left_out(use))
+
+
+def _calls(feature: Feature, use: MaterialUse) -> bool:
+    own = feature in _OWN and _OWN[feature](use)
+    return own or (feature in _CALLS and _CALLS[feature][0](use.material))
 
 
 def _said(feature: Feature, found: Sequence[MaterialUse], count: int) -> Decision:
-    what = _CALLS[feature][1]
+    what = _CALLS[feature][1] if feature in _CALLS else "has vertices with colours"
     if not found:
         return Decision(effect=feature, choice="off", reason=f"none of the {count} materials in the scene {what}")
-    return Decision(effect=feature, choice="on", reason=f"{len(found)} of {count} materials: "
-                    f"{names([each.name for each in found])}")
+    about = f"{len(found)} of {count} materials: {names([each.name for each in found])}"
+    return Decision(effect=feature, choice="on",
+                    reason=f"{about}; {_COSTS[feature]}" if feature in _COSTS else about)
+
+
+def _nowhere(use: SceneUse) -> list[Decision]:
+    """Things of which nothing can be seen."""
+    owners = dict.fromkeys(each.owner for each in use.materials if each.part == "furniture")
+    gone = [owner for owner in owners if not any(each.coverage[1] for each in use.materials if each.owner == owner)]
+    if not gone:
+        return []
+    return [Decision(effect="coverage", choice="nothing there",
+                     reason=f"alpha is 0, or below its cutoff, everywhere on {names(gone)}")]
 
 
 def _textures(found: Sequence[MaterialUse], texture_size: int) -> Decision:

@@ -3,11 +3,21 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from dataset_builder.assets.asset import Asset, Material, Texture, metallic_range, roughness_range
+from dataset_builder.assets.asset import (
+    Asset,
+    Material,
+    Texture,
+    coverage_range,
+    metallic_range,
+    range_of,
+    roughness_range,
+    vertex_alphas,
+)
 from dataset_builder.geometry.edges import CREASE_ANGLE, consistent, dihedral_angles, edges_of
 from dataset_builder.label.scene_plan import PlacedObject, RoomPlan
 from dataset_builder.planning.scene.assets_of_plan import asset_of, room_parts
@@ -23,7 +33,8 @@ FLAT = 0.01
 
 
 def mean_schlick(f0: np.ndarray) -> np.ndarray:
-    """(..., 3) reflectance of a specular lobe for light from everywhere; roughness only lowers it.
+    """(..., 3) reflectance of a specular lobe for light from everywhere; roughness only lowers it, with what facets
+    scatter again.
 
     Schlick's term with the F90 of `rendering.surface`, averaged over the hemisphere.
     """
@@ -50,8 +61,9 @@ def scattered_share(material: Material) -> float:
     base, (low, high) = np.asarray(material.base_color) * _brightest(material.texture), metallic_range(material)
     # What is opaque scatters most at one of them: 1 - that is a product of two lines
     opaque = np.maximum(_opaque(material, base, low), _opaque(material, base, high))
-    glass = glass_share(material.ior, material.thin) if material.transmission else 0.0
-    share = np.maximum(opaque + material.transmission * (1 - high) * np.minimum(glass - opaque, 0), glass)
+    least, most = range_of(material, "transmission")
+    glass = glass_share(material.ior, material.thin) if most else 0.0
+    share = np.maximum(opaque + least * (1 - high) * np.minimum(glass - opaque, 0), glass)
     return float(np.clip(_layered(material, share).max(), 0, 1))
 
 
@@ -91,6 +103,10 @@ class MaterialUse:
     """Least roughness over its texels."""
     roughest: float
     """Largest roughness over its texels."""
+    coverage: tuple[float, float] = (1.0, 1.0)
+    """Least and largest share of it that is there, over texels and vertices."""
+    coloured: bool = False
+    """Whether vertices have colours."""
 
     @property
     def name(self) -> str:
@@ -108,8 +124,8 @@ class _Facts:
     """What one asset shows."""
 
     materials: tuple[Material, ...]
-    figures: tuple[tuple[float, float, float], ...]
-    """Of each material: what it scatters, its least and its largest roughness."""
+    figures: tuple[dict[str, Any], ...]
+    """Of each material, fields of `MaterialUse`."""
     smooth: bool
     """Whether normals bend."""
 
@@ -133,10 +149,19 @@ _known: WeakKeyDictionary[Asset, _Facts] = WeakKeyDictionary()
 def _facts(asset: Asset) -> _Facts:
     """The facts of an asset, found once for as long as it is kept."""
     if asset not in _known:
-        shown = tuple(asset.materials[index] for index in np.unique(asset.mesh.material))
-        _known[asset] = _Facts(materials=shown, smooth=_is_smooth(asset), figures=tuple(
-            (scattered_share(material), *roughness_range(material)) for material in shown))
+        faces = np.unique(asset.mesh.material).tolist()
+        shown = tuple(asset.materials[index] for index in faces)
+        alphas = vertex_alphas(asset.mesh.material, asset.mesh.colors)
+        figures = tuple(_figures(asset.materials[index], alphas.get(index)) for index in faces)
+        _known[asset] = _Facts(materials=shown, smooth=_is_smooth(asset), figures=figures)
     return _known[asset]
+
+
+def _figures(material: Material, vertices: tuple[float, float] | None) -> dict[str, Any]:
+    """vertices: least and largest alpha of its coloured vertices, if it has any."""
+    smoothest, roughest = roughness_range(material)
+    return {"scattered": scattered_share(material), "smoothest": smoothest, "roughest": roughest,
+            "coverage": coverage_range(material, vertices or (1.0, 1.0)), "coloured": vertices is not None}
 
 
 def _is_smooth(asset: Asset) -> bool:
@@ -150,9 +175,8 @@ def scene_use(room: RoomPlan, objects: Iterable[PlacedObject], mesh_root: Path) 
     """What a room and the objects in it show. Raises PlanError where a mesh file is not the one that was planned."""
     things = [(name, name, asset) for name, asset in room_parts(room).items()]
     things += [(placed.object.name, "furniture", asset_of(placed.object, mesh_root)) for placed in objects]
-    uses = [MaterialUse(owner=owner, part=part, material=material, scattered=scattered, smoothest=least, roughest=most)
-            for owner, part, asset in things
-            for material, (scattered, least, most) in zip(_facts(asset).materials, _facts(asset).figures, strict=True)]
+    uses = [MaterialUse(owner=owner, part=part, material=material, **figures) for owner, part, asset in things
+            for material, figures in zip(_facts(asset).materials, _facts(asset).figures, strict=True)]
     return SceneUse(materials=tuple(uses),
                     smooth=tuple(owner for owner, _, asset in things if _facts(asset).smooth),
                     flat=tuple(owner for owner, _, asset in things if not _facts(asset).smooth),

@@ -23,7 +23,7 @@ from dataset_builder.rendering.scene.emitters import emitters
 from dataset_builder.rendering.scene.shapes import Triangles, mesh_of, upload
 from dataset_builder.rendering.scene.triangle_soup import Soup
 from dataset_builder.rendering.surface.bsdf import FEATURES, PLUGIN, Surface
-from dataset_builder.rendering.surface.material_table import MaterialTable, Textures
+from dataset_builder.rendering.surface.material_table import MaterialTable, Textures, VertexColours
 from dataset_builder.rendering.transport.fog import Fog
 
 
@@ -57,10 +57,14 @@ class OpenScene:
 
 
 def body_of(soup: Soup, textures: Textures | None = None, features: frozenset[str] | None = None) -> Body:
-    """Upload a soup; `textures` are its materials where they are on the device already."""
-    return Body(triangles=upload(soup.corners, soup.normals, soup.uvs),
+    """Upload a soup; `textures` are its materials where they are on the device already. Raises PlanError for materials
+    and colours that no surface can have."""
+    triangles = upload(soup.corners, soup.normals, soup.uvs)
+    vertices = VertexColours.of(soup.materials, soup.material, soup.colors, triangles.positions)
+    return Body(triangles=triangles,
                 materials=MaterialTable(textures=textures or Textures.upload(soup.materials),
-                                        face_material=owned(mi.UInt32, soup.material.astype(np.uint32))),
+                                        face_material=owned(mi.UInt32, soup.material.astype(np.uint32)),
+                                        vertices=vertices),
                 instance=owned(mi.UInt32, soup.instance.astype(np.uint32)), features=features)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from dataset_builder.assets.asset import Asset, Material
 from dataset_builder.geometry.edges import corner_normals
-from dataset_builder.geometry.mesh import TriangleMesh
+from dataset_builder.geometry.mesh import TriangleMesh, joined_colors
 from dataset_builder.geometry.rough_base import (
     RoughBase,
     Roughness,
@@ -47,6 +47,8 @@ class Soup:
     part: np.ndarray
     """(F,) index into `PARTS` of what may be taken out of a light's way."""
     materials: tuple[Material, ...]
+    colors: np.ndarray | None = None
+    """(F, 3, 4) linear Rec.709 and coverage that multiply base colour and alpha; None is all ones."""
 
     def without(self, parts: Sequence[str]) -> "Soup":
         """The triangles that belong to none of `parts`; materials stay as they are."""
@@ -56,7 +58,7 @@ class Soup:
         """The triangles for which (F,) `keep` is true; materials stay as they are."""
         return Soup(corners=self.corners[keep], normals=self.normals[keep], uvs=self.uvs[keep],
                     material=self.material[keep], instance=self.instance[keep], part=self.part[keep],
-                    materials=self.materials)
+                    materials=self.materials, colors=None if self.colors is None else self.colors[keep])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,7 +77,7 @@ def soup_of(mesh: TriangleMesh, normals: np.ndarray, materials: tuple[Material, 
     rotation, offset = world[:3, :3], world[:3, 3]
     return Soup(corners=mesh.corners @ rotation.T + offset, normals=normals @ rotation.T, uvs=mesh.uvs,
                 material=mesh.material, instance=np.full(len(mesh.faces), instance),
-                part=np.zeros(len(mesh.faces), dtype=int), materials=materials)
+                part=np.zeros(len(mesh.faces), dtype=int), materials=materials, colors=mesh.colors)
 
 
 def merge(soups: Sequence[Soup]) -> Soup:
@@ -89,6 +91,7 @@ def merge(soups: Sequence[Soup]) -> Soup:
         instance=np.concatenate([soup.instance for soup in soups]),
         part=np.concatenate([soup.part for soup in soups]),
         materials=tuple(material for soup in soups for material in soup.materials),
+        colors=joined_colors([(len(soup.corners), soup.colors) for soup in soups]),
     )
 
 

@@ -40,8 +40,8 @@ class Surface:
     def bind(self, table: MaterialTable, features: frozenset[str] | None = None) -> None:
         """Take the materials of the mesh that is rendered next. features: what is compiled, everything if None; names
         that mean nothing to a surface are passed over. Raises ValueError where a material needs one that is missing."""
-        if features is not None and not table.textures.needs <= features:
-            raise ValueError(f"surface: materials need {sorted(table.textures.needs - features)}, which the kernel "
+        if features is not None and not table.needs <= features:
+            raise ValueError(f"surface: materials need {sorted(table.needs - features)}, which the kernel "
                              f"would leave out; features are {sorted(features)}")
         self.table = table
         self._declare(FEATURES if features is None else FEATURES & features)
@@ -53,7 +53,7 @@ class Surface:
         kinds = [flag.DiffuseReflection, flag.GlossyReflection]
         if features & {"glass", "thin"}:
             kinds += [flag.GlossyTransmission, flag.DeltaReflection, flag.DeltaTransmission]
-        if "thin" in features:
+        if features & {"thin", "coverage"}:
             kinds.append(flag.Null)
         self.m_components = [kind | sides for kind in kinds]
         flags = self.m_components[0]
@@ -61,7 +61,7 @@ class Surface:
             flags |= component
         self.m_flags = flags
 
-    # Layers of the first hit
+    # The first hit, which is there
 
     def first_hit(self, si: mi.SurfaceInteraction3f, light: mi.Vector3f, take_cosine: mi.Bool, sample1: mi.Float,
                   sample2: mi.Point2f, active: mi.Bool) -> FirstHit:
@@ -90,10 +90,29 @@ class Surface:
         return dr.select(active, self._lobes(si, active).diffuse, 0)
 
     def eval_null_transmission(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Color3f:
-        """What a smooth pane passes straight on, tinted once; 0 for everything else."""
-        if "thin" not in self.features:
+        """What passes straight on: through a smooth pane, tinted once, and past what is not there."""
+        if not self.features & {"thin", "coverage"}:
             return mi.Color3f(0)
-        return dr.select(active, scattering.transparency(self._lobes(si, active), si), 0)
+        return dr.select(active, scattering.transparency(self._lobes(si, active, whole=False), si), 0)
+
+    def coverage(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Float:
+        """Share of the surface that is there."""
+        if "coverage" not in self.features:
+            return mi.Float(1)
+        return look_up(self.table, self.features, si, active).coverage
+
+    def emission(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Color3f:
+        """Radiance that the surface sends out where it is there, to both sides."""
+        if "emission" not in self.features:
+            return mi.Color3f(0)
+        return look_up(self.table, self.features, si, active).emission
+
+    def covered_emission(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Color3f:
+        """The same on average."""
+        if "emission" not in self.features:
+            return mi.Color3f(0)
+        point = look_up(self.table, self.features, si, active)
+        return point.emission if point.coverage is None else point.emission * point.coverage
 
     # Scattering
 
@@ -108,29 +127,32 @@ class Surface:
     def eval_pdf(self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f,
                  active: mi.Bool) -> tuple[mi.Color3f, mi.Float]:
         """f cos and the density of `sample`."""
-        value, pdf = scattering.evaluate(self._lobes(si, active), si, wo)
+        value, pdf = scattering.evaluate(self._lobes(si, active, whole=False), si, wo)
         return dr.select(active, value, 0), dr.select(active, pdf, 0)
 
     def sample(self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample2: mi.Point2f,
                active: mi.Bool) -> tuple[mi.BSDFSample3f, mi.Color3f]:
         """A direction of one of the lobes, picked in proportion to what they reflect or pass."""
-        return scattering.sample(self._lobes(si, active), si, sample1, sample2, active)
+        return scattering.sample(self._lobes(si, active, whole=False), si, sample1, sample2, active)
 
     def eval_pdf_sample(self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, sample1: mi.Float,
                         sample2: mi.Point2f,
                         active: mi.Bool) -> tuple[mi.Color3f, mi.Float, mi.BSDFSample3f, mi.Color3f]:
         """`eval_pdf` and `sample` at once, as path integrators ask."""
-        lobes = self._lobes(si, active)
+        lobes = self._lobes(si, active, whole=False)
         value, pdf = scattering.evaluate(lobes, si, wo)
         return (dr.select(active, value, 0), dr.select(active, pdf, 0),
                 *scattering.sample(lobes, si, sample1, sample2, active))
 
-    def _lobes(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> Lobes:
-        """The lobes at a surface point."""
+    def _lobes(self, si: mi.SurfaceInteraction3f, active: mi.Bool, whole: bool = True) -> Lobes:
+        """The lobes at a surface point. whole: whether it is known to be there."""
         tables = Reflectances(
             split_sum=lambda cosine, roughness: interpolated(mi.Vector2f, self.split_sum, cosine, roughness, active),
             sheen=lambda cosine, roughness: interpolated(mi.Float, self.sheen, cosine, roughness, active))
-        return lobes_of(look_up(self.table, self.features, si, active), self.features, si, tables)
+        point = look_up(self.table, self.features, si, active)
+        lobes = lobes_of(point, self.features, si, tables)
+        lobes.coverage = None if whole else point.coverage
+        return lobes
 
     def to_string(self) -> str:
         """One line for logs."""

@@ -80,6 +80,29 @@ def transparency(bsdf: mi.BSDFPtr, si: mi.SurfaceInteraction3f, active: mi.Bool)
     return dr.select(active, bsdf.eval_null_transmission(si, active), 0)
 
 
+def coverage(bsdf: mi.BSDFPtr, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Float:
+    """Share of a surface that is there, of any BSDF pointer: all of it but for those of `Surface`."""
+    return dr.dispatch(bsdf, _coverage, si, active)
+
+
+def emission(bsdf: mi.BSDFPtr, si: mi.SurfaceInteraction3f, active: mi.Bool, *, whole: bool) -> mi.Color3f:
+    """Radiance that a surface, no lamp, sends out; whole: whether it is known to be there. Only those of `Surface`
+    do."""
+    return dr.select(active, dr.dispatch(bsdf, _emission if whole else _covered_emission, si, active), 0)
+
+
+def _coverage(bsdf: mi.BSDF, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Float:
+    return bsdf.coverage(si, active) if hasattr(bsdf, "coverage") else mi.Float(1)
+
+
+def _emission(bsdf: mi.BSDF, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Color3f:
+    return bsdf.emission(si, active) if hasattr(bsdf, "emission") else mi.Color3f(0)
+
+
+def _covered_emission(bsdf: mi.BSDF, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Color3f:
+    return bsdf.covered_emission(si, active) if hasattr(bsdf, "covered_emission") else mi.Color3f(0)
+
+
 def _first_hit(bsdf: mi.BSDF, si: mi.SurfaceInteraction3f, light: mi.Vector3f, take_cosine: mi.Bool,
                sample1: mi.Float, sample2: mi.Point2f, active: mi.Bool) -> FirstHit:
     if hasattr(bsdf, "first_hit"):

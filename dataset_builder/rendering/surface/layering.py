@@ -16,9 +16,10 @@ import mitsuba as mi
 
 from dataset_builder.rendering.surface import sheen as sheen_lobe
 from dataset_builder.rendering.surface.glass import glass_of
-from dataset_builder.rendering.surface.lobes import GgxLobe, Lobes
+from dataset_builder.rendering.surface.gloss import GgxLobe
+from dataset_builder.rendering.surface.lobes import Lobes
 from dataset_builder.rendering.surface.material_table import SurfacePoint
-from dataset_builder.rendering.surface.reflectance import MIN_ALPHA
+from dataset_builder.rendering.surface.reflectance import MIN_ALPHA, scattered_again
 
 COAT_F0 = 0.04
 """Of an index of refraction of 1.5."""
@@ -81,10 +82,11 @@ def _opaque(lobes: Lobes, point: SurfacePoint, features: frozenset[str], cosine:
 
 
 def _ggx_lobe(f0: mi.Color3f, roughness: mi.Float, cosine: mi.Float, weight: Any, tables: Reflectances) -> GgxLobe:
-    f90 = dr.minimum(dr.max(f0) * GRAZING, 1)
+    f90 = mi.Color3f(dr.minimum(dr.max(f0) * GRAZING, 1))
     split = tables.split_sum(cosine, roughness)
     lobe = GgxLobe(reflectance=f0 * split.x + f90 * split.y, f0=f0, f90=f90,
                    alpha=dr.maximum(roughness * roughness, MIN_ALPHA))
+    _scale(lobe, scattered_again(f0, split.x + split.y))
     _scale(lobe, weight)
     return lobe
 

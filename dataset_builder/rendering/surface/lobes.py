@@ -13,23 +13,16 @@ import drjit as dr
 import mitsuba as mi
 
 from dataset_builder.rendering.surface import glass as glass_lobes
+from dataset_builder.rendering.surface import gloss
 from dataset_builder.rendering.surface import sheen as sheen_lobe
 from dataset_builder.rendering.surface.glass import Glass
+from dataset_builder.rendering.surface.gloss import GgxLobe
 from dataset_builder.rendering.surface.sheen import Sheen
 
 DIFFUSE, GLOSSY, GLOSSY_TRANSMISSION, DELTA_REFLECTION, DELTA_TRANSMISSION, NULL = range(6)
 """Components, in the order in which a surface that has them lists them."""
-
-
-@dataclass
-class GgxLobe:
-    """A GGX lobe with Schlick's F0 and F90."""
-
-    reflectance: mi.Color3f
-    """Directional, seen from the viewer."""
-    f0: mi.Color3f
-    f90: mi.Float
-    alpha: mi.Float
+AIR = GLOSSY + 1
+"""What passes straight on where there is no glass."""
 
 
 @dataclass
@@ -45,6 +38,8 @@ class Lobes:
     """It lies on the surface itself, whatever a normal map tilts below it."""
     sheen: Sheen | None = None
     glass: Glass | None = None
+    coverage: mi.Float | None = None
+    """Share of the surface that is there, where that is still open; `evaluate` and `sample` count the rest as air."""
 
     @property
     def top(self) -> bool:
@@ -84,9 +79,10 @@ def reflectance(lobes: Lobes, si: mi.SurfaceInteraction3f) -> mi.Color3f:
 
 def transparency(lobes: Lobes, si: mi.SurfaceInteraction3f) -> mi.Color3f:
     """Share of light that passes straight on, as if the surface were not there."""
-    if lobes.glass is None:
-        return mi.Color3f(0)
-    return glass_lobes.straight(lobes.glass, mi.Frame3f(lobes.normal).to_local(si.wi))
+    passed = mi.Color3f(0)
+    if lobes.glass is not None:
+        passed = glass_lobes.straight(lobes.glass, mi.Frame3f(lobes.normal).to_local(si.wi))
+    return passed if lobes.coverage is None else 1 - lobes.coverage + lobes.coverage * passed
 
 
 def evaluate(lobes: Lobes, si: mi.SurfaceInteraction3f, wo: mi.Vector3f) -> tuple[mi.Color3f, mi.Float]:
@@ -99,12 +95,14 @@ def evaluate(lobes: Lobes, si: mi.SurfaceInteraction3f, wo: mi.Vector3f) -> tupl
     half = dr.normalize(wi + wo_facing)
     value, pdf = lobes.diffuse * (cos_o * dr.inv_pi), cos_o * dr.inv_pi
     if lobes.glossy is not None:
-        glossy, glossy_pdf = _ggx_lobe(lobes.glossy, wi, wo_facing, half)
+        glossy, glossy_pdf = gloss.evaluate(lobes.glossy, wi, wo_facing, half)
         value, pdf = value + glossy, dr.lerp(pdf, glossy_pdf, _glossy_share(lobes, lobes.glossy))
     if lobes.sheen is not None:
         value += sheen_lobe.evaluate(lobes.sheen, wi, wo_facing, half)
     value, pdf = dr.select(valid, value, 0), dr.select(valid, pdf, 0)
-    return _add_top(lobes, si, wo, above, value, pdf) if lobes.top else (value, pdf)
+    if lobes.top:
+        value, pdf = _add_top(lobes, si, wo, above, value, pdf)
+    return (value, pdf) if lobes.coverage is None else (value * lobes.coverage, pdf * lobes.coverage)
 
 
 def scatter(lobes: Lobes, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample2: mi.Point2f) -> Scattered:
@@ -118,7 +116,7 @@ def scatter(lobes: Lobes, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample
     take_glossy = mi.Bool(False)
     if lobes.glossy is not None:
         take_glossy = base_sample < _glossy_share(lobes, lobes.glossy)
-        normal, _ = _ggx(lobes.glossy.alpha).sample(wi, sample2)
+        normal, _ = gloss.facets(lobes.glossy).sample(wi, sample2)
         wo = dr.select(take_glossy, mi.reflect(wi, normal), wo)
     found = Scattered(wo=sh_frame.to_world(wo), valid=mi.Bool(True),
                       component=dr.select(take_glossy, mi.UInt32(GLOSSY), mi.UInt32(DIFFUSE)),
@@ -139,17 +137,29 @@ def scatter(lobes: Lobes, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample
 
 def sample(lobes: Lobes, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample2: mi.Point2f,
            active: mi.Bool) -> tuple[mi.BSDFSample3f, mi.Color3f]:
-    """A local direction of one of the lobes, and its weight."""
+    """A local direction of one of the lobes, or straight on past what is not there, and its weight."""
+    past = mi.Bool(False)
+    if lobes.coverage is not None:
+        past = sample1 >= lobes.coverage
+        sample1 = dr.select(past, sample1, sample1 / lobes.coverage)
     found = scatter(lobes, si, sample1, sample2)
     bs = dr.zeros(mi.BSDFSample3f)
     bs.wo, bs.eta, bs.sampled_component, bs.sampled_type = found.wo, found.eta, found.component, found.kind
     value, pdf = evaluate(lobes, si, bs.wo)
-    active = active & found.valid & (pdf > 0)
+    asked, active = active, active & found.valid & (pdf > 0)
     weight = dr.select(active, value / pdf, 0)
     bs.pdf = dr.select(active, pdf, 0)
     if lobes.glass is not None:
-        bs.pdf = dr.select(found.delta, found.delta_probability, bs.pdf)
+        share = 1 if lobes.coverage is None else lobes.coverage
+        bs.pdf = dr.select(found.delta, found.delta_probability * share, bs.pdf)
         weight = dr.select(found.delta, found.delta_weight, weight)
+    if lobes.coverage is not None:
+        bs.wo, bs.eta = dr.select(past, -si.wi, bs.wo), dr.select(past, 1, bs.eta)
+        bs.sampled_component = dr.select(past, mi.UInt32(NULL if lobes.glass is not None else AIR),
+                                         bs.sampled_component)
+        bs.sampled_type = dr.select(past, mi.UInt32(+mi.BSDFFlags.Null), bs.sampled_type)
+        bs.pdf = dr.select(past, 1 - lobes.coverage, bs.pdf)
+        weight = dr.select(past & asked, mi.Color3f(1), weight)
     return bs, weight
 
 
@@ -160,7 +170,7 @@ def _add_top(lobes: Lobes, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, above: 
     pdf = pdf * (1 - coat_share - glass_share)
     if lobes.coat is not None:
         wi_up, wo_up = _upright(si, si.wi), _upright(si, wo)
-        coat, coat_pdf = _ggx_lobe(lobes.coat, wi_up, wo_up, dr.normalize(wi_up + wo_up))
+        coat, coat_pdf = gloss.evaluate(lobes.coat, wi_up, wo_up, dr.normalize(wi_up + wo_up))
         value += dr.select(above, coat, 0)
         pdf += dr.select(above, coat_share * coat_pdf, 0)
     if lobes.glass is not None:
@@ -173,7 +183,7 @@ def _add_top(lobes: Lobes, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, above: 
 def _scatter_coat(found: Scattered, coat: GgxLobe, si: mi.SurfaceInteraction3f, sample2: mi.Point2f,
                   taken: mi.Bool) -> None:
     wi = _upright(si, si.wi)
-    normal, _ = _ggx(coat.alpha).sample(wi, sample2)
+    normal, _ = gloss.facets(coat).sample(wi, sample2)
     mirrored = mi.reflect(wi, normal)
     found.wo = dr.select(taken, _upright(si, mirrored), found.wo)
     found.valid = dr.select(taken, mi.Frame3f.cos_theta(mirrored) > 0, found.valid)
@@ -201,19 +211,6 @@ def _scatter_glass(found: Scattered, glass: Glass, crossing: glass_lobes.Crossin
         found.kind = dr.select(taken & chosen, mi.UInt32(+flag), found.kind)
 
 
-def _ggx_lobe(lobe: GgxLobe, wi: mi.Vector3f, wo: mi.Vector3f, half: mi.Normal3f) -> tuple[mi.Color3f, mi.Float]:
-    """f cos and density of a GGX lobe, directions in its frame.
-
-    f = F G D / (4 cos_i cos_o) and p = p(half) / (4 cos_half) (Walter et al., "Microfacet models for refraction through
-    rough surfaces", EGSR 2007, equations 20 and 14), F = F0 + (F90 - F0) (1 - cos_half)^5 (Schlick, "An inexpensive
-    BRDF model for physically-based rendering", Computer Graphics Forum 13(3), 1994).
-    """
-    ggx = _ggx(lobe.alpha)
-    fresnel = lobe.f0 + (lobe.f90 - lobe.f0) * (dr.maximum(1 - dr.dot(wi, half), 0) ** 5)
-    value = fresnel * ggx.eval(half) * ggx.G(wi, wo, half) / (4 * mi.Frame3f.cos_theta(wi))
-    return value, ggx.pdf(wi, half) / (4 * dr.dot(wo, half))
-
-
 def _glossy_share(lobes: Lobes, lobe: GgxLobe) -> mi.Float:
     """Probability of the GGX lobe within the base; both lobes keep a share wherever they send light."""
     diffuse, specular = _diffuse_albedo(lobes), dr.mean(lobe.reflectance)
@@ -233,10 +230,6 @@ def _diffuse_albedo(lobes: Lobes) -> mi.Float:
     """What the cosine lobe samples."""
     diffuse = dr.mean(lobes.diffuse)
     return diffuse if lobes.sheen is None else diffuse + dr.mean(lobes.sheen.reflectance)
-
-
-def _ggx(alpha: mi.Float) -> mi.MicrofacetDistribution:
-    return mi.MicrofacetDistribution(mi.MicrofacetType.GGX, alpha, sample_visible=True)
 
 
 def _above(si: mi.SurfaceInteraction3f, wo: mi.Vector3f) -> mi.Bool:

@@ -13,9 +13,11 @@ import mitsuba as mi
 
 from dataset_builder.assets.asset import Material
 from dataset_builder.rendering.buffers import owned
-from dataset_builder.rendering.surface.texels import needs, pack
+from dataset_builder.rendering.surface.texel_reader import TexelReader
+from dataset_builder.rendering.surface.texels import FACTORS, needs, pack
+from dataset_builder.rendering.surface.vertex_colours import VertexColours
 
-QUADS = 4
+QUADS = FACTORS // 4
 """Groups of four factors in a row."""
 
 
@@ -30,9 +32,9 @@ class Textures:
     """Features that they call for."""
 
     @classmethod
-    def upload(cls, materials: Sequence[Material], texture_size: int = 4096) -> Textures:
-        """Pack and copy; sides of textures are limited to `texture_size`. Raises PlanError as `texels.pack` does."""
-        arrays = pack(materials, texture_size)
+    def upload(cls, materials: Sequence[Material], texture_size: int = 4096, sky: float = 1.0) -> Textures:
+        """Pack and copy; see `texels.pack`. Raises PlanError as that does."""
+        arrays = pack(materials, texture_size, sky)
         return cls(factors=owned(mi.Float, arrays.factors), extents=owned(mi.UInt32, arrays.extents),
                    texels=owned(dr.float16_array_t(mi.Float), arrays.texels), needs=needs(materials))
 
@@ -44,6 +46,13 @@ class MaterialTable:
     textures: Textures
     face_material: mi.UInt32
     """Row of the material of each face."""
+    vertices: VertexColours | None = None
+    """None where all are white."""
+
+    @property
+    def needs(self) -> frozenset[str]:
+        """Features that materials and vertices call for."""
+        return self.textures.needs | (frozenset() if self.vertices is None else self.vertices.needs)
 
 
 @dataclass
@@ -65,11 +74,15 @@ class SurfacePoint:
     thin: mi.Float | None = None
     """1 for panes, else 0."""
     abbe: mi.Float | None = None
+    emission: mi.Color3f | None = None
+    """Radiance."""
+    coverage: mi.Float | None = None
+    """Share of the surface that is there."""
 
 
 def look_up(table: MaterialTable, features: frozenset[str], si: mi.SurfaceInteraction3f,
             active: mi.Bool) -> SurfacePoint:
-    """Material factors times bilinearly interpolated texels, repeating, at si.uv."""
+    """Material factors times texels at si.uv, times the colours of vertices."""
     row = dr.gather(mi.UInt32, table.face_material, si.prim_index, active)
 
     def quad(index: int) -> mi.Vector4f:
@@ -78,8 +91,13 @@ def look_up(table: MaterialTable, features: frozenset[str], si: mi.SurfaceIntera
     colour, scalar = quad(0), quad(1)
     point = SurfacePoint(base=mi.Color3f(colour.x, colour.y, colour.z), roughness=colour.w, metallic=scalar.x,
                          specular=scalar.y, normal=mi.Normal3f(0, 0, 1))
+    alpha, texels = mi.Float(1), None
     if "textures" in features:
-        _multiply_texels(point, table.textures, si, row, active)
+        texels = TexelReader(table.textures.extents, table.textures.texels, si.uv, row, "maps" in features, active)
+        alpha = _multiply_texels(point, texels, si)
+    if table.vertices is not None and "colours" in features:
+        corner = table.vertices.at(si, active)
+        point.base, alpha = point.base * mi.Color3f(corner.x, corner.y, corner.z), alpha * corner.w
     if "coat" in features:
         point.coat, point.coat_roughness = scalar.z, scalar.w
     if "sheen" in features:
@@ -88,45 +106,45 @@ def look_up(table: MaterialTable, features: frozenset[str], si: mi.SurfaceIntera
     if features & {"glass", "thin"}:
         glass = quad(3)
         point.transmission, point.ior, point.thin, point.abbe = glass.x, glass.y, glass.z, glass.w
+    if features & {"emission", "coverage"}:
+        own = quad(4)
+        point.emission = mi.Color3f(own.x, own.y, own.z) if "emission" in features else None
+        point.coverage = _coverage(alpha * own.w, quad(5).x) if "coverage" in features else None
+    if texels is not None and "maps" in features:
+        _multiply_more(point, texels)
     return point
 
 
-def _multiply_texels(point: SurfacePoint, textures: Textures, si: mi.SurfaceInteraction3f, row: mi.UInt32,
-                     active: mi.Bool) -> None:
-    extent = dr.gather(mi.Vector4u, textures.extents, row, active)
-    low, high = _bilinear(textures, si.uv, extent, active)
+def _coverage(alpha: mi.Float, cutoff: mi.Float) -> mi.Float:
+    """Alpha, or whether it reaches the cutoff where there is one."""
+    return dr.select(cutoff < 0, alpha, dr.select(alpha >= cutoff, mi.Float(1), 0))
+
+
+def _multiply_texels(point: SurfacePoint, texels: TexelReader, si: mi.SurfaceInteraction3f) -> mi.Float:
+    """Multiply what every texture has; alpha is returned."""
+    low, high = texels.plane(0)
     point.base = point.base * mi.Color3f(low.x, low.y, low.z)
     point.roughness, point.metallic = point.roughness * low.w, point.metallic * high.x
     slope = mi.Vector2f(high.y, high.z)
     tilt = mi.Normal3f(slope.x, _handedness(si) * slope.y, dr.safe_sqrt(1 - dr.squared_norm(slope)))
     point.normal = dr.normalize(tilt)
+    return high.w
 
 
-def _bilinear(textures: Textures, uv: mi.Point2f, extent: mi.Vector4u,
-              active: mi.Bool) -> tuple[mi.Vector4f, mi.Vector4f]:
-    """Eight interpolated texel channels as two vectors. extent = (first texel, width, height, 0)."""
-    width, height = extent.y, extent.z
-    x = uv.x * mi.Float(width) - 0.5
-    y = (1 - uv.y) * mi.Float(height) - 0.5
-    x0, y0 = dr.floor(x), dr.floor(y)
-    column, line = _wrap(x0, width), _wrap(y0, height)
-    next_column = dr.select(column + 1 == width, 0, column + 1)
-    next_line = dr.select(line + 1 == height, 0, line + 1)
-    fx, fy = x - x0, y - y0
-    low, high = mi.Vector4f(0), mi.Vector4f(0)
-    for i, j, weight in ((column, line, (1 - fx) * (1 - fy)), (next_column, line, fx * (1 - fy)),
-                         (column, next_line, (1 - fx) * fy), (next_column, next_line, fx * fy)):
-        texel = 2 * (extent.x + j * width + i)
-        half4 = dr.float16_array_t(mi.Vector4f)
-        low += weight * mi.Vector4f(dr.gather(half4, textures.texels, texel, active))
-        high += weight * mi.Vector4f(dr.gather(half4, textures.texels, texel + 1, active))
-    return low, high
-
-
-def _wrap(coordinate: mi.Float, size: mi.UInt32) -> mi.UInt32:
-    """Integer texel of a floored coordinate, repeating; safe for negative and huge values."""
-    share = coordinate / mi.Float(size)
-    return dr.minimum(mi.UInt32((share - dr.floor(share)) * mi.Float(size) + 0.5), size - 1)
+def _multiply_more(point: SurfacePoint, texels: TexelReader) -> None:
+    """Multiply what few textures have, of what the kernel has at all."""
+    low, high = texels.plane(1)
+    point.specular = point.specular * low.w
+    if point.emission is not None:
+        point.emission = point.emission * mi.Color3f(low.x, low.y, low.z)
+    if point.transmission is not None:
+        point.transmission = point.transmission * high.x
+    if point.coat is not None:
+        point.coat, point.coat_roughness = point.coat * high.y, point.coat_roughness * high.z
+    if point.sheen is not None:
+        colour, _ = texels.plane(2)
+        point.sheen = point.sheen * mi.Color3f(colour.x, colour.y, colour.z)
+        point.sheen_roughness = point.sheen_roughness * high.w
 
 
 def _handedness(si: mi.SurfaceInteraction3f) -> mi.Float:

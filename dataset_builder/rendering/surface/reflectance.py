@@ -2,7 +2,8 @@
 
 With Schlick's Fresnel term F = F0 + (F90 - F0) (1 - c)^5 the reflectance is linear in F0 and F90,
 E(mu, alpha) = F0 * A(mu, alpha) + F90 * B(mu, alpha), the split sum of Karis, "Real shading in Unreal Engine 4"
-(SIGGRAPH 2013 course notes). Single scattering: energy lost between microfacets is lost, so E <= 1.
+(SIGGRAPH 2013 course notes). The table is that of single scattering, so A + B <= 1; `scattered_again` is what goes on
+between microfacets.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import mitsuba as mi
 import numpy as np
 
 COSINES = 64
-ROUGHNESSES = 32
+ROUGHNESSES = 64
 RADII, ANGLES = 48, 24
 """Quadrature points over the disc of visible normals."""
 
@@ -28,10 +29,15 @@ def alpha_of(roughness: np.ndarray) -> np.ndarray:
     return np.maximum(roughness**2, MIN_ALPHA)
 
 
+def cosines() -> np.ndarray:
+    """(COSINES,) where tables are known: (j / (COSINES - 1))^2, crowded at the horizon, where reflectance bends."""
+    return np.maximum(np.linspace(0, 1, COSINES) ** 2, 1e-4)
+
+
 @cache
 def split_sum_table() -> np.ndarray:
-    """(ROUGHNESSES, COSINES, 2) float32: A and B at roughness i / (ROUGHNESSES - 1) and cosine j / (COSINES - 1)."""
-    mu = np.maximum(np.linspace(0, 1, COSINES), 1e-4)
+    """(ROUGHNESSES, COSINES, 2) float32: A and B at roughness i / (ROUGHNESSES - 1) and cosine `cosines()[j]`."""
+    mu = cosines()
     alpha = alpha_of(np.linspace(0, 1, ROUGHNESSES))
     table = np.stack([np.stack(_split_sum(mu, a), axis=-1) for a in alpha])
     table.flags.writeable = False
@@ -80,9 +86,16 @@ def _g1(cosine: np.ndarray, alpha: float) -> np.ndarray:
     return 2 / (1 + np.sqrt(1 + alpha**2 * (1 - cosine**2) / cosine**2))
 
 
+def scattered_again(f0: mi.Color3f, once: mi.Float) -> mi.Color3f:
+    """Factor by which light between microfacets raises a lobe that reflects E = `once` of the light where F0 is 1:
+    1 + F0 (1 - E) / E (Turquin, "Practical multiple scattering compensation for microfacet models", 2019).
+    A white lobe then reflects all."""
+    return 1 + f0 * ((1 - once) * dr.rcp(dr.maximum(once, 1e-3)))
+
+
 def interpolated(kind: Any, table: mi.Float, cosine: mi.Float, roughness: mi.Float, active: mi.Bool) -> Any:
     """Bilinear value, a `kind` (mi.Float or mi.Vector2f), of a flat (ROUGHNESSES, COSINES, ...) table."""
-    x = dr.clip(cosine, 0, 1) * (COSINES - 1)
+    x = dr.sqrt(dr.clip(cosine, 0, 1)) * (COSINES - 1)
     y = dr.clip(roughness, 0, 1) * (ROUGHNESSES - 1)
     column = dr.minimum(mi.UInt32(x), COSINES - 2)
     line = dr.minimum(mi.UInt32(y), ROUGHNESSES - 2)

@@ -15,7 +15,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from dataset_builder.rendering.surface.reflectance import COSINES, ROUGHNESSES
+from dataset_builder.rendering.surface.reflectance import ROUGHNESSES, cosines
 
 MIN_ROUGHNESS = 0.1
 """Smaller ones are taken as this: such a rim is thinner than a pixel, and a cosine lobe never finds it."""
@@ -53,8 +53,8 @@ def evaluate(sheen: Sheen, wi: mi.Vector3f, wo: mi.Vector3f, half: mi.Vector3f) 
 @cache
 def sheen_table() -> np.ndarray:
     """(ROUGHNESSES, COSINES) float32: directional reflectance of white sheen, at roughness i / (ROUGHNESSES - 1) and
-    cosine j / (COSINES - 1), by midpoint quadrature whose points crowd at the horizon: cos_o = t squared."""
-    mu = np.maximum(np.linspace(0, 1, COSINES), 1e-4)[:, None]
+    cosine `cosines()[j]`, by midpoint quadrature whose points crowd at the horizon: cos_o = t squared."""
+    mu = cosines()[:, None]
     exponents = np.maximum(np.linspace(0, 1, ROUGHNESSES), MIN_ROUGHNESS) ** -2.0
     t, turn = (np.arange(HEIGHTS) + 0.5) / HEIGHTS, np.pi * (np.arange(TURNS) + 0.5) / TURNS
     cos_o, phi = np.repeat(t**2, TURNS), np.tile(turn, HEIGHTS)

@@ -10,15 +10,34 @@ from typing import Any
 
 import numpy as np
 
-from dataset_builder.assets.asset import Material, Texture, disperses, is_pane, is_solid
+from dataset_builder.assets.asset import (
+    MORE_MAPS,
+    Material,
+    Texture,
+    coverage_range,
+    disperses,
+    is_mapped,
+    is_pane,
+    is_solid,
+    range_of,
+    sends,
+)
 from dataset_builder.errors import PlanError, Problem
 
 CHANNELS = 8
-"""Texel layout: base colour (3), roughness, metallic, normal x, normal y, unused."""
+PLANES: tuple[dict[str, int], ...] = (
+    {"base_color": 0, "roughness": 3, "metallic": 4, "normal": 5, "alpha": 7},
+    {"emission": 0, "specular": 3, "transmission": 4, "coat": 5, "coat_roughness": 6, "sheen_roughness": 7},
+    {"sheen": 0})
+"""First channel of every map; of normals x and y alone. A texture has the first plane of texels, or all of them."""
 
-FACTORS = 16
+FACTORS = 24
 """Row layout: base colour (3), roughness | metallic, specular, coat, coat roughness | sheen (3), sheen roughness |
-transmission, index of refraction, thin, Abbe number."""
+transmission, index of refraction, thin, Abbe number | emission (3), alpha | cutoff or -1, unused (3)."""
+
+MIRROR, CLAMP, ALONG_V, NEAREST, MORE = 1, 2, 2, 16, 32
+"""Bits that say how a texture is read: at its ends along u, the same `ALONG_V` places higher, between its texels, and
+whether it has more planes than one."""
 
 ROUNDING = 2.0**-11
 """Relative step of half precision below one: what a texel may be off without meaning anything by it."""
@@ -34,13 +53,14 @@ class MaterialArrays:
     factors: np.ndarray
     """(M, FACTORS) float32."""
     extents: np.ndarray
-    """(M, 4) uint32: first texel, width, height, 0."""
+    """(M, 4) uint32: first texel, width, height, how to read them. A plane of texels follows the one before."""
     texels: np.ndarray
     """(T, CHANNELS) float16."""
 
 
-def pack(materials: Sequence[Material], texture_size: int = 4096) -> MaterialArrays:
+def pack(materials: Sequence[Material], texture_size: int = 4096, sky: float = 1.0) -> MaterialArrays:
     """Arrays of `materials`; textures that materials share are stored once, with sides of at most `texture_size`.
+    sky: radiance of what is sent out per unit of emission.
 
     Raises PlanError for every factor or texel that is not finite or lies outside its range by more than half precision
     rounds off, naming the material and how many texels; smaller overshoot is clipped.
@@ -53,18 +73,18 @@ def pack(materials: Sequence[Material], texture_size: int = 4096) -> MaterialArr
         if key not in blocks:
             block = pack_texture(material.texture, texture_size)
             blocks[key] = (first, block)
-            first += block.shape[0] * block.shape[1]
+            first += block.size // CHANNELS
         start, block = blocks[key]
-        extents.append((start, block.shape[1], block.shape[0], 0))
+        extents.append((start, block.shape[2], block.shape[1], _reading(material.texture)))
     if first > MAX_TEXELS:
         raise PlanError(f"textures: expected at most {MAX_TEXELS} texels in a scene, got {first}; lower texture_size")
-    return MaterialArrays(factors=np.array([_row(m) for m in materials], dtype=np.float32).reshape(-1, FACTORS),
+    return MaterialArrays(factors=np.array([_row(m, sky) for m in materials], dtype=np.float32).reshape(-1, FACTORS),
                           extents=np.array(extents, dtype=np.uint32).reshape(-1, 4),
                           texels=np.concatenate([block.reshape(-1, CHANNELS) for _, block in blocks.values()]))
 
 
 def pack_texture(texture: Texture | None, texture_size: int = 4096) -> np.ndarray:
-    """(H, W, CHANNELS) float16 texels of a texture with sides of at most `texture_size`; one white texel for none.
+    """(P, H, W, CHANNELS) float16 planes of texels with sides of at most `texture_size`; one white texel for none.
 
     Larger textures are averaged over boxes, in linear values; of normals, which are averaged as vectors, x and y of
     the mean direction are kept.
@@ -106,30 +126,46 @@ def needs(materials: Sequence[Material]) -> frozenset[str]:
 
 
 def _needs(m: Material) -> set[str]:
-    calls = {"textures": m.texture is not None, "specular": m.metallic > 0 or (m.specular > 0 and m.transmission < 1),
-             "coat": m.coat > 0, "sheen": max(m.sheen) > 0, "glass": is_solid(m), "thin": is_pane(m),
-             "dispersion": disperses(m)}
+    opaque = range_of(m, "transmission")[0] < 1
+    calls = {"textures": m.texture is not None, "specular": m.metallic > 0 or (m.specular > 0 and opaque),
+             "coat": range_of(m, "coat")[1] > 0, "sheen": range_of(m, "sheen")[1] > 0, "glass": is_solid(m),
+             "thin": is_pane(m), "dispersion": disperses(m), "maps": is_mapped(m), "emission": sends(m),
+             "coverage": coverage_range(m)[0] < 1}
     return {feature for feature, called in calls.items() if called}
 
 
-def _row(m: Material) -> tuple[float, ...]:
+def _row(m: Material, sky: float) -> tuple[float, ...]:
+    # Texels are rounded to half precision, and those that mean the cutoff shall not fall below it
+    cutoff = -1.0 if m.alpha_cutoff is None else m.alpha_cutoff * (1 - ROUNDING)
     return (*m.base_color, m.roughness, m.metallic, m.specular, m.coat, m.coat_roughness, *m.sheen, m.sheen_roughness,
-            m.transmission, m.ior, float(m.thin), m.abbe)
+            m.transmission, m.ior, float(m.thin), m.abbe, *(sky * part for part in m.emission), m.alpha,
+            cutoff, 0.0, 0.0, 0.0)
+
+
+def _reading(texture: Texture | None) -> int:
+    """Bits of how a texture is read."""
+    if texture is None:
+        return 0
+    along_u, along_v = ({"repeat": 0, "mirror": MIRROR, "clamp": CLAMP}[wrap] for wrap in texture.wrap)
+    more = any(name in MORE_MAPS for name in _maps(texture))
+    return along_u + (along_v << ALONG_V) + NEAREST * texture.nearest + MORE * more
 
 
 def _layout(texture: Texture) -> np.ndarray:
-    block = np.zeros((*texture.base_color.shape[:2], CHANNELS), dtype=np.float16)
-    block[..., :3] = np.clip(texture.base_color, 0, 1)
-    block[..., 3] = 1 if texture.roughness is None else np.clip(texture.roughness, 0, 1)
-    block[..., 4] = 1 if texture.metallic is None else np.clip(texture.metallic, 0, 1)
-    if texture.normal is not None:
-        block[..., 5:7] = texture.normal[..., :2]
+    maps = _maps(texture)
+    planes = PLANES if any(name in MORE_MAPS for name in maps) else PLANES[:1]
+    block = np.ones((len(planes), *texture.base_color.shape[:2], CHANNELS), dtype=np.float16)
+    block[0, ..., 5:7] = 0
+    for plane, places in zip(block, planes, strict=True):
+        for name in places.keys() & maps.keys():
+            values = maps[name][..., :2] if name == "normal" else np.clip(maps[name], 0, 1)
+            width = 1 if values.ndim == 2 else values.shape[2]
+            plane[..., places[name]:places[name] + width] = values.reshape(*plane.shape[:2], width)
     return block
 
 
 def _maps(texture: Texture) -> dict[str, np.ndarray]:
-    maps = {"base_color": texture.base_color, "roughness": texture.roughness, "metallic": texture.metallic,
-            "normal": texture.normal}
+    maps = {name: getattr(texture, name) for places in PLANES for name in places}
     return {name: values for name, values in maps.items() if values is not None}
 
 
@@ -161,10 +197,14 @@ def _problems(material: Material) -> list[Problem]:
 def _factors(m: Material) -> list[tuple[str, str, object, bool]]:
     """(name, rule, value, whether it holds) of every factor; NaN holds nowhere."""
     shares = {"roughness": m.roughness, "metallic": m.metallic, "specular": m.specular, "coat": m.coat,
-              "coat_roughness": m.coat_roughness, "sheen_roughness": m.sheen_roughness, "transmission": m.transmission}
+              "coat_roughness": m.coat_roughness, "sheen_roughness": m.sheen_roughness, "transmission": m.transmission,
+              "alpha": m.alpha}
+    cutoff = m.alpha_cutoff
     colours = {"base_color": m.base_color, "sheen": m.sheen}
     return [*((name, "a share in [0, 1]", value, 0 <= value <= 1) for name, value in shares.items()),
             *((name, "shares in [0, 1]", value, all(0 <= v <= 1 for v in value)) for name, value in colours.items()),
+            ("emission", "finite values >= 0", m.emission, all(0 <= v < np.inf for v in m.emission)),
+            ("alpha_cutoff", "a finite value >= 0", cutoff, cutoff is None or 0 <= cutoff < np.inf),
             ("ior", "a finite index of refraction >= 1", m.ior, 1 <= m.ior < np.inf),
             ("abbe", "a finite Abbe number >= 0", m.abbe, 0 <= m.abbe < np.inf)]
 

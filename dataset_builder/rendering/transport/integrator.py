@@ -21,10 +21,11 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from dataset_builder.rendering.surface.first_hit import COSINE_SHARE, FirstHit, first_hit, mixture_pdf
+from dataset_builder.rendering.surface.first_hit import COSINE_SHARE, FirstHit, emission, first_hit, mixture_pdf
 from dataset_builder.rendering.transport.fog import Fog
 from dataset_builder.rendering.transport.light_sampling import World, balance, in_air, lone_channel, sample_emitter
 from dataset_builder.rendering.transport.path_tracer import PathStart, incident_radiance
+from dataset_builder.rendering.transport.sight import first_surface
 
 PLUGIN = "threedf_lighting"
 
@@ -49,19 +50,22 @@ def trace(scene: mi.Scene, sampler: mi.Sampler, rest: mi.Sampler, ray: mi.Ray3f,
           rr_depth: mi.UInt32, active: mi.Bool = True, *, features: frozenset[str] = frozenset(),
           fog: Fog | None = None) -> Radiometry:
     """One path per lane. max_depth and rr_depth as in Mitsuba's `path`: edges of the longest path, start of roulette;
-    an edge ends on a surface or where fog scatters, and panes that a path passes straight end none.
+    an edge ends on a surface or where fog scatters, and panes and gaps that a path passes straight end none.
     sampler makes the random numbers up to the first scattering, `rest` those after it; they may be one and the same.
-    features: `glass` and `thin` where the scene has them, see `example_plan.Feature`; others are not looked at.
+    features: `glass`, `thin`, `dispersion`, `coverage` and `emission` where the scene has them, see
+    `example_plan.Feature`; others are not looked at. What the ray meets first is chosen by coverage, and then whole.
 
     `specular` is I minus what the diffuse lobe of the first hit sends and minus `air`, estimated from the same samples,
     so that I = D S + specular + air holds for every single path with D taken at its first hit.
     """
     world = World(scene, max_depth, rr_depth, features, fog)
     active = mi.Bool(active)
-    si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=True, active=active)
+    si, end = _met(world, ray, sampler, active)
 
     # Emission of the first surface
     L_e = si.emitter(scene).eval(si, active)
+    if world.emission:
+        L_e += emission(si.bsdf(ray), si, active & si.is_valid(), whole=True)
     image, shading, specular = mi.Color3f(L_e), mi.Color3f(0), mi.Color3f(L_e)
     active_next = active & si.is_valid() & (max_depth > 1)
 
@@ -85,8 +89,18 @@ def trace(scene: mi.Scene, sampler: mi.Sampler, rest: mi.Sampler, ray: mi.Ray3f,
     specular += (weight_image - hit.diffuse * weight_shading) * L_i
 
     # Fog before the first surface
-    air = mi.Color3f(0) if fog is None else _air(world, fog, sampler, rest, ray, si.t, image, active)
+    air = mi.Color3f(0) if fog is None else _air(world, fog, sampler, rest, ray, end, image, active)
     return Radiometry(image=image + air, shading=shading, specular=specular, air=air, valid=active & si.is_valid())
+
+
+def _met(world: World, ray: mi.Ray3f, sampler: mi.Sampler,
+         active: mi.Bool) -> tuple[mi.SurfaceInteraction3f, mi.Float]:
+    """The first surface that is there, and how far away it is."""
+    if not world.coverage:
+        si = world.scene.ray_intersect(ray, mi.RayFlags.All, coherent=True, active=active)
+        return si, si.t
+    _, si = first_surface(world.scene, ray, None, sampler.next_1d(active), active)
+    return si, dr.select(si.is_valid(), dr.dot(si.p - ray.o, ray.d), dr.inf)
 
 
 def _scattered(world: World, si: mi.SurfaceInteraction3f, hit: FirstHit,

@@ -1,4 +1,4 @@
-"""What all legs of a light path share: the scene, its limits, and emitter samples that see through panes and fog."""
+"""What all legs of a light path share: the scene, its limits, and emitter samples through panes, gaps and fog."""
 
 from __future__ import annotations
 
@@ -25,6 +25,12 @@ class World:
         """Whether kernels handle refracting bodies."""
         self.thin = "thin" in features
         """Whether kernels handle panes that light passes straight."""
+        self.straight = bool(features & {"thin", "coverage"})
+        """Whether light passes anything straight: panes, or what is not there."""
+        self.coverage = "coverage" in features
+        """Whether surfaces may be there in part."""
+        self.emission = "emission" in features
+        """Whether surfaces send out light of their own."""
         self.dispersion = "dispersion" in features
         """Whether glass spreads colours."""
 
@@ -61,18 +67,18 @@ def in_air(ray: mi.Ray3f, distance: mi.Float) -> mi.Interaction3f:
 
 def sample_emitter(world: World, point: mi.Interaction3f, sample: mi.Point2f,
                    active: mi.Bool) -> tuple[mi.DirectionSample3f, mi.Color3f]:
-    """A direction to an emitter, and L_e T / p: the radiance that arrives from it through panes and fog, over its
-    density. Next event estimation (Pharr et al. 2023, section 13.4)."""
-    ds, weight = world.scene.sample_emitter_direction(point, sample, not world.thin, active)
-    if world.thin:
-        weight = weight * _through_panes(world.scene, point, ds, active & (ds.pdf != 0))
+    """A direction to an emitter, and L_e T / p: the radiance that arrives from it through panes, gaps and fog, over
+    its density. Next event estimation (Pharr et al. 2023, section 13.4)."""
+    ds, weight = world.scene.sample_emitter_direction(point, sample, not world.straight, active)
+    if world.straight:
+        weight = weight * _straight_on(world.scene, point, ds, active & (ds.pdf != 0))
     if world.fog is not None:
         weight = weight * world.fog.transmittance(world.fog.segment(point.p, ds.d, ds.dist))
     return ds, weight
 
 
 @dr.syntax
-def _through_panes(scene: mi.Scene, point: mi.Interaction3f, ds: mi.DirectionSample3f, active: mi.Bool) -> mi.Color3f:
+def _straight_on(scene: mi.Scene, point: mi.Interaction3f, ds: mi.DirectionSample3f, active: mi.Bool) -> mi.Color3f:
     """Share of light that comes straight from `ds` to `point` through whatever stands between; 0 behind what is
     opaque."""
     # Loop state

@@ -3,8 +3,9 @@
 It solves the equation of transfer (Pharr, Jakob and Humphreys, "Physically based rendering", 4th edition, 2023, section
 14.1) by paths from the camera. Emitters are sampled at every vertex and met by chance, combined by multiple importance
 sampling (Veach, "Robust Monte Carlo methods for light transport simulation", 1997, sections 9.2 and 10.4). Vertices are
-surfaces or, in fog, points of the air; panes that a ray passes straight are no vertices, so that both ways to the light
-behind them stay comparable. Variables and steps are named as in Mitsuba's `prb` integrator.
+surfaces or, in fog, points of the air; panes and gaps that a ray passes straight are no vertices, so that both ways to
+the light behind them stay comparable. Surfaces that send out light are no emitters, and met by chance alone. Variables
+and steps are named as in Mitsuba's `prb` integrator.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
+from dataset_builder.rendering.surface.first_hit import emission
 from dataset_builder.rendering.transport.light_sampling import (
     FreeFlight,
     World,
@@ -61,7 +63,7 @@ class PathVertex:
     delta: mi.Bool
     """Whether no emitter sample could have made the direction."""
     passed: mi.Bool
-    """Whether the path goes on straight through a pane."""
+    """Whether the path goes on straight, through a pane or past what is not there."""
 
 
 @dr.syntax
@@ -91,10 +93,13 @@ def incident_radiance(world: World, sampler: mi.Sampler, start: PathStart, activ
         em_pdf = scene.pdf_emitter_direction(prev_point, ds, ~prev_delta)
         mis = dr.select(prev_delta, 1, balance(prev_pdf, em_pdf))
         L += throughput * si.emitter(scene).eval(si, active) * mis * flight.transmittance
+        if world.emission:
+            sent = emission(si.bsdf(ray), si, active & si.is_valid(), whole=False)
+            L += throughput * sent * flight.transmittance
 
         # Does the path go on? A pane is passed even where it may have no further vertex
         at_vertex, may_extend = active & (si.is_valid() | flight.collided), depth + 1 < max_depth
-        active_next = at_vertex if world.thin else at_vertex & may_extend
+        active_next = at_vertex if world.straight else at_vertex & may_extend
         bsdf = si.bsdf(ray)
 
         # Sample an emitter: L += throughput f cos w L_e T / p
@@ -113,7 +118,7 @@ def incident_radiance(world: World, sampler: mi.Sampler, start: PathStart, activ
         if world.dispersion:
             ray.time = lone_channel(throughput)
 
-        # What the next vertex needs to know of this one, which a passed pane is not
+        # What the next vertex needs to know of this one, which a passed pane or gap is not
         prev_point = dr.select(vertex.passed, prev_point, mi.Interaction3f(flight.point))
         prev_pdf = dr.select(vertex.passed, prev_pdf, vertex.pdf)
         prev_delta = dr.select(vertex.passed, prev_delta, vertex.delta)
@@ -135,7 +140,7 @@ def _vertex(world: World, sampler: mi.Sampler, ray: mi.Ray3f, si: mi.SurfaceInte
     # Surface
     value, pdf, bs, weight = bsdf.eval_pdf_sample(mi.BSDFContext(), si, si.to_local(emitter.d), sample1, sample2,
                                                   active & ~flight.collided)
-    passed = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Null) if world.thin else mi.Bool(False)
+    passed = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Null) if world.straight else mi.Bool(False)
     surface = PathVertex(em_value=value, em_pdf=pdf, direction=si.to_world(bs.wo), weight=weight, pdf=bs.pdf,
                          eta=bs.eta, delta=mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta), passed=passed)
     if world.fog is None:

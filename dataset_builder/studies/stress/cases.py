@@ -10,6 +10,7 @@ from dataset_builder.errors import UserError
 from dataset_builder.studies.comma_separated import comma_separated
 from dataset_builder.studies.stress import (
     geometry_cases,
+    leaf_cases,
     light_cases,
     material_cases,
     mesh_cases,
@@ -19,7 +20,8 @@ from dataset_builder.studies.stress import (
 )
 from dataset_builder.studies.stress.case import Case, CaseMeasured, CaseResult, Size
 
-MODULES = (light_cases, scale_cases, geometry_cases, mesh_cases, material_cases, number_cases, refused_cases)
+MODULES = (light_cases, scale_cases, geometry_cases, mesh_cases, material_cases, leaf_cases, number_cases,
+           refused_cases)
 CASES = tuple(found for module in MODULES for found in vars(module).values() if isinstance(found, Case))
 
 COLUMNS = ("case", "expectation", "figure", "measured", "bound", "passed", "wrong", "seconds", "size", "backend")

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dataset_builder.assets.asset import Material, Texture
+from dataset_builder.assets.asset import MORE_MAPS, Material, Texture
 from dataset_builder.errors import UserError
 from dataset_builder.geometry.repair import repair
 from dataset_builder.geometry.rough_base import displace
@@ -25,6 +25,8 @@ from dataset_builder.studies.stress.scenes import bare, box_mesh, light, lit_by
 
 TAKEN = "inputs that are taken, or refused without a reason"
 KEY = "00000000"
+COLOURED = ("emission", "sheen")
+"""Maps with three channels, besides the base colour."""
 
 
 def taken(attempts: Mapping[str, Callable[[], object]], *, says: str = "expected",
@@ -58,15 +60,16 @@ def no_light(size: Size) -> CaseMeasured:
 def textured(value: float) -> CaseMeasured:
     """One texel of each map has the value."""
     def texture(name: str) -> Texture:
-        maps: dict[str, Any] = {
-            "base_color": np.full((4, 4, 3), 0.5, np.float32), "roughness": np.full((4, 4), 0.5, np.float32),
-            "metallic": np.full((4, 4), 0.5, np.float32),
-            "normal": np.tile(np.array([0, 0, 1], np.float32), (4, 4, 1))}
+        maps: dict[str, Any] = {"base_color": np.full((4, 4, 3), 0.5, np.float32)}
+        if name == "normal":
+            maps[name] = np.tile(np.array([0, 0, 1], np.float32), (4, 4, 1))
+        elif name not in maps:
+            maps[name] = np.full((4, 4, 3) if name in COLOURED else (4, 4), 0.5, np.float32)
         maps[name][(2, 3, 0)[:maps[name].ndim]] = value
         return Texture(**maps)
     attempts: dict[str, Callable[[], object]] = {
         name: partial(pack, [Material(name="painted", base_color=(1, 1, 1), texture=texture(name))])
-        for name in ("base_color", "roughness", "metallic", "normal")}
+        for name in ("base_color", "roughness", "metallic", "normal", "alpha", *MORE_MAPS)}
     return taken(attempts, says="painted")
 
 texture_nan = Case(

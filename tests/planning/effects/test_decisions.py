@@ -9,7 +9,7 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
-from dataset_builder.assets.asset import Material, Texture
+from dataset_builder.assets.asset import Material, Texture, coverage_range, vertex_alphas
 from dataset_builder.errors import PlanError
 from dataset_builder.label.example_plan import EffectsPlan, Feature
 from dataset_builder.label.scene_plan import (
@@ -101,6 +101,10 @@ def test_every_decision_has_a_reason_and_every_pass_an_entry(decide: Decide, how
     ({"transmission": 1.0, "abbe": 40.0, "thin": 1.0}, ("specular", "thin")),
     ({"abbe": 40.0}, ()),
     ({"transmission": 1.0, "metallic": 1.0}, ("specular",)),
+    ({"alpha": 0.5}, ("coverage",)),
+    ({"alpha": 1.0}, ()),
+    ({"emission.0": 0.0, "emission.1": 0.5, "emission.2": 0.0}, ("emission",)),
+    ({"emission.0": 0.0, "emission.1": 0.0, "emission.2": 0.0}, ()),
 ])
 def test_features_follow_the_materials(decide: Decide, figures: dict[str, float], expected: tuple[str, ...]) -> None:
     """The room is of grey boxes with some gloss, so that `specular` is on in any case."""
@@ -108,7 +112,7 @@ def test_features_follow_the_materials(decide: Decide, figures: dict[str, float]
     for effects in (decide(MATTE | figures), decide(MATTE, (MATTE, MATTE | figures))):
         assert set(effects.features) == everywhere
         assert effects.features == tuple(name for name in get_args(Feature) if name in everywhere)
-        for feature in ("coat", "sheen", "glass", "thin", "dispersion", "fog"):
+        for feature in ("coat", "sheen", "glass", "thin", "dispersion", "coverage", "emission", "fog"):
             assert choices(effects, feature) == ["on" if feature in everywhere else "off"]
 
 
@@ -116,6 +120,43 @@ def test_reasons_name_what_calls_for_an_effect(decide: Decide) -> None:
     effects = decide(MATTE, (GLASS | {"abbe": 35.0},))
     assert "grey of box-3" in reason(effects, "glass") and "35" in reason(effects, "dispersion")
     assert "none of the" in reason(effects, "coat")
+
+
+def test_what_is_there_in_part_or_shines_is_told_with_its_price(decide: Decide) -> None:
+    effects = decide(MATTE | {"alpha": 0.4}, (MATTE | {"emission.0": 1.0, "emission.1": 1.0, "emission.2": 1.0},))
+    assert "grey of box-1; sight and light go straight on" in reason(effects, "coverage")
+    assert "grey of box-3; paths meet it by chance" in reason(effects, "emission")
+    assert decide(MATTE | {"alpha": 0.4}).of("target").max_depth == decide(MATTE).of("target").max_depth
+
+
+def test_what_is_nowhere_there_is_named(decide: Decide) -> None:
+    assert choices(decide(MATTE, (MATTE | {"alpha": 0.0},)), "coverage") == ["on", "nothing there"]
+    assert "box-3" in reason(decide(MATTE, (MATTE | {"alpha": 0.0},)), "coverage").rpartition("on ")[2]
+    assert choices(decide(MATTE, (MATTE | {"alpha": 0.1},)), "coverage") == ["on"]
+
+
+def test_vertices_and_maps_call_for_their_switches() -> None:
+    texture = Texture(base_color=np.ones((1, 1, 3), np.float32), wrap=("clamp", "repeat"))
+    leaf = Material(name="leaf", base_color=(1, 1, 1), texture=texture)
+
+    def features(**more: Any) -> set[str]:
+        use = MaterialUse(owner="tree", part="furniture", material=leaf, scattered=0.5, smoothest=1, roughest=1, **more)
+        scene = SceneUse(materials=(use,), smooth=(), flat=(), left_out=())
+        return set(scene_features(scene, FogPlan(), (lamp("area"),), 64)[0])
+
+    assert features() == {"textures", "maps", "specular"}
+    assert features(coloured=True) == {"textures", "maps", "specular", "colours"}
+    assert features(coloured=True, coverage=(0.5, 1.0)) == {"textures", "maps", "specular", "colours", "coverage"}
+
+
+def test_coverage_counts_the_vertices_of_the_faces_that_show_a_material() -> None:
+    colors = np.ones((3, 3, 4), np.float32)
+    colors[1, 0], colors[2, 1, 3] = (1, 0.5, 1, 1), 0.25
+    assert vertex_alphas(np.array([0, 1, 2]), colors) == {1: (1.0, 1.0), 2: (0.25, 1.0)}
+    assert vertex_alphas(np.array([0, 0, 0]), colors) == {0: (0.25, 1.0)}
+    assert vertex_alphas(np.array([0, 0, 0]), None) == {}
+    half = Material(name="half", base_color=(1, 1, 1), alpha=0.5, alpha_cutoff=0.3)
+    assert coverage_range(half) == (1, 1) and coverage_range(half, (0.25, 1.0)) == (0, 1)
 
 
 def test_fog_is_a_feature_with_its_figures(decide: Decide) -> None:
@@ -263,7 +304,9 @@ def real(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_shipped_dataset_of_effects_has_them_all() -> None:
     planner = Planner(load_dataset(SPECS / "3df-lighting-effects.yaml"))
     made = [planner.example(ref) for ref in planner.examples]
-    assert {feature for plan in made for feature in plan.effects.features} == set(get_args(Feature))
+    # Colours of vertices and further maps come with mesh files alone
+    expected = set(get_args(Feature)) - {"colours", "maps"}
+    assert {feature for plan in made for feature in plan.effects.features} == expected
     for plan in made:
         glazed = plan.room.glazing and plan.room.windows > 0
         assert ("thin" in plan.effects.features) == glazed

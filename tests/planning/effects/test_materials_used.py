@@ -7,12 +7,11 @@ from hypothesis import strategies as st
 
 from dataset_builder.assets.asset import Material, Texture
 from dataset_builder.planning.effects.materials_used import glass_share, mean_schlick, scattered_share
-from dataset_builder.rendering.surface.reflectance import COSINES, split_sum_table
+from dataset_builder.rendering.surface.reflectance import cosines, split_sum_table
 
 SHARES = st.floats(0, 1)
-COSINE = np.linspace(0, 1, COSINES)
-TABLE = np.trapezoid(split_sum_table() * (2 * COSINE)[:, None], COSINE, axis=1)
-"""(roughnesses, 2) both parts of the split sum, for light from everywhere."""
+COSINE = cosines()
+TABLE = split_sum_table().astype(float)
 MEAN = 1 / 21
 
 
@@ -26,9 +25,21 @@ def textured(texels: np.ndarray, **maps: np.ndarray) -> Texture:
 
 @given(f0=st.tuples(SHARES, SHARES, SHARES))
 def test_no_roughness_reflects_more_than_the_bound(f0: tuple[float, float, float]) -> None:
-    f90 = min(50 * max(f0), 1)
+    """What facets scatter again included, for light from everywhere."""
+    f90, once = min(50 * max(f0), 1), TABLE.sum(axis=-1)
     for channel, bound in zip(f0, mean_schlick(np.array(f0)), strict=True):
-        assert (TABLE @ (channel, f90)).max() <= bound + 1e-3
+        reflected = TABLE @ (channel, f90) * (1 + channel * (1 - once) / once)
+        assert np.trapezoid(reflected * 2 * COSINE, COSINE, axis=1).max() <= bound + 1e-3
+
+
+def test_glass_counts_where_a_map_leaves_it_opaque() -> None:
+    clear = material(base_color=(1, 1, 1), transmission=1.0)
+    white = np.ones((1, 2, 3))
+    assert scattered_share(clear) == pytest.approx(glass_share(1.5, False))
+    spotted = material(base_color=(1, 1, 1), transmission=1.0, texture=textured(white, transmission=np.array([[1, 0]])))
+    assert scattered_share(spotted) == pytest.approx(1)
+    shut = material(transmission=1.0, texture=textured(white, transmission=np.array([[0, 0]])))
+    assert scattered_share(shut) == pytest.approx(0.5)
 
 
 def test_a_matte_surface_scatters_its_brightest_texel() -> None:

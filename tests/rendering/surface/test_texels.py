@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from dataset_builder.assets.asset import Material, Texture
+from dataset_builder.assets.asset import MORE_MAPS, Material, Texture
 from dataset_builder.errors import PlanError
 from dataset_builder.rendering.surface.texels import CHANNELS, FACTORS, averaged, pack, pack_texture
 
@@ -44,10 +44,23 @@ def test_every_map_shrinks_and_normals_keep_their_mean_direction():
     normal[:2, ::2, 0], normal[:2, 1::2, 0], normal[2:, :, 1] = 0.6, -0.6, 0.6
     roughness = np.tile(np.float32([0.2, 0.6]), (4, 4))
     block = pack_texture(Texture(base_color=grey(4, 8), roughness=roughness, metallic=1 - roughness, normal=normal), 4)
-    assert block.shape == (2, 4, CHANNELS) and block.dtype == np.float16
+    assert block.shape == (1, 2, 4, CHANNELS) and block.dtype == np.float16
+    block = block[0]
     assert np.allclose(block[..., :3], 0.5) and np.allclose(block[..., 3], 0.4, atol=1e-3)
     assert np.allclose(block[..., 4], 0.6, atol=1e-3)
     assert np.allclose(block[0, :, 5:7], 0, atol=1e-3) and np.allclose(block[1, :, 5:7], (0, 0.6), atol=1e-3)
+
+
+def test_further_maps_have_planes_of_their_own():
+    texture = Texture(base_color=grey(2, 3), alpha=np.full((2, 3), 0.25, np.float32), sheen=grey(2, 3),
+                      coat=np.full((2, 3), 0.75, np.float32), wrap=("mirror", "clamp"), nearest=True)
+    block = pack_texture(texture)
+    assert block.shape == (3, 2, 3, CHANNELS)
+    assert np.allclose(block[:, 0, 0], [[0.5, 0.5, 0.5, 1, 1, 0, 0, 0.25], [1, 1, 1, 1, 1, 0.75, 1, 1],
+                                        [0.5, 0.5, 0.5, 1, 1, 1, 1, 1]])
+    arrays = pack([textured(base_color=grey(1, 1)), Material(name="m", base_color=(1, 1, 1), texture=texture)])
+    assert np.array_equal(arrays.extents, [[0, 1, 1, 0], [1, 3, 2, 1 + (2 << 2) + 16 + 32]])
+    assert len(arrays.texels) == 1 + 3 * 6
 
 
 def test_small_textures_are_left_alone_and_shared_once():
@@ -64,14 +77,18 @@ def test_rows_hold_every_factor():
                         coat_roughness=0.8, sheen=(0.9, 0.11, 0.12), sheen_roughness=0.13, transmission=0.14, ior=1.6,
                         thin=True, abbe=42.0)
     row = pack([material]).factors[0]
-    assert np.allclose(row, [0.1, 0.2, 0.3, 0.4, 0.5, 0.06, 0.7, 0.8, 0.9, 0.11, 0.12, 0.13, 0.14, 1.6, 1, 42])
+    assert np.allclose(row[:16], [0.1, 0.2, 0.3, 0.4, 0.5, 0.06, 0.7, 0.8, 0.9, 0.11, 0.12, 0.13, 0.14, 1.6, 1, 42])
+    glowing = replace(material, emission=(0.1, 0.2, 3.0), alpha=0.4, alpha_cutoff=0.5)
+    assert np.allclose(pack([material]).factors[0, 16:], [0, 0, 0, 1, -1, 0, 0, 0])
+    # Half a step of half precision below the cutoff is still the cutoff
+    assert np.allclose(pack([glowing], sky=2.0).factors[0, 16:], [0.2, 0.4, 6, 0.4, 0.5 * (1 - 2**-11), 0, 0, 0])
 
 
 @pytest.mark.parametrize("factor", CHECKED)
 def test_every_factor_moves_its_row_and_is_checked(factor):
     plain = Material(name="wax", base_color=(0.5, 0.5, 0.5))
     value = getattr(plain, factor)
-    colour, truth = isinstance(value, tuple), isinstance(value, bool)
+    colour, truth, value = isinstance(value, tuple), isinstance(value, bool), 0.0 if value is None else value
     moved = replace(plain, **{factor: (0.25, 0.25, 0.25) if colour else not value if truth else value / 2 + 0.375})
     assert not np.array_equal(pack([moved]).factors, pack([plain]).factors)
     if not truth:
@@ -80,10 +97,10 @@ def test_every_factor_moves_its_row_and_is_checked(factor):
 
 
 @pytest.mark.parametrize("value", (np.nan, np.inf, -np.inf, 1e8, -1.0, 1.01, -0.01))
-@pytest.mark.parametrize("name", ("base_color", "roughness", "metallic"))
+@pytest.mark.parametrize("name", ("base_color", "roughness", "metallic", "alpha", *MORE_MAPS))
 def test_texels_that_no_surface_has_are_counted_and_refused(value, name):
-    maps = {"base_color": grey(4, 4), "roughness": np.ones((4, 4), np.float32), "metallic": np.ones((4, 4), np.float32)}
-    maps[name] = maps[name].copy()
+    colour = name in ("base_color", "emission", "sheen")
+    maps = {"base_color": grey(4, 4), name: grey(4, 4) if colour else np.ones((4, 4), np.float32)}
     maps[name][1, 2] = maps[name][3, 3] = value
     with pytest.raises(PlanError, match=rf"'oak'.*texture.{name}.*2 of 16 texels.*row 1, column 2"):
         pack([textured(**maps)])
