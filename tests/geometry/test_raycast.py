@@ -6,7 +6,8 @@ import pytest
 from dataset_builder.errors import UserError
 from dataset_builder.geometry import raycast
 from dataset_builder.geometry.raycast import RayScene
-from dataset_builder.geometry.rough_base import bounding_radius, displace, measure_roughness, rough_base
+from dataset_builder.geometry.rough_base import bounding_radius, displace, rough_base
+from dataset_builder.geometry.roughness import measure_roughness
 from dataset_builder.seeding import rng
 
 

@@ -10,14 +10,8 @@ import numpy as np
 from dataset_builder.assets.asset import Asset, Material
 from dataset_builder.geometry.edges import corner_normals
 from dataset_builder.geometry.mesh import TriangleMesh
-from dataset_builder.geometry.rough_base import (
-    RoughBase,
-    Roughness,
-    bounding_radius,
-    displace,
-    measure_roughness,
-    rough_base,
-)
+from dataset_builder.geometry.rough_base import RoughBase, bounding_radius, displace, rough_base
+from dataset_builder.geometry.roughness import Roughness, measure_roughness
 from dataset_builder.label.example_plan import ExamplePlan, RoughPlan
 from dataset_builder.label.scene_plan import ObjectPlan, PlacedObject, RoomPlan
 from dataset_builder.planning.scene.arrangement import ROOM_INSTANCE
