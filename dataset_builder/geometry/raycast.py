@@ -10,6 +10,7 @@ from types import ModuleType
 import numpy as np
 
 from dataset_builder.errors import UserError
+from dataset_builder.geometry.edges import unit
 
 LIBRARY = "libusb-1.0"
 PACKAGE = "libusb-1.0-0"
@@ -94,6 +95,15 @@ class RayScene:
         if not len(self._ids) - 1 or not len(points):
             return np.full(len(points), np.inf)
         return self._scene.compute_distance(self._tensor(points)).numpy().astype(np.float64)
+
+    def closest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(N, 3) float64 nearest surface points to (N, 3) points, and (N, 3) unit normals there, as faces wind; 0 for a
+        face without area. Where several are as near, one of them. Raises ValueError where there is no surface."""
+        if not len(self._ids) - 1:
+            raise ValueError("expected a surface, got none")
+        answer = self._scene.compute_closest_points(self._tensor(points))
+        feet, normals = (answer[name].numpy().astype(np.float64) for name in ("points", "primitive_normals"))
+        return feet, unit(np.nan_to_num(normals))
 
     def _tensor(self, array: np.ndarray, dtype: type = np.float32) -> object:
         # A copy: Open3D refuses read-only arrays.

@@ -1,40 +1,168 @@
-"""How rough a rough mesh is: measured against the clean one."""
+"""How rough a rough mesh is, measured against the clean one: distances, normals, volume, and how displacements vary.
 
-from dataclasses import dataclass
-from typing import Literal
+Both meshes are moved to the origin and scaled to the clean one's bounding radius: Open3D measures in float32, so that
+distances are good to about 1e-7 radii.
+"""
+
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
+from dataset_builder.geometry.edges import closed, edges_of, unit
 from dataset_builder.geometry.mesh import TriangleMesh
 from dataset_builder.geometry.raycast import RayScene
 from dataset_builder.geometry.rough_base import bounding_radius
 
+SAMPLES = 8192
+"""Points on each surface."""
+MOST_FACES = 16384
+"""Faces of the rough mesh whose normals are looked at, evenly chosen where there are more."""
+PAIRED = 2048
+"""Points that the variogram is made of."""
+BAND = (0.02, 0.2)
+"""Distances of the variogram, in bounding radii."""
+BINS, LEAST_PAIRS = 6, 16
+SAME_SIDE = 0.5
+"""Cosine between the clean normals at two points above which they count as points of one sheet."""
+NOTHING = 1e-6
+"""Radii: a displacement below this is rounding."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Roughness:
-    """Distance of points on a rough mesh from the clean surface."""
+    """What `measure_roughness` found. Lengths are in bounding radii of the clean mesh."""
 
     rms: float
-    """In bounding-sphere radii of the clean mesh."""
+    """Distance of the rough mesh's vertices from the clean surface, root mean square."""
     maximum: float
-    """In bounding-sphere radii of the clean mesh."""
-    points: int
-    """How many were measured."""
+    """The largest of them."""
     radius: float
     """Metres."""
+    to_clean_rms: float
+    """Distance from the rough surface to the clean one, over its area, root mean square."""
+    to_clean_95: float
+    """Its 95th percentile."""
+    to_rough_rms: float
+    """Distance from the clean surface to the rough one, over its area, root mean square."""
+    to_rough_95: float
+    """Its 95th percentile."""
+    normal_median: float
+    """Degrees between the normals of the rough surface and of the clean one at the closest point, over its area."""
+    normal_95: float
+    """Their 95th percentile."""
+    volume: float
+    """Ratio rough : clean; 0 where the clean mesh is not closed or encloses nothing."""
+    area: float
+    """Ratio rough : clean."""
+    extent_x: float
+    """Ratio rough : clean along x of the object's frame; 0 where the clean mesh has none."""
+    extent_y: float
+    """As `extent_x`, along y."""
+    extent_z: float
+    """As `extent_x`, along z."""
+    flipped: float
+    """Share of the rough faces that look away from the clean surface next to them, by more than 90 degrees."""
+    spectrum_slope: float
+    """Exponent of the displacement's power over wave number, see `spectrum_slope`; 0 where nothing moved."""
 
 
-def measure_roughness(rough: TriangleMesh, clean: TriangleMesh, *,
-                      at: Literal["vertices", "centroids", "both"] = "both") -> Roughness:
-    """Unsigned distance from the vertices and/or the face centroids of `rough` to the surface of `clean`.
-
-    Good to about 1e-7 radii: Open3D measures in float32, so both meshes are moved to the origin and scaled to radius 1.
-    """
+def measure_roughness(rough: TriangleMesh, clean: TriangleMesh, rng: np.random.Generator) -> Roughness:
+    """How far `rough` is from `clean`, and in which way. rng: draws the points on both surfaces."""
     radius, centre = bounding_radius(clean), clean.bounds.mean(axis=0)
-    used = rough.positions[np.unique(rough.faces)]
-    centroids = rough.corners.mean(axis=1)
-    points = {"vertices": used, "centroids": centroids, "both": np.concatenate([used, centroids])}[at]
-    scene = RayScene([((clean.positions - centre) / radius, clean.faces, 1)])
-    distance = scene.distance((points - centre) / radius)
-    return Roughness(rms=float(np.sqrt(np.mean(distance**2))), maximum=float(distance.max()), points=len(points),
-                     radius=radius)
+    clean, rough = (replace(mesh, positions=(mesh.positions - centre) / radius) for mesh in (clean, rough))
+    onto = RayScene([(clean.positions, clean.faces, 1)])
+    used = onto.distance(rough.positions[np.unique(rough.faces)])
+    points, normals = sample(rough, SAMPLES, rng)
+    feet, faced = onto.closest(points)
+    away, angle = np.linalg.norm(points - feet, axis=1), _angles(normals, faced)
+    back = RayScene([(rough.positions, rough.faces, 1)]).distance(sample(clean, SAMPLES, rng)[0])
+    shares = np.sign(np.einsum("ij,ij->i", points - feet, faced)) * away
+    extents = _ratios(np.ptp(rough.bounds, axis=0), np.ptp(clean.bounds, axis=0)).tolist()
+    return Roughness(
+        rms=_rms(used), maximum=float(used.max()), radius=radius,
+        to_clean_rms=_rms(away), to_clean_95=_percentile(away, 95), to_rough_rms=_rms(back),
+        to_rough_95=_percentile(back, 95), normal_median=_percentile(angle, 50), normal_95=_percentile(angle, 95),
+        volume=_ratio(rough.volume, clean.volume) if closed(edges_of(clean.faces)) else 0.0,
+        area=_ratio(_areas(rough).sum(), _areas(clean).sum()),
+        extent_x=extents[0], extent_y=extents[1], extent_z=extents[2], flipped=_flipped(rough, onto),
+        spectrum_slope=spectrum_slope(feet[::SAMPLES // PAIRED], shares[::SAMPLES // PAIRED],
+                                      faced[::SAMPLES // PAIRED]))
+
+
+def sample(mesh: TriangleMesh, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """(count, 3) points spread over the surface by area, one in each of `count` equal shares of it in the order of its
+    faces, and (count, 3) unit normals of their faces."""
+    ends = np.cumsum(_areas(mesh))
+    place = (np.arange(count) + rng.random(count)) / count * ends[-1]
+    face = np.minimum(np.searchsorted(ends, place, side="right"), len(ends) - 1)
+    # R. Osada et al., "Shape Distributions", ACM TOG 2002, equation 1
+    root, share = np.sqrt(rng.random(count))[:, None], rng.random(count)[:, None]
+    a, b, c = np.moveaxis(mesh.positions[mesh.faces[face]], 1, 0)
+    return (1 - root) * a + root * (1 - share) * b + root * share * c, unit(np.cross(b - a, c - a))
+
+
+def spectrum_slope(points: np.ndarray, displacement: np.ndarray, normals: np.ndarray) -> float:
+    """Exponent of the spatial power P(k) ~ k^slope of a field on a surface, from -4 to -2.
+
+    points: (N, 3) in bounding radii. displacement: (N,). normals: (N, 3) unit vectors; only points of one sheet are
+    compared. Of pairs at a distance h within `BAND`, the log of the mean squared difference of the displacement (twice
+    the variogram) is fitted by a line over log h; a field with P(k) ~ k^-(2 + z) has one that grows as h^z, 0 < z < 2
+    (J.-P. Chiles, P. Delfiner, "Geostatistics", 2012, section 2.5). So -2 stands for all that is flatter, as white
+    noise is, and -4 for all that is steeper, as a smooth bulge is. 0 where nothing moved or too few points are near
+    each other.
+    """
+    if not len(points) or np.abs(displacement).max() < NOTHING:
+        return 0.0
+    pairs = cKDTree(points).query_pairs(BAND[1], output_type="ndarray")
+    pairs = pairs[np.einsum("ij,ij->i", *(normals[pairs[:, end]] for end in (0, 1))) > SAME_SIDE]
+    one, other = pairs.T
+    apart = np.linalg.norm(points[one] - points[other], axis=1)
+    squares = (displacement[one] - displacement[other]) ** 2
+    edges = np.geomspace(*BAND, BINS + 1)
+    slot = np.searchsorted(edges, apart, side="right") - 1
+    found = [(np.log(apart[inside]).mean(), np.log(squares[inside].mean())) for number in range(BINS)
+             if (inside := slot == number).sum() >= LEAST_PAIRS and squares[inside].any()]
+    if len(found) < 2:
+        return 0.0
+    x, y = np.array(found).T
+    growth = np.polynomial.polynomial.polyfit(x, y, 1)[1]
+    return -2.0 - float(np.clip(growth, 0, 2))
+
+
+def _flipped(rough: TriangleMesh, onto: RayScene) -> float:
+    """Share of faces with an area; see `Roughness`."""
+    some = rough.positions[rough.faces[::-(-len(rough.faces) // MOST_FACES)]]
+    normals = unit(np.cross(some[:, 1] - some[:, 0], some[:, 2] - some[:, 0]))
+    _, faced = onto.closest(some.mean(axis=1))
+    told = normals.any(axis=1) & faced.any(axis=1)
+    return float(np.mean(np.einsum("ij,ij->i", normals, faced)[told] < 0)) if told.any() else 0.0
+
+
+def _angles(normals: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Degrees between (N, 3) unit vectors, where both have a direction."""
+    told = normals.any(axis=1) & others.any(axis=1)
+    sine = np.linalg.norm(np.cross(normals[told], others[told]), axis=1)
+    return np.degrees(np.arctan2(sine, np.einsum("ij,ij->i", normals[told], others[told])))
+
+
+def _areas(mesh: TriangleMesh) -> np.ndarray:
+    return np.linalg.norm(mesh.area_normals, axis=1) / 2
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _percentile(values: np.ndarray, share: float) -> float:
+    return float(np.percentile(values, share)) if len(values) else 0.0
+
+
+def _ratio(one: float, other: float) -> float:
+    return float(_ratios(np.array(one), np.array(other)))
+
+
+def _ratios(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """`one` over `other`, 0 where the latter is nothing: lengths, areas and volumes are in powers of the radius."""
+    some = np.abs(other) > NOTHING
+    return np.divide(one, other, out=np.zeros_like(other), where=some)

@@ -122,11 +122,12 @@ def rough_twin(placed: PlacedObject, plan: RoughPlan, mesh_root: Path) -> RoughT
     """
     asset = asset_of(placed.object, mesh_root)
     base = _base(placed.object, plan.edge_length, plan.rounds, plan.crease_angle, mesh_root)
+    seed = int(plan.seed)
     mesh = displace(base.mesh, sigma=plan.sigma, radius=bounding_radius(asset.mesh), direction=plan.direction,
-                    rng=rng(int(plan.seed), "vertex noise"))
+                    rng=rng(seed, "vertex noise"))
     normals = corner_normals(mesh, creases=base.creases)
     soup = soup_of(mesh, normals, asset.materials, world_from_object(placed), placed.instance)
-    return RoughTwin(soup=soup, roughness=measure_roughness(mesh, asset.mesh, at="vertices"))
+    return RoughTwin(soup=soup, roughness=measure_roughness(mesh, asset.mesh, rng(seed, "roughness")))
 
 
 @lru_cache(maxsize=KEPT_BASES)
