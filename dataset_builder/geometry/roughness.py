@@ -5,6 +5,7 @@ distances are good to about 1e-7 radii.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -14,17 +15,21 @@ from dataset_builder.geometry.mesh import TriangleMesh
 from dataset_builder.geometry.raycast import RayScene
 from dataset_builder.geometry.rough_base import bounding_radius
 
-SAMPLES = 8192
+SAMPLES = 4096
 """Points on each surface."""
-MOST_FACES = 16384
+MOST_FACES = 8192
 """Faces of the rough mesh whose normals are looked at, evenly chosen where there are more."""
-PAIRED = 2048
+PAIRED = 1024
 """Points that the variogram is made of."""
 BAND = (0.02, 0.2)
 """Distances of the variogram, in bounding radii."""
 BINS, LEAST_PAIRS = 6, 16
 SAME_SIDE = 0.5
 """Cosine between the clean normals at two points above which they count as points of one sheet."""
+AGREED = 0.5
+"""Cosine between rough and clean normals from which on the nearest surface is taken for the one that was displaced."""
+REACH = 3.0
+"""How far that one may be, in root mean square distances."""
 NOTHING = 1e-6
 """Radii: a displacement below this is rounding."""
 
@@ -71,23 +76,68 @@ def measure_roughness(rough: TriangleMesh, clean: TriangleMesh, rng: np.random.G
     """How far `rough` is from `clean`, and in which way. rng: draws the points on both surfaces."""
     radius, centre = bounding_radius(clean), clean.bounds.mean(axis=0)
     clean, rough = (replace(mesh, positions=(mesh.positions - centre) / radius) for mesh in (clean, rough))
-    onto = RayScene([(clean.positions, clean.faces, 1)])
-    used = onto.distance(rough.positions[np.unique(rough.faces)])
+    onto = CleanSurface(clean)
+    used = np.zeros(len(rough.positions), bool)
+    used[rough.faces] = True
+    vertices = onto.scene.distance(rough.positions[used])
     points, normals = sample(rough, SAMPLES, rng)
-    feet, faced = onto.closest(points)
-    away, angle = np.linalg.norm(points - feet, axis=1), _angles(normals, faced)
+    away = onto.scene.distance(points)
+    reach = REACH * _rms(away) + NOTHING
+    feet, faced = onto.origin(points, normals, reach)
     back = RayScene([(rough.positions, rough.faces, 1)]).distance(sample(clean, SAMPLES, rng)[0])
-    shares = np.sign(np.einsum("ij,ij->i", points - feet, faced)) * away
+    angle, outwards = _angles(normals, faced), np.einsum("ij,ij->i", points - feet, faced)
+    signed = np.copysign(np.linalg.norm(points - feet, axis=1), outwards)
     extents = _ratios(np.ptp(rough.bounds, axis=0), np.ptp(clean.bounds, axis=0)).tolist()
     return Roughness(
-        rms=_rms(used), maximum=float(used.max()), radius=radius,
+        rms=_rms(vertices), maximum=float(vertices.max()), radius=radius,
         to_clean_rms=_rms(away), to_clean_95=_percentile(away, 95), to_rough_rms=_rms(back),
         to_rough_95=_percentile(back, 95), normal_median=_percentile(angle, 50), normal_95=_percentile(angle, 95),
         volume=_ratio(rough.volume, clean.volume) if closed(edges_of(clean.faces)) else 0.0,
         area=_ratio(_areas(rough).sum(), _areas(clean).sum()),
-        extent_x=extents[0], extent_y=extents[1], extent_z=extents[2], flipped=_flipped(rough, onto),
-        spectrum_slope=spectrum_slope(feet[::SAMPLES // PAIRED], shares[::SAMPLES // PAIRED],
-                                      faced[::SAMPLES // PAIRED]))
+        extent_x=extents[0], extent_y=extents[1], extent_z=extents[2],
+        flipped=_flipped(rough, onto, reach),
+        spectrum_slope=spectrum_slope(*(each[::SAMPLES // PAIRED] for each in (feet, signed, faced))))
+
+
+class CleanSurface:
+    """A clean mesh, and which point of it a point of the rough mesh came from.
+
+    The nearest point is not always that: parts of furniture touch, so that two sheets lie in one place and face
+    opposite ways, and noise carries thin things through each other.
+    """
+
+    def __init__(self, mesh: TriangleMesh):
+        self._mesh = mesh
+        self.scene = RayScene([(mesh.positions, mesh.faces, 1)])
+
+    @cached_property
+    def _by_side(self) -> list[tuple[np.ndarray, RayScene]]:
+        """Six directions, and the faces that look most nearly along them."""
+        sides = np.concatenate([np.eye(3), -np.eye(3)])
+        of_face = (self._mesh.area_normals @ sides.T).argmax(axis=1)
+        return [(side, RayScene([(self._mesh.positions, faces, 1)])) for number, side in enumerate(sides)
+                if len(faces := self._mesh.faces[of_face == number])]
+
+    def origin(self, points: np.ndarray, normals: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
+        """Where (N, 3) points with unit normals were before they moved, and the unit normals there, (N, 3) each.
+
+        That is the nearest point of the surface; where its normal differs by more than 60 degrees, of the nearest
+        points that look to each of six sides, those not further off than `reach` (or the nearest), the one whose
+        normal differs least.
+        """
+        feet, faced = self.scene.closest(points)
+        unlike = np.flatnonzero(np.einsum("ij,ij->i", normals, faced) < AGREED)
+        best = np.einsum("ij,ij->i", normals, faced)
+        for side, scene in self._by_side if len(unlike) else ():
+            tried = unlike[normals[unlike] @ side > 0]
+            if not len(tried):
+                continue
+            other, looks = scene.closest(points[tried])
+            alike = np.einsum("ij,ij->i", normals[tried], looks)
+            better = (alike > best[tried]) & (np.linalg.norm(other - points[tried], axis=1) <= reach)
+            taken = tried[better]
+            feet[taken], faced[taken], best[taken] = other[better], looks[better], alike[better]
+        return feet, faced
 
 
 def sample(mesh: TriangleMesh, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -115,8 +165,7 @@ def spectrum_slope(points: np.ndarray, displacement: np.ndarray, normals: np.nda
     if not len(points) or np.abs(displacement).max() < NOTHING:
         return 0.0
     pairs = cKDTree(points).query_pairs(BAND[1], output_type="ndarray")
-    pairs = pairs[np.einsum("ij,ij->i", *(normals[pairs[:, end]] for end in (0, 1))) > SAME_SIDE]
-    one, other = pairs.T
+    one, other = pairs[np.einsum("ij,ij->i", normals[pairs[:, 0]], normals[pairs[:, 1]]) > SAME_SIDE].T
     apart = np.linalg.norm(points[one] - points[other], axis=1)
     squares = (displacement[one] - displacement[other]) ** 2
     edges = np.geomspace(*BAND, BINS + 1)
@@ -130,11 +179,11 @@ def spectrum_slope(points: np.ndarray, displacement: np.ndarray, normals: np.nda
     return -2.0 - float(np.clip(growth, 0, 2))
 
 
-def _flipped(rough: TriangleMesh, onto: RayScene) -> float:
+def _flipped(rough: TriangleMesh, onto: CleanSurface, reach: float) -> float:
     """Share of faces with an area; see `Roughness`."""
     some = rough.positions[rough.faces[::-(-len(rough.faces) // MOST_FACES)]]
     normals = unit(np.cross(some[:, 1] - some[:, 0], some[:, 2] - some[:, 0]))
-    _, faced = onto.closest(some.mean(axis=1))
+    _, faced = onto.origin(some.mean(axis=1), normals, reach)
     told = normals.any(axis=1) & faced.any(axis=1)
     return float(np.mean(np.einsum("ij,ij->i", normals, faced)[told] < 0)) if told.any() else 0.0
 

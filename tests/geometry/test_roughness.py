@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dataset_builder.geometry.mesh import TriangleMesh
+from dataset_builder.geometry.mesh import TriangleMesh, concatenate
+from dataset_builder.geometry.raycast import RayScene
 from dataset_builder.geometry.rough_base import bounding_radius, displace, rough_base
 from dataset_builder.geometry.roughness import Roughness, measure_roughness, sample, spectrum_slope
 from dataset_builder.geometry.subdivision import split_long_edges
@@ -109,6 +110,18 @@ def test_one_flipped_face(shapes):
     found = measured(replace(box, faces=faces), box)
     assert found.flipped == pytest.approx(1 / 12) and found.normal_95 == pytest.approx(180)
     assert found.volume == pytest.approx(1 - 2 / 12) and found.area == pytest.approx(1)
+
+
+def test_parts_that_touch_are_no_flipped_faces(shapes):
+    """Two cubes share a side, where both of their sheets lie in one place and look opposite ways."""
+    box = shapes["box"]()
+    clean = concatenate([box, moved(box, box.positions + np.array((1, 0, 0)))])
+    base = rough_base(clean, edge_length=0.1, rounds=1, crease_angle=30).mesh
+    noisy = displace(base, sigma=0.002, radius=bounding_radius(clean), direction="isotropic", rng=rng(0))
+    found = measured(noisy, clean)
+    assert found.flipped == 0 and found.normal_95 < 15
+    _, nearest = RayScene([(clean.positions, clean.faces, 1)]).closest(base.corners.mean(axis=1))
+    assert np.mean(np.einsum("ij,ij->i", base.area_normals, nearest) < 0) > 0.02, "the nearest sheet would be wrong"
 
 
 def test_roughness_follows_sigma(shapes):
