@@ -47,11 +47,11 @@ class ShapeFaults:
         return found
 
 
-def shape_faults(mesh: TriangleMesh, edges: Edges, piece: np.ndarray) -> ShapeFaults:
-    """Look for them. edges: of the mesh's faces; piece: (F,) as `winding.pieces` has them.
-
-    Parts that stand in each other, as those of furniture do, are no fault.
-    """
+def shape_faults(mesh: TriangleMesh) -> ShapeFaults:
+    """Look for them in a mesh that was repaired. Parts that stand in each other, as those of furniture do, are no
+    fault."""
+    edges = edges_of(mesh.faces)
+    piece = pieces(edges)
     crossing, looked_at = _crossing(mesh, edges, piece)
     return ShapeFaults(crossing=crossing, looked_at=looked_at, loose=_loose(mesh, piece))
 
