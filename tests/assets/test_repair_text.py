@@ -72,7 +72,8 @@ def test_the_plan_has_the_words(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_the_parts_to_which_most_was_done_are_told() -> None:
     """Six boxes one apart, the n-th with n faces that stand twice."""
-    boxes = [mesh_of(box().positions + np.array((2 * n, 0, 0)), np.concatenate([box().faces, box().faces[:n]])) for n in range(6)]
+    boxes = [mesh_of(box().positions + np.array((2 * n, 0, 0)), np.concatenate([box().faces, box().faces[:n]]))
+             for n in range(6)]
     sizes = [len(mesh.faces) for mesh in boxes]
     _, report = repair(concatenate(boxes), part=np.repeat(np.arange(6), sizes))
     text = repair_text(report, [f"part {n}" for n in range(6)])
