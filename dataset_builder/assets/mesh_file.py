@@ -13,9 +13,11 @@ from dataset_builder.assets.asset import Asset, Material
 from dataset_builder.assets.file_model import GREY, ROUGHNESS, FileModel, FilePart, refuse
 from dataset_builder.assets.image_maps import ImageFile, check_image
 from dataset_builder.assets.readers import gltf, obj, off, ply, stl, usd
+from dataset_builder.assets.repair_text import repair_notes, repair_text
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.geometry.mesh import TriangleMesh, concatenate, transform
 from dataset_builder.geometry.repair import repair
+from dataset_builder.geometry.shape_faults import shape_faults
 from dataset_builder.spec.file_reference import FileReference
 from dataset_builder.spec.mesh_source import broken_suffix_rule, references
 from dataset_builder.spec.usd_references import USD_SUFFIXES
@@ -79,8 +81,8 @@ def load_mesh_file(path: Path, *, name: str, category: str, licence: str, scale:
 
     scale: metres per file unit. up: axis of the file that points up. max_texture: longest side of a texture in texels.
     The mesh is welded and mended, centred over the origin and stood on z = 0; `meta` says how far it was moved, what
-    was mended, and what of its materials was left out. Raises UserError: no such file, another format, unreadable, a
-    texture that is missing, no faces, NaN or Inf.
+    was mended of which part, what is wrong with its shape, and what of its materials was left out. Raises UserError: no
+    such file, another format, unreadable, a texture that is missing, no faces, NaN or Inf.
     """
     path = Path(path)
     _check_file(path)
@@ -89,15 +91,16 @@ def load_mesh_file(path: Path, *, name: str, category: str, licence: str, scale:
         model = READERS[path.suffix.lower()](path, max_texture)
         if not model.parts:
             refuse(path, "expected triangles, got a file without any")
-        mesh, mended = repair(transform(concatenate([_mesh(part, model) for part in model.parts]),
-                                        _world_from_file(scale, up)))
+        whole = transform(concatenate([_mesh(part, model) for part in model.parts]), _world_from_file(scale, up))
+        sizes = [len(part.faces) for part in model.parts]
+        mesh, mended = repair(whole, part=np.repeat(np.arange(len(sizes)), sizes))
     except UserError as error:
         raise UserError([replace(problem, where=problem.where or str(path)) for problem in error.problems]) from error
     placed, moved = _stand(mesh)
     meta = {"licence": licence, "source": path.name, "moved": ", ".join(f"{step:.6g} m" for step in moved),
-            "contains": model.contains,
-            "repair": f"{mended.welded} vertices welded, {mended.degenerate} degenerate and {mended.duplicate} "
-                      "duplicate faces dropped", "left_out": "; ".join(_left_out(model))}
+            "contains": model.contains, "left_out": "; ".join(_left_out(model)),
+            "repair": repair_text(mended, [part.name for part in model.parts]),
+            "shape": "; ".join([*repair_notes(mended), *shape_faults(mesh).notes])}
     return Asset(name=name, category=category, mesh=placed, materials=_materials(model), meta=meta)
 
 

@@ -54,6 +54,9 @@ def _study(kinds: common.Verbs, name: str, run: Callable[[argparse.Namespace], i
 def _noise_options(noise: argparse.ArgumentParser) -> None:
     noise.add_argument("--levels", default=LEVELS, metavar="A,B,..",
                        help=f"deviations of vertex noise, in bounding radii, rising (default: {LEVELS})")
+    noise.add_argument("--x", default="roughness_rms", metavar="FIGURE",
+                       help="what curves are drawn over: a figure that labels have of rough meshes, such as "
+                       "normal_median or silhouette_iou (default: roughness_rms)")
     noise.add_argument("--config", type=Path, help="how LighTNet is trained, a YAML file (default: its small size)")
     common.add_overrides(noise, "that configuration", "--train-set", "train_set")
     noise.add_argument("--steps", type=common.positive, help="batches to train on; short for --train-set steps=N")
@@ -117,6 +120,7 @@ def _noise(options: argparse.Namespace) -> int:
     from dataset_builder.report.console import follow, lines_of, rejected_lines
     from dataset_builder.report.noise_page import NoiseResults, sentences, write_page
     from dataset_builder.studies.noise import level_trainings
+    from dataset_builder.studies.noise.axes import axis_of
     from dataset_builder.studies.noise.levels import crops, levels_of, write_table
     from dataset_builder.studies.noise.noise_study import count_passes, make, pass_lines, require
 
@@ -133,7 +137,7 @@ def _noise(options: argparse.Namespace) -> int:
             print(f"{news.number}/{news.count} {news.name}: {line}", flush=True)
     split = level_trainings.held_out(study)
     levels = levels_of(study, split, level_trainings.measure(study, split))
-    write_table(levels, study.out / "levels.csv")
+    write_table(levels, study.out / "levels.csv", axis_of(study.x))
     write_page(NoiseResults(
         study=study, levels=levels, passes=passes, crops=list(crops(study, split, levels)), left_out=split.left_out,
         rejected=level_trainings.rejected_by_level(study), learnt=level_trainings.training_counts(study)))
@@ -150,7 +154,7 @@ def _noise_study(options: argparse.Namespace) -> "NoiseStudy":
     return NoiseStudy(spec=options.spec, overrides=tuple(options.overrides), levels=parse_levels(options.levels),
                       training=training, per_level_steps=options.per_level_steps or training.steps, out=out,
                       backend=options.backend, workers=options.workers, vgg_weights=options.vgg_weights,
-                      device=options.device)
+                      device=options.device, x=options.x)
 
 
 def _stress(options: argparse.Namespace) -> int:

@@ -81,6 +81,12 @@ def consistent(edges: Edges) -> np.ndarray:
     return (edges.face_count == 2) & (forward == 1)
 
 
+def closed(edges: Edges) -> bool:
+    """Whether a surface encloses a volume: every edge is passed as often one way as the other."""
+    forward = np.bincount(edges.of_face.ravel(), weights=edges.forward.ravel(), minlength=len(edges.vertices))
+    return bool((2 * forward == edges.face_count).all())
+
+
 def crease_mask(mesh: TriangleMesh, edges: Edges, *, crease_angle: float) -> np.ndarray:
     """(E,) bool: the edge stays sharp, because its faces meet at more than `crease_angle` degrees (0 to 180), or
     because it is a boundary, not a manifold, or joins faces of opposite orientation."""

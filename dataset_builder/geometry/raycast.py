@@ -10,6 +10,7 @@ from types import ModuleType
 import numpy as np
 
 from dataset_builder.errors import UserError
+from dataset_builder.geometry.edges import unit
 
 LIBRARY = "libusb-1.0"
 PACKAGE = "libusb-1.0-0"
@@ -74,6 +75,15 @@ class RayScene:
         facing = np.where(np.einsum("ij,ij->i", normals, directions) > 0, -1.0, 1.0)
         return normals * facing[:, None] * np.isfinite(answer["t_hit"].numpy())[:, None]
 
+    def hits(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Every surface that rays from (N, 3) origins along (N, 3) directions meet: (K,) number of the ray, (K,) number
+        of the face within its mesh, (K,) distance in lengths of the direction."""
+        if not len(self._ids) - 1 or not len(origins):
+            return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
+        answer = self._scene.list_intersections(self._tensor(np.concatenate([origins, directions], axis=1)))
+        ray, face = (answer[name].numpy().astype(np.int64) for name in ("ray_ids", "primitive_ids"))
+        return ray, face, answer["t_hit"].numpy().astype(np.float64)
+
     def occluded(self, origins: np.ndarray, targets: np.ndarray, *, epsilon: float = 1e-4) -> np.ndarray:
         """(N,) bool: a surface stands between (N, 3) origins and (N, 3) targets; the last `epsilon` metres before
         either end do not count, so that both may lie on surfaces."""
@@ -94,6 +104,15 @@ class RayScene:
         if not len(self._ids) - 1 or not len(points):
             return np.full(len(points), np.inf)
         return self._scene.compute_distance(self._tensor(points)).numpy().astype(np.float64)
+
+    def closest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(N, 3) float64 nearest surface points to (N, 3) points, and (N, 3) unit normals there, as faces wind; 0 for a
+        face without area. Where several are as near, one of them. Raises ValueError where there is no surface."""
+        if not len(self._ids) - 1:
+            raise ValueError("expected a surface, got none")
+        answer = self._scene.compute_closest_points(self._tensor(points))
+        feet, normals = (answer[name].numpy().astype(np.float64) for name in ("points", "primitive_normals"))
+        return feet, unit(np.nan_to_num(normals))
 
     def _tensor(self, array: np.ndarray, dtype: type = np.float32) -> object:
         # A copy: Open3D refuses read-only arrays.

@@ -14,7 +14,7 @@ from dataset_builder.geometry.edges import Edges, consistent, curves, edges_of, 
 from dataset_builder.geometry.mesh import TriangleMesh
 
 MAX_FACES = 4_000_000
-"""Default face budget, about 1 GB of arrays on the way."""
+"""Default budget: most faces of a rough mesh, about 1 GB of arrays on the way."""
 EQUILATERAL = 3**0.5 / 4
 ALL_SPLIT = ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5))
 """Children of a triangle: 0 to 2 are its corners, 3 to 5 the midpoints of the edges that leave them."""
@@ -44,6 +44,10 @@ def split_long_edges(mesh: TriangleMesh, max_length: float, *, max_faces: int = 
 
 def _check_area(mesh: TriangleMesh, max_length: float, max_faces: int) -> None:
     """Refuse early: no triangle with such edges is larger than the equilateral one."""
+    if len(mesh.faces) > max_faces:
+        raise UserError(f"mesh: {len(mesh.faces):,} faces are more than the {max_faces:,} allowed before subdivision; "
+                        f"lower rough.rounds, each of which makes four faces of one, {MAX_FACES:,} at most in the end, "
+                        "or reduce the mesh")
     area = float(np.linalg.norm(mesh.area_normals, axis=1).sum()) / 2
     _check_budget(max(len(mesh.faces), int(area / (EQUILATERAL * max_length**2))), max_length, max_faces)
 

@@ -1,6 +1,6 @@
 """Passes -> examples: layers as images, evidence for the gates, and the figures of the record."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -10,13 +10,14 @@ import numpy as np
 
 from dataset_builder.label.example_label import LayerAccuracy, PassRecord, RenderRecord
 from dataset_builder.label.example_plan import ExamplePlan
+from dataset_builder.label.roughness_record import RoughnessRecord
 from dataset_builder.label.scene_plan import Vector
 from dataset_builder.layers import LAYERS, Pass
 from dataset_builder.planning.effects.decisions import guide_extents
 from dataset_builder.rendering import plugins
 from dataset_builder.rendering.denoise import denoised
 from dataset_builder.rendering.light_probe import CHANNELS
-from dataset_builder.rendering.pass_inputs import needed_passes, needs_lighting
+from dataset_builder.rendering.pass_inputs import asked, needed_passes, needs_lighting
 from dataset_builder.rendering.pass_memory import NO_MEMORY, PassMemory
 from dataset_builder.rendering.passes import (
     FIRST_HIT_CHANNELS,
@@ -25,6 +26,7 @@ from dataset_builder.rendering.passes import (
     deviation,
     first_hit_layers,
 )
+from dataset_builder.rendering.rough_images import overlap, relmse
 from dataset_builder.rendering.sampling.moments import Estimate, quantile, relative, root_mean_square
 from dataset_builder.rendering.view_passes import PassResult, ViewPasses
 
@@ -63,7 +65,8 @@ def render_view(plans: Sequence[ExamplePlan], mesh_root: Path, memory: PassMemor
         shared.recalled.clear()
         shared.run(plan)
         layers = _layers(shared, plan)
-        yield Rendered(plan=plan, layers=layers, evidence=_evidence(shared, plan), record=_record(shared, plan),
+        evidence = _evidence(shared, plan)
+        yield Rendered(plan=plan, layers=layers, evidence=evidence, record=_record(shared, plan, evidence),
                        seconds=dict(shared.spent), recalled=tuple(shared.recalled))
 
 
@@ -133,7 +136,7 @@ def _deviations(shared: ViewPasses, plan: ExamplePlan) -> dict[str, np.ndarray]:
             "sd_s": _image(plan, target.pixels, deviation(target.found, RADIANCE_CHANNELS, "shading"))}
 
 
-def _record(shared: ViewPasses, plan: ExamplePlan) -> RenderRecord:
+def _record(shared: ViewPasses, plan: ExamplePlan, evidence: dict[str, np.ndarray]) -> RenderRecord:
     """Figures of the passes behind an example and of its layers; a pass that was not needed has zeros."""
     ran = needed_passes(plan)
     nothing = Estimate.exact(np.zeros((1, CHANNELS)))
@@ -146,7 +149,19 @@ def _record(shared: ViewPasses, plan: ExamplePlan) -> RenderRecord:
                      if name in RADIANCE_LAYERS),
         roughness_rms=rough.get("rms", 0.0), roughness_max=rough.get("maximum", 0.0),
         bounding_radius=rough.get("radius", 0.0),
+        roughness=(_roughness(shared, plan, rough, evidence),) if rough else (),
         lighting_sh=_by_colour(light.mean), lighting_sh_se=_by_colour(light.error))
+
+
+def _roughness(shared: ViewPasses, plan: ExamplePlan, measured: Mapping[str, float],
+               evidence: dict[str, np.ndarray]) -> RoughnessRecord:
+    """What was measured on the meshes, and the silhouettes and S' of the view."""
+    images = dict(evidence)
+    if asked(plan, "target") and asked(plan, "rough"):
+        images |= {name: layer_image(shared, plan, name, "object") for name in ("s_prime", "s_prime" + ERROR_SUFFIX)}
+    figures = {name: value for name, value in measured.items() if name in RoughnessRecord.model_fields}
+    return RoughnessRecord(**figures, silhouette_iou=overlap(images["mask"], images["mask_rough"]),
+                           s_relmse=relmse(images))
 
 
 def _by_colour(channels: np.ndarray) -> tuple[Vector, ...]:

@@ -12,6 +12,7 @@ from dataset_builder.lightnet.measures.metrics import METRICS
 from dataset_builder.lightnet.results.clustered_means import ClusteredMean
 from dataset_builder.report.example_sheet import SheetRow, png_of, sheet
 from dataset_builder.report.page_parts import COLOURS, PALE, Section, heading, panels, plus_minus, png, write_study
+from dataset_builder.studies.noise.axes import NoiseAxis, axis_of
 from dataset_builder.studies.noise.level_trainings import MIXED
 from dataset_builder.studies.noise.levels import OWN, TRIVIAL, Crop, Level
 from dataset_builder.studies.noise.noise_study import NoiseStudy, PassCount, level_name, shared_passes
@@ -23,7 +24,7 @@ LINES = {
     "copy_i_s": ("I_s as it is", PALE, "v", ":"),
 }
 """Methods that are shown: what they are called and how they are drawn."""
-PER_CENT, PSNR = 100.0, "psnr"
+PSNR = "psnr"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,9 +45,10 @@ class NoiseResults:
 
 def write_page(found: NoiseResults) -> None:
     """Write `report.html` and its figures. Raises OutputError."""
-    pictures, sentence = crop_pictures(found.crops), found.study.sentence
-    figures = {"quality": png(quality_figure(found.levels, sentence)),
-               "changes": png(changes_figure(found.levels, sentence)),
+    axis, sentence = axis_of(found.study.x), found.study.sentence
+    pictures = crop_pictures(found.crops, axis)
+    figures = {"quality": png(quality_figure(found.levels, sentence, axis)),
+               "changes": png(changes_figure(found.levels, sentence, axis)),
                **{f"crops-{what}": png_of(pixels) for what, pixels in pictures.items()}}
     sections = [_quality(found, figures["quality"]), _mending(found, figures["changes"]),
                 *(_crops(what, figures[f"crops-{what}"]) for what in pictures), _cross(found), _passes(found)]
@@ -80,9 +82,8 @@ def _lead(found: NoiseResults) -> list[str]:
         f"Measured on the {first.examples} held-out examples per level, of {first.objects} objects, whose view and "
         f"light passed the gates at every level; {found.left_out} more were left out. Examples that a gate rejected, "
         f"by sigma: {rejected}. Training examples: {learnt}.",
-        "Roughness is measured: root mean square distance of the rough mesh's vertices from the clean mesh, over the "
-        "radius of its bounding sphere, mean over the held-out examples. It is above 0 at sigma 0 where subdivision "
-        "rounds the mesh.",
+        f"Roughness is measured, mean over the held-out examples: {axis_of(study.x).text} (`{study.x}` of the labels). "
+        "A rough mesh is not quite the clean one at sigma 0, where subdivision rounds it.",
         "The exposure of an example follows the mean of its S', so that the truth is exposed a little differently at "
         "each level; the curve of I_s, which no noise reaches, shows the effect of that alone.",
         "Standard errors are clustered by object. All curves share their examples, so that differences along a curve "
@@ -91,11 +92,12 @@ def _lead(found: NoiseResults) -> list[str]:
 
 
 def _quality(found: NoiseResults, figure: bytes) -> Section:
-    rows = [[f"{level.sigma:g}", f"{level.roughness:.3%}", LINES[method][0],
+    axis = axis_of(found.study.x)
+    rows = [[f"{level.sigma:g}", axis.shown(level.measured), LINES[method][0],
              *(plus_minus(level.mean(method, metric.name), metric.name) for metric in METRICS)]
             for level in found.levels for method in LINES]
     return Section(question="How much does the roughness of the mesh cost?", answer=" ".join(sentences(found.levels)),
-                   figure=figure, head=("sigma", "roughness", "by", *(metric.symbol for metric in METRICS)), rows=rows)
+                   figure=figure, head=("sigma", axis.heading, "by", *(metric.symbol for metric in METRICS)), rows=rows)
 
 
 def _mending(found: NoiseResults, figure: bytes) -> Section:
@@ -140,58 +142,58 @@ def _signed(found: ClusteredMean) -> str:
     return plus_minus(found, PSNR, "+")
 
 
-def quality_figure(levels: Sequence[Level], settings: str) -> Figure:
+def quality_figure(levels: Sequence[Level], settings: str, axis: NoiseAxis) -> Figure:
     """A panel per metric: means at every level with standard errors, over measured roughness."""
     figure, axes = panels(len(METRICS), f"Quality against the roughness of the mesh that S' is rendered on\n{settings}")
     for metric, one in zip(METRICS, axes, strict=True):
         for method in LINES:
-            _line(one, levels, method, [level.mean(method, metric.name) for level in levels])
+            _line(one, levels, axis, method, [level.mean(method, metric.name) for level in levels])
         one.set(title=heading(metric))
-        _over_roughness(one, levels)
+        _over_roughness(one, levels, axis)
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=len(LINES), fontsize=8)
     return figure
 
 
-def changes_figure(levels: Sequence[Level], settings: str) -> Figure:
+def changes_figure(levels: Sequence[Level], settings: str, axis: NoiseAxis) -> Figure:
     """What noise takes, and what LighTNet brings, in dB of the same cases, so that easy and hard ones cancel."""
     figure, (falls, gains) = panels(2, f"PSNR in dB, differences of the same cases\n{settings}")
     for method in LINES:
-        _line(falls, levels, method, [level.less(method, method, PSNR, at=levels[0]) for level in levels])
+        _line(falls, levels, axis, method, [level.less(method, method, PSNR, at=levels[0]) for level in levels])
         if method != TRIVIAL:
-            _line(gains, levels, method, [level.less(method, TRIVIAL, PSNR) for level in levels])
+            _line(gains, levels, axis, method, [level.less(method, TRIVIAL, PSNR) for level in levels])
     falls.set(title=f"less the same method's at sigma {levels[0].sigma:g}")
     gains.set(title=f"less that of {LINES[TRIVIAL][0]}")
     for one in (falls, gains):
         one.axhline(0, color="black", linewidth=0.8)
-        _over_roughness(one, levels)
+        _over_roughness(one, levels, axis)
     figure.legend(*falls.get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=8)
     return figure
 
 
-def _line(axes: Axes, levels: Sequence[Level], method: str, means: Sequence[ClusteredMean]) -> None:
+def _line(axes: Axes, levels: Sequence[Level], axis: NoiseAxis, method: str, means: Sequence[ClusteredMean]) -> None:
     label, colour, marker, style = LINES[method]
-    axes.errorbar([PER_CENT * level.roughness for level in levels], [found.mean for found in means],
+    axes.errorbar([axis.factor * level.measured for level in levels], [found.mean for found in means],
                   yerr=[found.error if isfinite(found.error) else 0.0 for found in means], color=colour, marker=marker,
                   linestyle=style, markersize=5, linewidth=1.6, capsize=3, label=label)
 
 
-def _over_roughness(axes: Axes, levels: Sequence[Level]) -> None:
-    """Measured roughness along the bottom, the sigma of every level along the top."""
-    axes.set_xlabel("measured roughness, rms, % of the bounding radius")
+def _over_roughness(axes: Axes, levels: Sequence[Level], axis: NoiseAxis) -> None:
+    """What was measured along the bottom, the sigma of every level along the top."""
+    axes.set_xlabel(axis.text)
     top = axes.secondary_xaxis("top")
-    top.set_xticks([PER_CENT * level.roughness for level in levels], [f"{level.sigma:g}" for level in levels],
+    top.set_xticks([axis.factor * level.measured for level in levels], [f"{level.sigma:g}" for level in levels],
                    fontsize=7, rotation=45)
     top.set_xlabel("requested sigma", fontsize=7)
 
 
-def crop_pictures(crops: Sequence[Crop]) -> dict[str, np.ndarray]:
+def crop_pictures(crops: Sequence[Crop], axis: NoiseAxis) -> dict[str, np.ndarray]:
     """(H, W, 3) uint8 pictures by what they show: a row for each level, with the PSNR of each prediction."""
     kinds = dict.fromkeys(crop.what for crop in crops)
-    return {what: np.asarray(sheet([_crop_row(crop) for crop in crops if crop.what == what])) for what in kinds}
+    return {what: np.asarray(sheet([_crop_row(crop, axis) for crop in crops if crop.what == what])) for what in kinds}
 
 
-def _crop_row(crop: Crop) -> SheetRow:
+def _crop_row(crop: Crop, axis: NoiseAxis) -> SheetRow:
     figures = [f"{psnr:.2f} dB {heading}" for heading, psnr in crop.psnr.items()]
     lines = [f"level {crop.level.number}: sigma {crop.level.sigma:g}",
-             f"roughness {PER_CENT * crop.level.roughness:.3g} %", f"example {crop.key}", *figures]
+             f"{axis.heading} {axis.shown(crop.level.measured)}", f"example {crop.key}", *figures]
     return SheetRow(lines=lines, panels=crop.panels)

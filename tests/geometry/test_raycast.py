@@ -6,8 +6,6 @@ import pytest
 from dataset_builder.errors import UserError
 from dataset_builder.geometry import raycast
 from dataset_builder.geometry.raycast import RayScene
-from dataset_builder.geometry.rough_base import bounding_radius, displace, measure_roughness, rough_base
-from dataset_builder.seeding import rng
 
 
 @pytest.fixture
@@ -62,23 +60,10 @@ def test_answers_repeat_bit_for_bit_even_where_surfaces_coincide(shapes):
         np.testing.assert_array_equal(one, other)
 
 
-def test_a_lifted_plane_is_as_rough_as_it_is_high(shapes):
-    clean = shapes["grid"](4)
-    lifted = shapes["mesh"](clean.positions + np.array((0, 0, 0.01)), clean.faces)
-    roughness = measure_roughness(lifted, clean)
-    assert roughness.rms == pytest.approx(0.01 / np.sqrt(0.5), rel=1e-5)
-    assert roughness.maximum == pytest.approx(roughness.rms, rel=1e-4)
-    assert roughness.points == len(clean.positions) + len(clean.faces)
-
-
-def test_roughness_follows_sigma(shapes):
-    """Of isotropic noise, a flat surface feels the part along its normal; 0 where the base is exact."""
-    clean = shapes["box"]()
-    base = rough_base(clean, edge_length=0.05, rounds=1, crease_angle=30).mesh
-    assert measure_roughness(base, clean).maximum < 1e-6
-    for sigma in (0.002, 0.004):
-        noisy = displace(base, sigma=sigma, radius=bounding_radius(clean), direction="isotropic", rng=rng(0))
-        assert measure_roughness(noisy, clean, at="vertices").rms == pytest.approx(sigma, rel=0.05)
+def test_closest_points_and_their_normals(two_boxes):
+    feet, normals = two_boxes.closest(np.array([(0.1, 0.2, 1.5), (2.2, 0.1, 0.2), (0.4, 0.1, 0.2)]))
+    np.testing.assert_allclose(feet, [(0.1, 0.2, 0.5), (2.5, 0.1, 0.2), (0.5, 0.1, 0.2)], atol=1e-6)
+    np.testing.assert_allclose(normals, [(0, 0, 1), (-1, 0, 0), (1, 0, 0)], atol=1e-6)
 
 
 @pytest.mark.parametrize(("error", "message"), [

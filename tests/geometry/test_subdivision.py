@@ -64,6 +64,8 @@ def test_materials_follow_their_faces(shapes):
 def test_a_budget_stops_an_explosion(shapes):
     with pytest.raises(UserError, match=r"edges of at most 0.0001 m need at least \d+ faces, more than the 4000000"):
         split_long_edges(shapes["box"](), 1e-4)
+    with pytest.raises(UserError, match=r"12 faces are more than the 11 allowed before .* 4,000,000 at most"):
+        split_long_edges(shapes["box"](), 1.0, max_faces=11)
     with pytest.raises(UserError, match="more than the 100 allowed; raise edge_length"):
         split_long_edges(shapes["mesh"]([(0, 0, 0), (9, 0, 0), (9, 1e-6, 0)], [(0, 1, 2)]), 0.1, max_faces=100)
     with pytest.raises(UserError, match="expected > 0 m, got 0"):

@@ -46,7 +46,8 @@ def test_every_double_comes_back() -> None:
 
 
 @pytest.mark.parametrize("path", ["record.lighting_sh", "record.lighting_sh_se", "record.denoised",
-                                  "record.bounding_radius", "plan.fog", "plan.render.denoise", "plan.room.glazing"])
+                                  "record.bounding_radius", "record.roughness", "plan.fog", "plan.render.denoise",
+                                  "plan.room.glazing"])
 def test_labels_of_earlier_versions_are_read(path: str) -> None:
     content, whole = plain(), parse_label(encode_label(plain()), where="", name="")
     *above, last = path.split(".")
@@ -104,6 +105,9 @@ def test_the_figures_of_a_build_fit_together(small_dataset: Path) -> None:
         assert entry.paths == pytest.approx(entry.spp * entry.pixels)
     assert [entry.name for entry in record.layers] == [name for name in shipped if LAYERS[name].radiometric]
     assert 0 < record.roughness_rms < record.roughness_max < 1 and record.bounding_radius > 0
+    rough, = record.roughness
+    assert rough.to_clean_rms < record.roughness_max * 1.01 and rough.area == pytest.approx(1, abs=0.01)
+    assert 0 < rough.silhouette_iou <= 1 and len(rough.s_relmse) == 1
     assert len(record.lighting_sh) == len(record.lighting_sh_se) == 9 and max(record.lighting_sh[0]) > 0
 
 

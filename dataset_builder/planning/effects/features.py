@@ -158,4 +158,5 @@ def _normals(use: SceneUse) -> Decision:
 
 
 def _left_out(use: SceneUse) -> list[Decision]:
-    return [Decision(effect="mesh file", choice="left out", reason=about) for about in use.left_out]
+    return [Decision(effect="mesh file", choice=choice, reason=about)
+            for choice, about in (*(("left out", about) for about in use.left_out), *use.shapes)]

@@ -141,6 +141,8 @@ class SceneUse:
     """Names of all others."""
     left_out: tuple[str, ...]
     """What their files say and no effect here simulates."""
+    shapes: tuple[tuple[str, str], ...] = ()
+    """Pairs of a word and a sentence: how the shapes in their files were repaired, and what is wrong with them."""
 
 
 _known: WeakKeyDictionary[Asset, _Facts] = WeakKeyDictionary()
@@ -180,4 +182,6 @@ def scene_use(room: RoomPlan, objects: Iterable[PlacedObject], mesh_root: Path) 
     return SceneUse(materials=tuple(uses),
                     smooth=tuple(owner for owner, _, asset in things if _facts(asset).smooth),
                     flat=tuple(owner for owner, _, asset in things if not _facts(asset).smooth),
-                    left_out=tuple(asset.meta["left_out"] for _, _, asset in things if asset.meta.get("left_out")))
+                    left_out=tuple(asset.meta["left_out"] for _, _, asset in things if asset.meta.get("left_out")),
+                    shapes=tuple((key, f"{owner}: {asset.meta[key]}") for owner, _, asset in things
+                                 for key in ("repair", "shape") if asset.meta.get(key)))

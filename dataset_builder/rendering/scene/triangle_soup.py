@@ -10,14 +10,8 @@ import numpy as np
 from dataset_builder.assets.asset import Asset, Material
 from dataset_builder.geometry.edges import corner_normals
 from dataset_builder.geometry.mesh import TriangleMesh, joined_colors
-from dataset_builder.geometry.rough_base import (
-    RoughBase,
-    Roughness,
-    bounding_radius,
-    displace,
-    measure_roughness,
-    rough_base,
-)
+from dataset_builder.geometry.rough_base import RoughBase, bounding_radius, displace, rough_base
+from dataset_builder.geometry.roughness import Roughness, measure_roughness
 from dataset_builder.label.example_plan import ExamplePlan, RoughPlan
 from dataset_builder.label.scene_plan import ObjectPlan, PlacedObject, RoomPlan
 from dataset_builder.planning.scene.arrangement import ROOM_INSTANCE
@@ -131,11 +125,12 @@ def rough_twin(placed: PlacedObject, plan: RoughPlan, mesh_root: Path) -> RoughT
     """
     asset = asset_of(placed.object, mesh_root)
     base = _base(placed.object, plan.edge_length, plan.rounds, plan.crease_angle, mesh_root)
+    seed = int(plan.seed)
     mesh = displace(base.mesh, sigma=plan.sigma, radius=bounding_radius(asset.mesh), direction=plan.direction,
-                    rng=rng(int(plan.seed), "vertex noise"))
+                    rng=rng(seed, "vertex noise"))
     normals = corner_normals(mesh, creases=base.creases)
     soup = soup_of(mesh, normals, asset.materials, world_from_object(placed), placed.instance)
-    return RoughTwin(soup=soup, roughness=measure_roughness(mesh, asset.mesh, at="vertices"))
+    return RoughTwin(soup=soup, roughness=measure_roughness(mesh, asset.mesh, rng(seed, "roughness")))
 
 
 @lru_cache(maxsize=KEPT_BASES)

@@ -15,6 +15,7 @@ from dataset_builder.lightnet.training.events import Event
 from dataset_builder.lightnet.training.fit import LAST, TrainingJob
 from dataset_builder.planning.catalogue import examples
 from dataset_builder.shards.reader import load_manifest
+from dataset_builder.studies.noise.axes import NoiseAxis, axis_of
 from dataset_builder.studies.noise.noise_study import NoiseStudy, level_name
 from dataset_builder.studies.trainings import SCORES, claim, read_facts, read_scores, train, write_scores
 
@@ -32,8 +33,8 @@ class HeldOutExample:
     case: tuple[str, int]
     level: int
     sigma: float
-    roughness: float
-    """Measured distance of the rough mesh from the clean one, root mean square, in bounding radii."""
+    measured: float
+    """Its rough mesh on the study's axis, in the label's unit."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,10 +85,11 @@ def train_all(study: NoiseStudy) -> Iterator[LevelNews]:
 
 
 def held_out(study: NoiseStudy) -> HeldOut:
-    """The held-out split, and what can be compared in it."""
+    """The held-out split, and what can be compared in it. Raises UserError where a label lacks the study's axis."""
     data = study.training.data
     dataset = LightingDataset(study.dataset, data.held_out, data)
-    every = [_example(dataset, index) for index in range(len(dataset))]
+    axis = axis_of(study.x)
+    every = [_example(dataset, index, axis) for index in range(len(dataset))]
     levels = defaultdict[tuple[str, int], set[int]](set)
     for example in every:
         levels[example.case].add(example.level)
@@ -132,8 +134,8 @@ def _job(study: NoiseStudy, name: str, spec: TrainingSpec, levels: tuple[int, ..
                        levels=levels)
 
 
-def _example(dataset: LightingDataset, index: int) -> HeldOutExample:
+def _example(dataset: LightingDataset, index: int, axis: NoiseAxis) -> HeldOutExample:
     label = dataset.label(index)
     plan = label.plan
     return HeldOutExample(index=index, key=plan.key, case=(plan.view, plan.light), level=plan.rough.level,
-                          sigma=plan.rough.sigma, roughness=label.record.roughness_rms)
+                          sigma=plan.rough.sigma, measured=axis.value(label.record))

@@ -14,6 +14,7 @@ from dataset_builder.lightnet.results.clustered_means import ClusteredMean, esti
 from dataset_builder.lightnet.results.evaluate import Contender, ScoreRow
 from dataset_builder.lightnet.results.pictures import cropped, light
 from dataset_builder.studies.comma_separated import write_csv
+from dataset_builder.studies.noise.axes import NoiseAxis
 from dataset_builder.studies.noise.level_trainings import MIXED, HeldOut, contenders
 from dataset_builder.studies.noise.noise_study import NoiseStudy, level_name
 
@@ -21,7 +22,7 @@ OWN = "own level"
 """Whoever was trained on the level at hand."""
 TRIVIAL = "dr_s_prime"
 HEADINGS = {TRIVIAL: "(D + R) S', true D, R", MIXED: "trained on all levels", "own": "trained on this level"}
-COLUMNS = ("level", "sigma", "roughness", "examples", "objects", "by", "trained_on",
+COLUMNS = ("examples", "objects", "by", "trained_on",
            *(f"{metric.name}{end}" for metric in METRICS for end in ("", "_error")))
 
 
@@ -32,8 +33,8 @@ class Level:
     number: int
     sigma: float
     """As asked for."""
-    roughness: float
-    """As measured, mean over the held-out examples, root mean square of each in bounding radii."""
+    measured: float
+    """On the study's axis, mean over the held-out examples, in the label's unit."""
     scores: dict[str, tuple[ScoreRow, ...]]
     """Rows of every method by its name, examples in the same order everywhere."""
 
@@ -62,15 +63,17 @@ def levels_of(study: NoiseStudy, split: HeldOut, scores: Sequence[ScoreRow]) -> 
     found = []
     for number, sigma in enumerate(study.levels):
         own = split.of(number)
-        found.append(Level(number=number, sigma=sigma, roughness=fmean(example.roughness for example in own),
+        found.append(Level(number=number, sigma=sigma, measured=fmean(example.measured for example in own),
                            scores={method: tuple(by_key[method, example.key] for example in own)
                                    for method in methods(scores)}))
     return found
 
 
-def write_table(levels: Sequence[Level], path: Path) -> None:
-    """Every method at every level as CSV, whole or not at all. Raises OutputError."""
-    write_csv(path, COLUMNS, (_line(level, method) for level in levels for method in level.scores))
+def write_table(levels: Sequence[Level], path: Path, axis: NoiseAxis) -> None:
+    """Every method at every level as CSV, whole or not at all; what was measured is named as the axis is. Raises
+    OutputError."""
+    write_csv(path, ("level", "sigma", axis.short or axis.name, *COLUMNS),
+              (_line(level, method) for level in levels for method in level.scores))
 
 
 def trained_on(method: str) -> str:
@@ -81,7 +84,7 @@ def trained_on(method: str) -> str:
 
 
 def _line(level: Level, method: str) -> list[object]:
-    cells: list[object] = [level.number, level.sigma, level.roughness, level.mean(method, "psnr").examples,
+    cells: list[object] = [level.number, level.sigma, level.measured, level.mean(method, "psnr").examples,
                            level.mean(method, "psnr").objects, method, trained_on(method)]
     for metric in METRICS:
         found = level.mean(method, metric.name)

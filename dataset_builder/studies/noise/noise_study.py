@@ -16,6 +16,7 @@ from dataset_builder.shards.folder import SECONDS
 from dataset_builder.spec.load import load_dataset
 from dataset_builder.spec.resolve import LoadedSpec
 from dataset_builder.studies.comma_separated import read_csv
+from dataset_builder.studies.noise.axes import DEFAULT, axis_of
 from dataset_builder.studies.trainings import changed, settings_of
 
 NO_PASSES = ("plan", "encode", "denoise")
@@ -46,6 +47,8 @@ class NoiseStudy:
     """Processes that render, None for one per core."""
     vgg_weights: Path | None = None
     device: str = "auto"
+    x: str = DEFAULT
+    """What curves are drawn over, a name of `AXES`."""
 
     @property
     def dataset(self) -> Path:
@@ -71,6 +74,7 @@ class NoiseStudy:
 
 def require(study: NoiseStudy) -> None:
     """Raise UserError where the study could not be done once the dataset is built, which may take hours."""
+    axis_of(study.x)
     problems, splits = [], [split.name for split in study.loaded.dataset.splits]
     if list(study.levels) != sorted(set(study.levels)) or len(study.levels) < 2 or study.levels[0] < 0:
         problems.append(("--levels", "expected at least two numbers >= 0, each larger than the one before, got "

@@ -11,15 +11,19 @@ import pytest
 
 from dataset_builder.cli.main import main
 from dataset_builder.errors import UserError
+from dataset_builder.label.example_label import RenderRecord
+from dataset_builder.label.roughness_record import RoughnessRecord
 from dataset_builder.lightnet.measures.metrics import Metrics
 from dataset_builder.lightnet.results.evaluate import ScoreRow
 from dataset_builder.lightnet.settings import load_training
-from dataset_builder.report.noise_page import sentences
+from dataset_builder.report.noise_page import quality_figure, sentences
+from dataset_builder.studies.noise.axes import AXES, axis_of
 from dataset_builder.studies.noise.level_trainings import MIXED, HeldOut, held_out, jobs
-from dataset_builder.studies.noise.levels import OWN, Level, chosen, levels_of, trained_on
+from dataset_builder.studies.noise.levels import OWN, Level, chosen, levels_of, trained_on, write_table
 from dataset_builder.studies.noise.noise_study import NoiseStudy, count_passes, parse_levels, pass_lines, require
 from dataset_builder.studies.trainings import base_of
 from tests.lightnet.synthetic import write_synthetic
+from tests.plans import render_record
 from tests.small_specs import write_spec
 
 TINY = ("model={width: 4, downs: 2}", "data={crop: 16, batch: 2, workers: 0, held_out: test}",
@@ -82,6 +86,25 @@ def test_trainings_differ_in_levels_and_steps_alone(small_spec: Path, tmp_path: 
     assert [trained_on(name) for name in (*found, "copy_i_s")] == ["all", "0", "1", "nothing"]
 
 
+def test_any_measured_figure_may_be_the_axis(small_spec: Path, tmp_path: Path) -> None:
+    """The table has every figure of a label's rough mesh, and says what else there is."""
+    figures = set(RoughnessRecord.model_fields) | {"roughness_rms", "roughness_max"}
+    assert set(AXES) == figures
+    with pytest.raises(UserError, match=r"--x: expected one of roughness_rms, .*, s_relmse, got colour"):
+        require(replace(made(small_spec, tmp_path, "0,0.01"), x="colour"))
+    rough = dict.fromkeys(RoughnessRecord.model_fields, 0.0) | {"normal_median": 7.0, "s_relmse": (0.25,)}
+    record = render_record(roughness_rms=0.5, roughness=(rough,))
+    assert [axis_of(name).value(record) for name in ("roughness_rms", "normal_median", "s_relmse")] == [0.5, 7, 0.25]
+    assert axis_of("roughness_rms").shown(0.004) == "0.4 %" and axis_of("normal_median").shown(7.0) == "7"
+
+
+@pytest.mark.parametrize("record", [render_record(), render_record(roughness=(
+    dict.fromkeys(RoughnessRecord.model_fields, 0.0) | {"s_relmse": ()},))])
+def test_labels_without_the_axis_end_in_words(record: RenderRecord) -> None:
+    with pytest.raises(UserError, match="--x: expected labels with s_relmse, got one without"):
+        axis_of("s_relmse").value(record)
+
+
 # What is compared
 
 @pytest.fixture(scope="module")
@@ -114,7 +137,7 @@ def test_levels_are_compared_on_what_all_kept(uneven: tuple[NoiseStudy, HeldOut]
     assert [example.level for example in split.examples] == [0, 1, 2]
     levels = levels_of(study, split, scores(split, PSNR))
     # 0.8 sigma is what the synthetic records state; sigma rises in thirds of 0.016
-    assert [level.roughness for level in levels] == pytest.approx([0.8 * 0.016 * (n + 1) / 3 for n in range(3)])
+    assert [level.measured for level in levels] == pytest.approx([0.8 * 0.016 * (n + 1) / 3 for n in range(3)])
     assert [level.mean(OWN, "psnr").mean for level in levels] == [25.5, 24.9, 24.4]
     assert levels[2].less(MIXED, "dr_s_prime", "psnr").mean == pytest.approx(2.0)
     assert levels[2].less(MIXED, MIXED, "psnr", at=levels[0]).mean == pytest.approx(-1.0)
@@ -132,11 +155,25 @@ def test_a_study_without_a_case_at_all_levels_ends_in_words(uneven: tuple[NoiseS
 def test_the_cases_shown_are_the_median_and_the_worst() -> None:
     rows = tuple(ScoreRow(method=MIXED, key=str(n), view="", object="", room="", level=0, sigma=0.0, seconds=0.0,
                           metrics=Metrics(l1=0, psnr=psnr, ssim=0, lab=0)) for n, psnr in enumerate((21.0, 19.0, 30.0)))
-    level = Level(number=0, sigma=0.0, roughness=0.0, scores={MIXED: rows})
+    level = Level(number=0, sigma=0.0, measured=0.0, scores={MIXED: rows})
 
     class Split:
         cases = (("a", 0), ("b", 0), ("c", 0))
     assert chosen(Split(), [level]) == {"median": 0, "worst": 1}  # type: ignore[arg-type]
+
+
+def test_levels_lie_where_they_were_measured(uneven: tuple[NoiseStudy, HeldOut]) -> None:
+    study, _ = uneven
+    deep = replace(study, x="roughness_max")
+    levels = levels_of(deep, split := held_out(deep), scores(split, PSNR))
+    assert [level.measured for level in levels] == pytest.approx([2.5 * 0.016 * (n + 1) / 3 for n in range(3)])
+    figure = quality_figure(levels, "", axis_of("roughness_max"))
+    assert figure.axes[0].get_xlabel() == "largest distance of a vertex, % of the bounding radius"
+    drawn = figure.axes[0].containers[0].lines[0].get_xdata()
+    assert list(drawn) == pytest.approx([100 * level.measured for level in levels])
+    write_table(levels, study.out / "table.csv", axis_of("roughness_max"))
+    written = sorted({float(row["roughness_max"]) for row in lines(study.out / "table.csv")})
+    assert written == pytest.approx([level.measured for level in levels], rel=1e-5)
 
 
 # The whole of it
