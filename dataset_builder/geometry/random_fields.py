@@ -54,7 +54,7 @@ def gaussian_field(rng: np.random.Generator, *, length: float, octaves: int = 1,
     amplitudes /= np.sqrt(np.sum(amplitudes**2))
     waves = rng.standard_normal((octaves, MODES, 3)) * (2.0 ** np.arange(octaves) / length)[:, None, None]
     if axis is not None:
-        along = (waves @ axis)[..., None] * axis
+        along = np.einsum("omi,i->om", waves, axis)[..., None] * axis
         waves = along + (waves - along) / stretch
     phases = rng.uniform(0, 2 * np.pi, (octaves, MODES, components))
     share = amplitudes[:, None, None] * np.sqrt(2 / MODES)
