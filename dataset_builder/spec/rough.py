@@ -166,7 +166,7 @@ Level = AnyNumber | str | tuple[Step, ...]
 class RoughSpec(Model):
     """How rough meshes are made. One of `sigma`, `level` and `steps` says how."""
 
-    sigma: Levels = 0.004
+    sigma: Levels | None = 0.004
     """Standard deviation of vertex noise in bounding-sphere radii; a list gives several noise levels, each as a
     separate example."""
     level: Names | None = None
@@ -193,10 +193,11 @@ class RoughSpec(Model):
 
     @model_validator(mode="after")
     def _one_way(self) -> "RoughSpec":
-        ways = [name for name in ("sigma", "level", "steps") if name in self.model_fields_set
-                and getattr(self, name) is not None]
-        if len(ways) > 1:
-            raise broken(f"expected one of sigma, level and steps, got {' and '.join(ways)}", path=(ways[-1],))
+        ways = [name for name in ("sigma", "level", "steps") if getattr(self, name) is not None
+                and (name != "sigma" or name in self.model_fields_set)]
+        if len(ways) > 1 or (self.sigma is None and not ways):
+            raise broken(f"expected one of sigma, level and steps, got {' and '.join(ways) or 'none'}",
+                         path=(ways[-1] if ways else "sigma",))
         if {"edge", "edge_length"} <= self.model_fields_set and self.edge is not None:
             raise broken("expected edge or edge_length, got both", path=("edge",))
         return self
@@ -206,5 +207,5 @@ class RoughSpec(Model):
         """The noise levels, one or more."""
         if self.steps is not None:
             return (self.steps,)
-        ways: Any = self.sigma if self.level is None else self.level
-        return ways if isinstance(ways, tuple) else (ways,)
+        asked: Any = self.sigma if self.level is None else self.level
+        return asked if isinstance(asked, tuple) else (asked,)

@@ -1,5 +1,7 @@
 """What named levels and `like` of a spec stand for, and how fine a mesh their steps need."""
 
+from math import hypot
+
 from dataset_builder.spec.numbers import support
 from dataset_builder.spec.rough import BumpsStep, FieldStep, Level, LikeStep, ScanlinesStep, Step
 
@@ -23,6 +25,11 @@ RECONSTRUCTED: dict[str, tuple[Step, ...]] = {
 0.023 and 0.036 radii at the median object) and median tilt of normals (16.5 and 10.4 degrees). A field along normals
 tilts them by arctan(1.18 g) at the median, g being the root sum of squares of sigma / length. The lengths are chosen:
 as wide as filled cavities, and two or three cells of the reconstructions' grids."""
+
+
+def sigma_of(name: str) -> float:
+    """Standard deviation of the noise of a named level, in bounding radii."""
+    return hypot(*(support(step.sigma)[0] for step in NAMED[name] if isinstance(step, FieldStep)))
 
 
 def steps_at(level: Level) -> tuple[Step, ...]:
