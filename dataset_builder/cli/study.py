@@ -149,9 +149,9 @@ def _noise_study(options: argparse.Namespace) -> "NoiseStudy":
     training = common.lightnet(options.config, options.train_set, options.steps)
     out = options.out or common.STUDIES / f"{_spec(options).dataset.name}-noise"
     return NoiseStudy(spec=options.spec, overrides=tuple(options.overrides), levels=parse_levels(options.levels),
-                      names=parse_names(options.levels), training=training, per_level_steps=options.per_level_steps or training.steps, out=out,
-                      backend=options.backend, workers=options.workers, vgg_weights=options.vgg_weights,
-                      device=options.device)
+                      names=parse_names(options.levels), training=training,
+                      per_level_steps=options.per_level_steps or training.steps, out=out, backend=options.backend,
+                      workers=options.workers, vgg_weights=options.vgg_weights, device=options.device)
 
 
 def _stress(options: argparse.Namespace) -> int:

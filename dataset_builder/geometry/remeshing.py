@@ -1,4 +1,6 @@
-"""Other triangles for the same surface: edges collapsed, a grid's cells, smoother, holes closed. Open3D does the work.
+"""Other triangles for the same surface: edges collapsed, a grid's cells, smoother, holes closed.
+
+Open3D does the work, but for holes: what it fills stays open where their boundary has vertices in a line.
 
 What a new face looks like is taken from the old mesh, at the place nearest to its middle, see `dressed`.
 """
@@ -8,6 +10,8 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from dataset_builder.errors import UserError
 from dataset_builder.geometry.edges import edges_of, unit
@@ -52,15 +56,31 @@ def smoothed(mesh: TriangleMesh, rounds: int) -> TriangleMesh:
 
 
 def without_holes(mesh: TriangleMesh, radius: float) -> TriangleMesh:
-    """Holes of at most `radius` metres closed by triangles; those that there were stay first and as they were."""
-    o3d = open3d()
-    used, faces = np.unique(mesh.faces, return_inverse=True)
-    tensor = _tensor_mesh(o3d, mesh.positions[used], faces.reshape(-1, 3)).fill_holes(radius)
-    added = tensor.triangle.indices.numpy()[len(mesh.faces):]
-    if not len(added):
+    """Holes of at most `radius` metres (boundary length over 2 pi) closed by a fan about the middle of their boundary.
+
+    The faces that there were stay first and as they were. Wide holes that are far from flat may get fans that intersect
+    the surface.
+    """
+    edges = edges_of(mesh.faces)
+    alone = edges.face_count[edges.of_face] == 1
+    ends = np.stack([mesh.faces[alone], np.roll(mesh.faces, -1, axis=1)[alone]], axis=1)
+    if not len(ends):
         return mesh
-    patch = dressed(mesh.positions, used[added], mesh)
-    return join(mesh, patch)
+    used, compact = np.unique(ends, return_inverse=True)
+    compact = compact.reshape(-1, 2)
+    graph = coo_array((np.ones(len(ends), bool), (compact[:, 0], compact[:, 1])), shape=(len(used),) * 2)
+    count, loop_of = connected_components(graph, directed=False)
+    loop = loop_of[compact[:, 0]]
+    starts, length = mesh.positions[ends[:, 0]], np.linalg.norm(np.subtract(*mesh.positions[ends.T]), axis=1)
+    around = np.bincount(loop, weights=length, minlength=count)
+    middles = np.stack([np.bincount(loop, weights=length * values, minlength=count) for values in
+                        ((starts + mesh.positions[ends[:, 1]]) / 2).T], axis=1) / around[:, None]
+    small = around <= 2 * np.pi * radius
+    if not small.any():
+        return mesh
+    positions = np.concatenate([mesh.positions, middles])
+    fans = np.concatenate([ends[:, ::-1], len(mesh.positions) + loop[:, None]], axis=1)[small[loop]]
+    return join(replace(mesh, positions=positions), dressed(positions, fans, mesh, compacted=False))
 
 
 def join(mesh: TriangleMesh, more: TriangleMesh) -> TriangleMesh:
@@ -94,17 +114,19 @@ def voxelised(mesh: TriangleMesh, size: float) -> TriangleMesh:
     return dressed(positions, made.triangle.indices.numpy()[:, ::-1], mesh)
 
 
-def dressed(positions: np.ndarray, faces: np.ndarray, old: TriangleMesh) -> TriangleMesh:
+def dressed(positions: np.ndarray, faces: np.ndarray, old: TriangleMesh, *, compacted: bool = True) -> TriangleMesh:
     """A mesh of new triangles with the materials, uvs and colours of an old one.
 
     A face takes the material of the old face nearest to its centroid, and continues that face's uvs and colours over
-    its own corners, so that no face runs across a seam. Faces with a repeated corner are left out.
+    its own corners, so that no face runs across a seam. Faces with a repeated corner are left out, and vertices that no
+    face uses, too, if `compacted`. Raises UserError where no face is left.
     """
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
     if not len(faces):
         raise UserError("mesh: expected triangles to be left, got none; use a smaller size or edge")
-    used, compact = np.unique(faces, return_inverse=True)
-    positions, faces = positions[used], compact.reshape(-1, 3)
+    if compacted:
+        used, compact = np.unique(faces, return_inverse=True)
+        positions, faces = positions[used], compact.reshape(-1, 3)
     o3d = open3d()
     scene = o3d.t.geometry.RaycastingScene(nthreads=1)
     scene.add_triangles(_tensor_mesh(o3d, old.positions, old.faces))

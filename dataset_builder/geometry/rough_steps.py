@@ -60,6 +60,12 @@ def base_of(clean: TriangleMesh, *, edge_length: float, rounds: int, crease_angl
     return rough_base(clean, edge_length=edge_length, rounds=rounds, crease_angle=crease_angle, max_faces=triangles)
 
 
+def needed_rounds(clean: TriangleMesh, *, edge_length: float, rounds: int) -> int:
+    """How many of `rounds` rounds of subdivision leave a mesh no finer than a split CAD model: none for most scans."""
+    finest = FINER * TYPICAL * edge_length
+    return next((fewer for fewer in range(rounds, 0, -1) if typical_edge(clean) >= finest * 2**fewer), 0)
+
+
 def roughened(base: RoughBase, clean: TriangleMesh, plan: RoughPlan) -> RoughBase:
     """The rough mesh in the object's frame. Equal arguments give equal bits; without noise, it is the base itself.
 

@@ -6,6 +6,7 @@ from typing import Any
 
 from dataset_builder.geometry.mesh import TriangleMesh
 from dataset_builder.geometry.rough_base import bounding_radius
+from dataset_builder.geometry.rough_steps import needed_rounds
 from dataset_builder.geometry.support import NEAR, REACH, near_support
 from dataset_builder.label.example_plan import RoughPlan, RoughStep
 from dataset_builder.label.scene_plan import Param
@@ -32,13 +33,15 @@ def rough_plan(spec: DatasetSpec, ref: ExampleRef, clean: TriangleMesh) -> Rough
     steps = tuple(_drawn(step, partial(rng, spec.seed, *path, "step", number)) for number, step in enumerate(written))
     sigma = draw(level, rng(spec.seed, *path, "sigma")) if plain else _sigma(steps)  # type: ignore[arg-type]
     edge_length = _edge_length(rough, written, clean, partial(rng, spec.seed, pair.split, "object", pair.object))
+    white = plain or any(isinstance(step, WhiteStep) for step in written)
+    # Noise of neighbours that move alike needs no mesh of one fineness: a scan stays as it is
+    rounds = rough.rounds if white else needed_rounds(clean, edge_length=edge_length, rounds=rough.rounds)
     bumps = [step["height"] for step in steps if step.kind == "bumps"]
     near = near_support(clean, max([REACH * sigma, *bumps]) * bounding_radius(clean))
-    return RoughPlan(edge_length=edge_length, rounds=rough.rounds, crease_angle=rough.crease_angle, sigma=sigma,
+    return RoughPlan(edge_length=edge_length, rounds=rounds, crease_angle=rough.crease_angle, sigma=sigma,
                      level=ref.level, direction=rough.direction, seed=str(derive_seed(spec.seed, *path, "noise")),
                      name=level if isinstance(level, str) else "", steps=steps, triangles=rough.triangles,
-                     coarsen=rough.coarsen and (plain or any(isinstance(step, WhiteStep) for step in written)),
-                     above_support=near > NEAR)
+                     coarsen=rough.coarsen and white, above_support=near > NEAR)
 
 
 def _drawn(step: Step, stream: Any) -> RoughStep:

@@ -132,7 +132,7 @@ class ThinStep(Model):
 
 
 class CloseHolesStep(Model):
-    """Holes closed by triangles between the vertices of their boundary."""
+    """Holes closed by a fan about the middle of their boundary."""
 
     kind: Literal["close_holes"]
     radius: Positive = 0.1  # type: ignore[valid-type]
@@ -185,7 +185,8 @@ class RoughSpec(Model):
     triangles: PositiveInt = 4_000_000
     """Maximum number of triangles; more are refused."""
     rounds: Annotated[int, Field(ge=0, le=6)] = 1
-    """Loop rounds; edges are split to `edge_length * 2**rounds` before."""
+    """Loop rounds; edges are split to `edge_length * 2**rounds` before. Levels and steps without white noise do fewer
+    where the mesh is finer already."""
     crease_angle: Annotated[float, Field(ge=0, le=180)] = 30.0
     """Edges whose faces meet at more than this angle, in degrees, stay sharp."""
     direction: Along = "isotropic"

@@ -25,7 +25,8 @@ def off(products, expected):
     return abs(products.mean() - expected) / (products.std(ddof=1) / np.sqrt(len(products)))
 
 
-@pytest.mark.parametrize("how", [{"length": 0.3}, {"length": 0.2, "octaves": 3}, {"length": 0.2, "octaves": 2, "gain": 1}])
+@pytest.mark.parametrize("how", [{"length": 0.3}, {"length": 0.2, "octaves": 3},
+                                 {"length": 0.2, "octaves": 2, "gain": 1}])
 def test_mean_zero_and_variance_one_at_a_point(how):
     at = values([(0.3, -2, 5)], **how)[:, 0]
     assert off(at, 0) < LIMIT and off(at**2, 1) < LIMIT

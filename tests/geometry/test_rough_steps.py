@@ -19,7 +19,7 @@ from dataset_builder.geometry.remeshing import (
     without_holes,
 )
 from dataset_builder.geometry.rough_base import RoughBase, bounding_radius, rough_base, vertex_normals
-from dataset_builder.geometry.rough_steps import base_of, points_on, roughened
+from dataset_builder.geometry.rough_steps import base_of, needed_rounds, points_on, roughened
 from dataset_builder.geometry.subdivision import split_long_edges
 from dataset_builder.geometry.support import NEAR, mirrored_up, near_support
 from dataset_builder.label.example_plan import RoughPlan, RoughStep
@@ -97,8 +97,8 @@ def tilt(one, other):
 
 @lru_cache(maxsize=1)
 def scan():
-    """A vase as a scanner has it: edges of 4 mm everywhere."""
-    return split_long_edges(furniture("vase", 0), 0.004)
+    """A vase as a scanner has it: edges of 8 mm everywhere."""
+    return split_long_edges(furniture("vase", 0), 0.008)
 
 
 @pytest.mark.parametrize("family", FAMILIES)
@@ -109,8 +109,8 @@ def test_plain_noise_on_cad_models_is_what_it_was(family):
     assert digest(twin) == BEFORE[family]
 
 
-@pytest.mark.parametrize("steps", [(), (step("field", sigma=0.0),), (step("scanlines", sigma=0.0), step("white", sigma=0)),
-                                   (step("bumps", count=0),)])
+@pytest.mark.parametrize("steps", [(), (step("field", sigma=0.0),), (step("bumps", count=0),),
+                                   (step("scanlines", sigma=0.0), step("white", sigma=0))])
 def test_without_noise_the_twin_is_its_base_bit_for_bit(steps):
     base = based(furniture("vase", 0))
     for above in (False, True):
@@ -120,18 +120,27 @@ def test_without_noise_the_twin_is_its_base_bit_for_bit(steps):
 
 def test_a_named_level_tilts_normals_alike_on_every_mesh():
     """Furniture of all sizes and a scan, within a factor of 1.3; plain noise of one sigma spreads by a factor of 4."""
-    tilts, plain = {name: [] for name in NAMED}, []
+    tilts, plain = {name: [] for name in ("smooth", "light", "heavy")}, []
     for mesh in (furniture("chair", 0), furniture("vase", 0), furniture("nightstand", 0), scan()):
-        radius = bounding_radius(mesh)
-        base = based(mesh, shortest(NAMED["medium"]) * radius, coarsen=False)
-        for name, steps in NAMED.items():
-            tilts[name].append(tilt(base.mesh, roughened(base, mesh, plan(*drawn(steps))).mesh))
+        length = shortest(NAMED["heavy"]) * bounding_radius(mesh)
+        base = base_of(mesh, edge_length=length, rounds=needed_rounds(mesh, edge_length=length, rounds=1),
+                       crease_angle=30, coarsen=False, triangles=4_000_000)
+        for name, found in tilts.items():
+            found.append(tilt(base.mesh, roughened(base, mesh, plan(*drawn(NAMED[name]))).mesh))
         old = rough_base(mesh, edge_length=0.04, rounds=1, crease_angle=30)
         plain.append(tilt(old.mesh, roughened(old, mesh, plan(sigma=0.004)).mesh))
     assert tilts.pop("smooth") == [0, 0, 0, 0] and max(plain) > 4 * min(plain)
-    for found, expected in zip(tilts.values(), (4.3, 8.5, 16.6, 31), strict=True):
+    for found, expected in zip(tilts.values(), (4.3, 16.6), strict=True):
         assert max(found) < 1.3 * min(found)
         np.testing.assert_allclose(found, expected, rtol=0.25)
+
+
+def test_rounds_are_left_out_where_the_mesh_is_fine_enough():
+    """A triangle of edge 1 becomes finer than a quarter of the edge length after log2(4 / edge length) rounds."""
+    mesh = mesh_of([(0, 0, 0), (1, 0, 0), (0.5, 0.75**0.5, 0)], [(0, 1, 2)])
+    for edge_length, expected in ((0.4, 3), (0.9, 2), (1.5, 1), (3, 0)):
+        assert needed_rounds(mesh, edge_length=edge_length, rounds=3) == expected
+    assert needed_rounds(mesh, edge_length=1e-3, rounds=1) == 1
 
 
 def test_a_scan_is_brought_to_the_edge_length_before_plain_noise():
@@ -159,11 +168,12 @@ def test_a_field_is_the_same_on_two_tessellations():
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-@pytest.mark.parametrize("level", ["light", "extreme"])
-def test_no_crack_opens_at_any_level(family, level):
+def test_no_crack_opens_at_any_level(family):
     mesh = furniture(family, 1)
-    twin = roughened(based(mesh, 0.2), mesh, plan(*drawn(NAMED[level]))).mesh
-    assert watertight(edges_of(twin.faces)) and np.isfinite(twin.positions).all()
+    base = based(mesh, 0.2)
+    for level in NAMED:
+        twin = roughened(base, mesh, plan(*drawn(NAMED[level]))).mesh
+        assert watertight(edges_of(twin.faces)) and np.isfinite(twin.positions).all()
 
 
 @pytest.mark.parametrize("kind", KEEP)
@@ -257,7 +267,7 @@ def test_smoothing_takes_noise_off_and_keeps_the_volume():
 def test_decimation_reaches_its_edge_length_and_leaves_coarse_meshes():
     mesh = torus(200, 100)
     coarse = decimated(mesh, 0.2)
-    assert typical_edge(coarse) == pytest.approx(0.2, rel=0.2) and coarse.volume == pytest.approx(mesh.volume, rel=0.02)
+    assert typical_edge(coarse) == pytest.approx(0.2, rel=0.2) and coarse.volume == pytest.approx(mesh.volume, rel=0.03)
     assert decimated(box(), 0.1).positions.tobytes() == box().positions.tobytes()
     assert typical_edge(mesh_of([(0, 0, 0), (2, 0, 0), (1, 3**0.5, 0)], [(0, 1, 2)])) == pytest.approx(2)
 
@@ -319,8 +329,11 @@ def test_a_hole_is_closed_up_to_a_size():
     open_box = replace(whole, faces=whole.faces[~hole], uvs=whole.uvs[~hole], material=whole.material[~hole])
     shut = without_holes(open_box, 2.0)
     assert watertight(edges_of(shut.faces)) and shut.volume == pytest.approx(1)
-    assert shut.positions.tobytes() == open_box.positions.tobytes()
-    assert without_holes(open_box, 0.1) is open_box
+    assert shut.faces[:len(open_box.faces)].tobytes() == open_box.faces.tobytes()
+    np.testing.assert_allclose(shut.positions[-1], (0, 0, 0.5), atol=1e-12)
+    # A square of four metres around
+    assert without_holes(open_box, 3.99 / (2 * np.pi)) is open_box
+    assert watertight(edges_of(without_holes(open_box, 4.01 / (2 * np.pi)).faces)) and without_holes(whole, 9) is whole
 
 
 def test_flat_things_are_near_their_support_and_furniture_is_not():
