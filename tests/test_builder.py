@@ -14,8 +14,9 @@ from dataset_builder.planning.cost import expected_bytes
 from dataset_builder.shards.manifest import Rejected, shard_slot
 from dataset_builder.shards.publish import whole_shards
 from dataset_builder.shards.writer import writer_versions
-from dataset_builder.spec.dataset import RoughSpec, StorageSpec
+from dataset_builder.spec.dataset import StorageSpec
 from dataset_builder.spec.load import load_dataset
+from dataset_builder.spec.rough import RoughSpec
 from tests.shards.tiny_dataset import SHARDS, VERSIONS, build, index_path, make_spec, shard_path
 
 MADE_BY = {**writer_versions(), **VERSIONS}

@@ -15,10 +15,11 @@ from pydantic_core import PydanticUndefined
 from dataset_builder.label.example_label import ExampleLabel
 from dataset_builder.label.example_plan import RenderPlan
 from dataset_builder.lightnet.settings import TrainingSpec
-from dataset_builder.spec.dataset import DatasetSpec, RoughSpec
+from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.model import Model
 from dataset_builder.spec.numbers import TAG
 from dataset_builder.spec.problems import shown
+from dataset_builder.spec.rough import RoughSpec
 from dataset_builder.spec.scene import ObjectSpec, RoomSpec, SceneSpec
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"

@@ -53,7 +53,8 @@ def _study(kinds: common.Verbs, name: str, run: Callable[[argparse.Namespace], i
 
 def _noise_options(noise: argparse.ArgumentParser) -> None:
     noise.add_argument("--levels", default=LEVELS, metavar="A,B,..",
-                       help=f"deviations of vertex noise, in bounding radii, rising (default: {LEVELS})")
+                       help="deviations of vertex noise, in bounding radii, rising, or names of levels as in "
+                            f"smooth,light,medium,heavy,extreme (default: {LEVELS})")
     noise.add_argument("--x", default="roughness_rms", metavar="FIGURE",
                        help="what curves are drawn over: a figure that labels have of rough meshes, such as "
                        "normal_median or silhouette_iou (default: roughness_rms)")
@@ -147,14 +148,14 @@ def _noise(options: argparse.Namespace) -> int:
 
 
 def _noise_study(options: argparse.Namespace) -> "NoiseStudy":
-    from dataset_builder.studies.noise.noise_study import NoiseStudy, parse_levels
+    from dataset_builder.studies.noise.noise_study import NoiseStudy, parse_levels, parse_names
 
     training = common.lightnet(options.config, options.train_set, options.steps)
     out = options.out or common.STUDIES / f"{_spec(options).dataset.name}-noise"
     return NoiseStudy(spec=options.spec, overrides=tuple(options.overrides), levels=parse_levels(options.levels),
-                      training=training, per_level_steps=options.per_level_steps or training.steps, out=out,
-                      backend=options.backend, workers=options.workers, vgg_weights=options.vgg_weights,
-                      device=options.device, x=options.x)
+                       names=parse_names(options.levels), training=training,
+                       per_level_steps=options.per_level_steps or training.steps, out=out, backend=options.backend,
+                       workers=options.workers, vgg_weights=options.vgg_weights, device=options.device, x=options.x)
 
 
 def _stress(options: argparse.Namespace) -> int:

@@ -6,7 +6,7 @@ vary between examples (readers freeze them from the first few), there are no nul
 
 from typing import Literal
 
-from dataset_builder.label.scene_plan import CameraPlan, FogPlan, IlluminationPlan, PlacedObject, RoomPlan
+from dataset_builder.label.scene_plan import CameraPlan, FogPlan, IlluminationPlan, Param, PlacedObject, RoomPlan
 from dataset_builder.layers import Extent, Pass
 from dataset_builder.spec.model import Model
 
@@ -56,6 +56,21 @@ class EffectsPlan(Model):
         return next(entry for entry in self.passes if entry.name == name)
 
 
+class RoughStep(Model):
+    """One step on the way to the R3DM, with its numbers drawn."""
+
+    kind: Literal["white", "field", "scanlines", "bumps", "smooth", "decimate", "voxels", "thin", "close_holes"]
+    """What is done, see docs/rough-meshes.md."""
+    along: Literal["isotropic", "normal"]
+    """Whether vertices move any way or along their normals; `isotropic` for steps that have no such choice."""
+    values: tuple[Param, ...]
+    """The step's numbers by the names of its keys in the spec; lengths in radii of the object's bounding sphere."""
+
+    def __getitem__(self, name: str) -> float:
+        """The number called `name`."""
+        return next(param.value for param in self.values if param.name == name)
+
+
 class RoughPlan(Model):
     """How the R3DM is made from the 3DM."""
 
@@ -66,13 +81,25 @@ class RoughPlan(Model):
     crease_angle: float
     """Degrees between faces above which an edge stays sharp."""
     sigma: float
-    """Standard deviation of the noise of vertices, in radii of the object's bounding sphere, 0 or more."""
+    """Standard deviation of the noise of vertices, in radii of the object's bounding sphere, 0 or more; with `steps`,
+    that of their noise together, bumps left out."""
     level: int
     """Index of the noise level in the spec, from 0."""
     direction: Literal["isotropic", "normal"]
-    """Whether vertices move any way or along their normals."""
+    """Whether vertices move any way or along their normals; steps have their own."""
     seed: str
     """Decimal 64-bit seed of the noise."""
+    name: str = ""
+    """Of the noise level, where the spec names one."""
+    steps: tuple[RoughStep, ...] = ()
+    """What makes it rough, in order; none for vertex noise of `sigma` alone."""
+    coarsen: bool = False
+    """Whether a mesh that is finer than `edge_length` is decimated to it beforehand."""
+    triangles: int = 4_000_000
+    """Maximum number of triangles."""
+    above_support: bool = False
+    """Whether noise that would sink the object into what it stands on is mirrored up: where much of its upper side lies
+    close above that."""
 
 
 class GoalPlan(Model):

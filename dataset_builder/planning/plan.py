@@ -8,18 +8,19 @@ from functools import cached_property, partial
 from typing import Generic, TypeVar
 
 from dataset_builder.errors import PlanError, Problem
-from dataset_builder.label.example_plan import ExamplePlan, GoalPlan, RenderPlan, RoughPlan, SppPart
+from dataset_builder.label.example_plan import ExamplePlan, GoalPlan, RenderPlan, SppPart
 from dataset_builder.label.scene_plan import IlluminationPlan
 from dataset_builder.layers import LAYERS, Extent
 from dataset_builder.planning.catalogue import ExampleRef, PairRef, ViewRef, examples
 from dataset_builder.planning.effects.decisions import plan_effects
+from dataset_builder.planning.rough_plan import rough_notes, rough_plan
 from dataset_builder.planning.scene.arrangement import Arrangement, arrange
+from dataset_builder.planning.scene.assets_of_plan import asset_of
 from dataset_builder.planning.scene.contents import SplitContents, contents
 from dataset_builder.planning.view.cameras import PlannedCamera, place_camera
 from dataset_builder.planning.view.lights import LitView, sky_share, source_light, target_light, unit_irradiance
 from dataset_builder.seeding import derive_seed, rng
 from dataset_builder.spec.dataset import DatasetSpec
-from dataset_builder.spec.numbers import draw
 from dataset_builder.spec.render import SppSpec
 from dataset_builder.spec.resolve import LoadedSpec
 
@@ -109,25 +110,17 @@ class Planner:
         effects = plan_effects(spec=spec.render, room=arrangement.room, target=arrangement.target,
                                furniture=arrangement.furniture, source_light=shared.source, target_light=light, fog=fog,
                                render=render, mesh_root=self.loaded.path.parent, where=_where(ref.view, arrangement))
+        rough = rough_plan(spec, ref, asset_of(arrangement.target.object, self.loaded.path.parent).mesh)
         return ExamplePlan(
             schema_version=SCHEMA_VERSION, key=ref.key, index=ref.index, split=ref.view.pair.split, view=ref.view.name,
             light=ref.light, room=arrangement.room, target=arrangement.target, furniture=arrangement.furniture,
             camera=shared.view.camera, source_light=shared.source, target_light=light,
-            rough=rough_plan(spec, ref), fog=fog, render=render, effects=effects,
-            notes=(*arrangement.notes, shared.view.note, note))
+            rough=rough, fog=fog, render=render, effects=effects,
+            notes=(*arrangement.notes, shared.view.note, note, *rough_notes(rough)))
 
 
 def _where(ref: ViewRef, arrangement: Arrangement) -> str:
     return f"{ref.name} ({arrangement.target.object.name} in {arrangement.room.name})"
-
-
-def rough_plan(spec: DatasetSpec, ref: ExampleRef) -> RoughPlan:
-    """How the rough mesh is made. Edge length is drawn per object, sigma and noise per view and level."""
-    pair, rough, path = ref.view.pair, spec.rough, (*ref.view.path, "rough", ref.level)
-    edge_length = draw(rough.edge_length, rng(spec.seed, pair.split, "object", pair.object, "edge_length"))
-    return RoughPlan(edge_length=edge_length, rounds=rough.rounds, crease_angle=rough.crease_angle,
-                     sigma=draw(rough.levels[ref.level], rng(spec.seed, *path, "sigma")), level=ref.level,
-                     direction=rough.direction, seed=str(derive_seed(spec.seed, *path, "noise")))
 
 
 def layers_asked(spec: DatasetSpec) -> tuple[tuple[str, Extent], ...]:

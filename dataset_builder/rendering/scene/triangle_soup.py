@@ -10,13 +10,13 @@ import numpy as np
 from dataset_builder.assets.asset import Asset, Material
 from dataset_builder.geometry.edges import corner_normals
 from dataset_builder.geometry.mesh import TriangleMesh, joined_colors
-from dataset_builder.geometry.rough_base import RoughBase, bounding_radius, displace, rough_base
+from dataset_builder.geometry.rough_base import RoughBase
+from dataset_builder.geometry.rough_steps import base_of, roughened
 from dataset_builder.geometry.roughness import Roughness, measure_roughness
 from dataset_builder.label.example_plan import ExamplePlan, RoughPlan
 from dataset_builder.label.scene_plan import ObjectPlan, PlacedObject, RoomPlan
 from dataset_builder.planning.scene.arrangement import ROOM_INSTANCE
 from dataset_builder.planning.scene.assets_of_plan import KEPT_ROOMS, asset_of, room_parts, world_from_object
-from dataset_builder.seeding import rng
 
 KEPT_NORMALS = 256
 KEPT_BASES = 16
@@ -119,21 +119,21 @@ def _normals(asset: Asset) -> np.ndarray:
 
 
 def rough_twin(placed: PlacedObject, plan: RoughPlan, mesh_root: Path) -> RoughTwin:
-    """The R3DM of a placed object: its 3DM, subdivided once, and displaced for a noise level.
+    """The R3DM of a placed object: its 3DM, subdivided once, and made rough as a noise level has it.
 
-    Shading normals follow the displaced surface and break at the 3DM's creases.
+    Shading normals follow the rough surface and break at the 3DM's creases.
     """
     asset = asset_of(placed.object, mesh_root)
-    base = _base(placed.object, plan.edge_length, plan.rounds, plan.crease_angle, mesh_root)
-    seed = int(plan.seed)
-    mesh = displace(base.mesh, sigma=plan.sigma, radius=bounding_radius(asset.mesh), direction=plan.direction,
-                    rng=rng(seed, "vertex noise"))
-    normals = corner_normals(mesh, creases=base.creases)
+    base = _base(placed.object, plan.edge_length, plan.rounds, plan.crease_angle, plan.coarsen, plan.triangles,
+                 mesh_root)
+    rough = roughened(base, asset.mesh, plan)
+    mesh, normals = rough.mesh, corner_normals(rough.mesh, creases=rough.creases)
     soup = soup_of(mesh, normals, asset.materials, world_from_object(placed), placed.instance)
-    return RoughTwin(soup=soup, roughness=measure_roughness(mesh, asset.mesh, rng(seed, "roughness")))
+    return RoughTwin(soup=soup, roughness=measure_roughness(mesh, asset.mesh, rng(int(plan.seed), "roughness")))
 
 
 @lru_cache(maxsize=KEPT_BASES)
-def _base(plan: ObjectPlan, edge_length: float, rounds: int, crease_angle: float, mesh_root: Path) -> RoughBase:
-    asset = asset_of(plan, mesh_root)
-    return rough_base(asset.mesh, edge_length=edge_length, rounds=rounds, crease_angle=crease_angle)
+def _base(plan: ObjectPlan, edge_length: float, rounds: int, crease_angle: float, coarsen: bool, triangles: int,
+          mesh_root: Path) -> RoughBase:
+    return base_of(asset_of(plan, mesh_root).mesh, edge_length=edge_length, rounds=rounds, crease_angle=crease_angle,
+                   coarsen=coarsen, triangles=triangles)

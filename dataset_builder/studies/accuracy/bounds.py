@@ -20,7 +20,7 @@ from time import perf_counter
 import numpy as np
 
 from dataset_builder.errors import UserError
-from dataset_builder.geometry.rough_base import rough_base
+from dataset_builder.geometry.rough_steps import base_of
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.planning.scene.assets_of_plan import asset_of
@@ -120,15 +120,17 @@ def named(factor: float) -> str:
 
 def _edge_plan(bench: Bench, ref: ExampleRef, length: float) -> ExamplePlan:
     levels = ", ".join("0" for _ in bench.spec.dataset.rough.levels)
-    return bench.plan(ref, bench.spp(bench.budget.passes), f"rough.sigma=[{levels}]", f"rough.edge_length={length!r}",
-                      "storage.standard_errors=true", layers={EDGE_LAYER: "object"})
+    plain = ("rough.level=null", "rough.steps=null", "rough.edge=null")
+    return bench.plan(ref, bench.spp(bench.budget.passes), *plain, f"rough.sigma=[{levels}]",
+                      f"rough.edge_length={length!r}", "storage.standard_errors=true", layers={EDGE_LAYER: "object"})
 
 
 def mesh_cost(plan: ExamplePlan, bench: Bench) -> tuple[float, int]:
     """Seconds to make the subdivided mesh of a plan, and its triangles."""
     asset, rough = asset_of(plan.target.object, bench.spec.mesh_root), plan.rough
     start = perf_counter()
-    base = rough_base(asset.mesh, edge_length=rough.edge_length, rounds=rough.rounds, crease_angle=rough.crease_angle)
+    base = base_of(asset.mesh, edge_length=rough.edge_length, rounds=rough.rounds, crease_angle=rough.crease_angle,
+                   coarsen=rough.coarsen, triangles=rough.triangles)
     return perf_counter() - start, len(base.mesh.faces)
 
 
@@ -179,7 +181,7 @@ def _edges(advice: Advice, rows: Sequence[AccuracyRow], spec: DatasetSpec) -> No
         f"own error in S' below {bound:.1%}; it is {figures}.")
     if chosen:
         advice.marked[EDGES, EDGE_LAYER] = chosen
-        if isinstance(spec.rough.edge_length, float | int):
+        if isinstance(spec.rough.edge_length, float | int) and spec.rough.edge is None:
             factor = float(chosen.setting.split()[0])
             advice.overrides.append(f"rough.edge_length={spec.rough.edge_length * factor:g}")
 

@@ -15,6 +15,7 @@ from dataset_builder.planning.catalogue import ExampleRef, examples
 from dataset_builder.shards.folder import SECONDS
 from dataset_builder.spec.load import load_dataset
 from dataset_builder.spec.resolve import LoadedSpec
+from dataset_builder.spec.rough_levels import NAMED, sigma_of
 from dataset_builder.studies.comma_separated import read_csv
 from dataset_builder.studies.noise.axes import DEFAULT, axis_of
 from dataset_builder.studies.trainings import changed, settings_of
@@ -36,6 +37,8 @@ class NoiseStudy:
     overrides: tuple[str, ...]
     levels: tuple[float, ...]
     """Sigmas, rising."""
+    names: tuple[str, ...] = ()
+    """Of the levels, where they are named ones; else none."""
     training: TrainingSpec
     """LighTNet on all levels, made by `studies.trainings.base_of`."""
     per_level_steps: int
@@ -58,8 +61,10 @@ class NoiseStudy:
     @cached_property
     def loaded(self) -> LoadedSpec:
         """The spec at all levels. Raises SpecError."""
-        sigmas = ", ".join(f"{level!r}" for level in self.levels)
-        return load_dataset(self.spec, (*self.overrides, f"rough.sigma=[{sigmas}]"))
+        sigmas, names = ", ".join(f"{level!r}" for level in self.levels), ", ".join(self.names)
+        chosen = ("rough.sigma=null", f"rough.level=[{names}]") if names else \
+            ("rough.level=null", f"rough.sigma=[{sigmas}]")
+        return load_dataset(self.spec, (*self.overrides, "rough.steps=null", *chosen))
 
     @property
     def per_level(self) -> TrainingSpec:
@@ -97,19 +102,33 @@ def make(study: NoiseStudy) -> Iterator[Event]:
 
 
 def parse_levels(text: str) -> tuple[float, ...]:
-    """Levels as the command line gives them. Raises UserError where one is no number.
+    """Sigmas of levels as the command line gives them, by number or by name. Raises UserError where one is neither.
 
     >>> parse_levels("0,0.002, 0.004")
     (0.0, 0.002, 0.004)
+    >>> parse_levels("smooth, heavy")
+    (0.0, 0.012)
     """
+    if names := parse_names(text):
+        return tuple(sigma_of(name) for name in names)
     found: list[float] = []
     for part in text.split(","):
         try:
             found.append(float(part))
         except ValueError:
-            raise UserError(f"--levels: expected numbers with commas between them, got {part.strip() or 'nothing'}") \
-                from None
+            raise UserError(f"--levels: expected numbers, or names ({', '.join(NAMED)}), with commas between them, "
+                            f"got {part.strip() or 'nothing'}") from None
     return tuple(found)
+
+
+def parse_names(text: str) -> tuple[str, ...]:
+    """The levels' names, where all have one that is known; else none.
+
+    >>> parse_names("smooth, heavy"), parse_names("0,0.002")
+    (('smooth', 'heavy'), ())
+    """
+    parts = tuple(part.strip() for part in text.split(","))
+    return parts if all(part in NAMED for part in parts) else ()
 
 
 def level_name(level: int) -> str:
