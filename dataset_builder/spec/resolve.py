@@ -3,7 +3,7 @@
 import os
 import posixpath
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -48,6 +48,8 @@ class LoadedSpec:
     """The mesh file of each object that has one, under the object's key."""
     images: Mapping[str, str]
     """SHA-256 of each image that lights show, by its name in the dataset file."""
+    places: Mapping[str, str] = field(default_factory=dict)
+    """Where each object that has a mesh file names it, `file:line`, under the object's key."""
     overrides: tuple[str, ...] = ()
     """`key.path=value` strings that `dataset` has already been changed by; with `path` they load the spec again."""
 
@@ -111,6 +113,7 @@ class Resolver:
         self.scenes: dict[str, SceneSpec | None] = {}
         self.rooms: dict[str, RoomSpec | None] = {}
         self.meshes: dict[str, MeshSource] = {}
+        self.places: dict[str, str] = {}
 
     def dataset(self, document: Document) -> LoadedSpec:
         """The dataset that `document` means. Raises SpecError with every problem of every file."""
@@ -132,7 +135,7 @@ class Resolver:
             raise SpecError(dict.fromkeys(self.problems))
         return LoadedSpec(path=self.root, dataset=spec, objects=_found(self.objects), scenes=_found(self.scenes),
                           rooms=_found(self.rooms), meshes=MappingProxyType(self.meshes),
-                          images=MappingProxyType(images))
+                          images=MappingProxyType(images), places=MappingProxyType(self.places))
 
     def _validated(self, document: Document, model: type[AnyModel]) -> AnyModel | None:
         result = validated(document, model)
@@ -169,7 +172,7 @@ class Resolver:
         if isinstance(mesh, Problem):
             self.problems.append(mesh)
         elif mesh:
-            self.meshes[key] = mesh
+            self.meshes[key], self.places[key] = mesh, document.place(("file",))
         family = FAMILIES.get(spec.family or "")
         self.objects[key] = spec.model_copy(update={
             "category": spec.category or (family.category if family else "object"),
