@@ -40,9 +40,11 @@ def read_meshes(planner: Planner) -> tuple[str, ...]:
     problems, warnings, loaded = list[Problem](), list[str](), planner.loaded
     for plan in _mesh_objects(planner.contents.values()):
         try:
-            if found := size_problem(plan, loaded):
-                problem, refused = found
-                (problems if refused else warnings).append(problem if refused else str(problem))
+            found = size_problem(plan, loaded)
+            if found and found[1]:
+                problems.append(found[0])
+            elif found:
+                warnings.append(str(found[0]))
         except UserError as error:
             place = place_of(loaded, plan)
             problems += [_at(place, problem) for problem in error.problems]

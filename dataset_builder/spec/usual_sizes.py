@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import log
 from typing import Literal
 
-SENSE = (0.005, 20.0)
+SENSE = (0.02, 20.0)
 """Least and largest extent, in metres, of what is put on a floor: common sense where a category says nothing."""
 LIKELY = (0.05, 3.0)
 """What such a thing most likely measures; proposed scales aim at its middle."""
@@ -70,7 +70,7 @@ USUAL = (
     _usual("cutlery", 0.05, 0.6, "spoon", "fork", "knife"),
     _usual("fruit", 0.005, 0.6, "banana", "apple", "orange", "lemon", "pear", "avocado", "pomegranate", "strawberry"),
     _usual("ring", 0.008, 0.08), _usual("shoe", 0.05, 0.6, "boot", "sneaker"), _usual("bag", 0.05, 1.5, "backpack"),
-    _usual("toy", 0.005, 2.0, "miniature", "figurine", "teddy", "doll"), _usual("ball", 0.01, 1.2),
+    _usual("toy", 0.005, 2.0, "miniature", "dollhouse", "figurine", "teddy", "doll"), _usual("ball", 0.01, 1.2),
     _usual("television", 0.2, 3.0, "tv", "monitor", "screen"), _usual("laptop", 0.15, 0.7, "notebook"),
     _usual("phone", 0.05, 0.5, "telephone", "smartphone"), _usual("camera", 0.02, 0.8), _usual("radio", 0.05, 1.5),
     _usual("speaker", 0.03, 2.0), _usual("guitar", 0.3, 1.6), _usual("piano", 0.7, 3.5),
@@ -80,6 +80,7 @@ USUAL = (
     _usual("ladder", 0.4, 8.0), _usual("statue", 0.03, 10.0, "bust", "sculpture", "dragon", "bunny"),
     _usual("helmet", 0.1, 0.8), _usual("car", 1.5, 7.0, "truck"), _usual("bicycle", 0.7, 2.5, "bike"),
 )
+TOYS = ("toy", "miniature", "dollhouse")
 _BY_WORD = {word: usual for usual in USUAL for word in (usual.name, *usual.words)}
 _LONGEST = max(len(phrase.split()) for phrase in _BY_WORD)
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
@@ -95,12 +96,15 @@ def words_of(text: str) -> list[str]:
 
 
 def usual_of(text: str) -> Usual | None:
-    """The kind of thing that a name means: the last word, or words, of the table in it; None where there is none.
+    """The kind of thing that a name means: a toy wherever one of `TOYS` is in it, else the last word, or words, of the
+    table; None where there is none.
 
     >>> usual_of("bedside table").name, usual_of("Chair cushions").name, usual_of("thing")
     ('nightstand', 'cushion', None)
     """
     words = words_of(text)
+    if toy := next((_BY_WORD[word] for word in words if word in TOYS), None):
+        return toy
     for end in range(len(words), 0, -1):
         for start in range(max(end - _LONGEST, 0), end):
             phrase = " ".join(words[start:end])
@@ -142,7 +146,8 @@ def size_advice(size: Lengths, *, category: str, suffix: str, scale: float, up: 
     if own := OWN_UNIT.get(suffix.lower()):
         hint += f"; {own}, so what exported it was wrong"
     refused = not low / BEYOND <= largest <= high * BEYOND
-    hint += "; if it is meant, give it a `category` that says so, such as toy" * bool(usual and refused)
+    if largest < low / BEYOND:
+        hint += f"; if it is meant, say so: `category: miniature {category or 'object'}`"
     return SizeAdvice(rule=f"expected {what} of {length(low)} to {length(high)}, got one whose largest extent is "
                       f"{length(largest)}", hint=hint, refused=refused, scale=proposed)
 

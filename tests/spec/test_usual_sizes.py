@@ -47,8 +47,8 @@ def test_formats_with_a_unit_are_named():
 
 
 @pytest.mark.parametrize(("largest", "category", "said", "refused"), [
-    (20, "", False, False), (0.005, "", False, False), (20.1, "", True, False), (0.0049, "", True, False),
-    (200, "", True, False), (201, "", True, True), (0.0004, "", True, True),
+    (20, "", False, False), (0.02, "", False, False), (20.1, "", True, False), (0.0199, "", True, False),
+    (200, "", True, False), (201, "", True, True), (0.0019, "", True, True),
     (15, "chair", True, False), (15.1, "chair", True, True), (1.5, "chair", False, False),
 ])
 def test_where_a_size_is_unusual_and_where_it_is_refused(largest, category, said, refused):
@@ -79,6 +79,12 @@ def test_the_categories_of_embedded_furniture_are_known():
 ])
 def test_categories_from_names(names, category):
     assert category_of(names) == category
+
+
+def test_what_is_meant_to_be_small_can_say_so():
+    found = advice(0.01, "chair")
+    assert found.refused and "`category: miniature chair`" in found.hint and not advice(0.01, "miniature chair")
+    assert "miniature" not in advice(80, "chair").hint
 
 
 def test_no_word_means_two_things():

@@ -80,8 +80,8 @@ def object_plan(loaded: LoadedSpec, key: str, split: str, path: Path, number: in
 
 def _file_plan(loaded: LoadedSpec, spec: ObjectSpec, key: str, shared: dict[str, Any]) -> ObjectPlan:
     """A mesh file is named relative to the folder of the dataset file, as every file of the spec."""
-    return ObjectPlan(kind="file", source=_source(spec, key), source_sha256=loaded.meshes[key].digest, params=(), scale=spec.scale,
-                      up=spec.up, **shared)
+    return ObjectPlan(kind="file", source=_source(spec, key), source_sha256=loaded.meshes[key].digest, params=(),
+                      scale=spec.scale, up=spec.up, **shared)
 
 
 def _source(spec: ObjectSpec, key: str) -> str:

@@ -7,13 +7,14 @@ from typing import Literal
 
 Reason = Literal["room", "clearance", "coverage", "hidden"]
 """What a draw failed, as notes tell it."""
-Cause = Literal[Reason, "close", "cut"]
-"""What to do something about: `close` is a clearance that the object itself is too small for, `cut` a frame that it is
-too long for."""
+Cause = Literal[Reason, "close", "bounds", "cut"]
+"""What to do something about: `close` is a clearance that the object itself is too small for, `bounds` one that is not
+kept from what bounds the room, `cut` a frame that the object is too long for."""
 _SAID: dict[Cause, str] = {
     "room": "outside the room at any coverage (distances needed: {low:.2f} to {high:.2f} m)",
     "clearance": "in a wall or too close to a surface (largest distance: {high:.2f} m)",
     "close": "closer than the clearance allows to the object or to what it stands on",
+    "bounds": "closer than the clearance allows to walls, floor or ceiling",
     "coverage": "off in coverage (measured: {low:.3f} to {high:.3f})",
     "cut": "cut by the frame (best visibility: {high:.2f})",
     "hidden": "hidden or cut by the frame (best visibility: {high:.2f})",
@@ -22,6 +23,8 @@ _HINT: dict[Cause, str] = {
     "room": "widen `fov`, raise `coverage`, or make the room larger or the object smaller",
     "clearance": "lower `camera.clearance`, widen `azimuth` and `elevation`, or make the room larger",
     "close": "lower `camera.clearance`, or let the camera stand further away: lower `camera.coverage` or narrow `fov`",
+    "bounds": "lower `camera.clearance`, make the room larger, or let the camera stand nearer: raise `coverage` or widen "
+              "`fov`",
     "coverage": "widen `camera.coverage`",
     "cut": "lower both bounds of `camera.coverage`, or `camera.visibility`",
     "hidden": "lower `camera.visibility`, widen `azimuth` and `elevation`, or use less furniture",

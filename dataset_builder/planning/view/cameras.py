@@ -102,8 +102,8 @@ def _draw(arrangement: Arrangement, spec: CameraSpec, image: ImageSpec, rng: np.
                     area=silhouette_area(arrangement, direction))
     reach = _reach(arrangement, direction, clearance_of(arrangement, spec))
     if nearest.distance > reach:
-        return Miss(reason="room", figure=nearest.distance,
-                    cause=_cause_of_nearness(arrangement, spec, nearest.distance) or "room")
+        position = arrangement.centre + direction * nearest.distance
+        return Miss(reason="room", figure=nearest.distance, cause=_cause(arrangement, spec, position, "bounds"))
     low = max(low, high * (nearest.distance / reach) ** 2)
     return replace(nearest, wanted=low + share * (high - low))
 
@@ -131,12 +131,16 @@ def _frame(arrangement: Arrangement, spec: CameraSpec, drawn: _Draw) -> Pinhole 
     frame = at(distance)
     if inside(arrangement, frame.position, clearance_of(arrangement, spec)):
         return frame
-    return Miss(reason="room", figure=distance, cause=_cause_of_nearness(arrangement, spec, distance) or "room")
+    return Miss(reason="room", figure=distance, cause=_cause(arrangement, spec, frame.position, "bounds"))
 
 
-def _cause_of_nearness(arrangement: Arrangement, spec: CameraSpec, distance: float) -> Cause | None:
-    """`close` where a camera is so close to the object that no room would give it the clearance."""
-    return "close" if distance < clearance_of(arrangement, spec) + arrangement.radius else None
+def _cause(arrangement: Arrangement, spec: CameraSpec, position: np.ndarray, inner: Cause) -> Cause:
+    """Why a camera keeps no clearance: `room` where it is not even in the room, `close` where it is so close to the
+    object that no room would give it any, else `inner`."""
+    if not inside(arrangement, position, 0.0):
+        return "room"
+    away = float(np.linalg.norm(position - arrangement.centre))
+    return "close" if away < clearance_of(arrangement, spec) + arrangement.radius else inner
 
 
 def _judge(arrangement: Arrangement, spec: CameraSpec, frame: Pinhole, sight: Sight) -> Miss | None:
@@ -144,9 +148,7 @@ def _judge(arrangement: Arrangement, spec: CameraSpec, frame: Pinhole, sight: Si
     low, high = spec.coverage
     clear = float(arrangement.everything.distance(frame.position[None])[0])
     if clear < clearance_of(arrangement, spec):
-        away = float(np.linalg.norm(frame.position - arrangement.centre))
-        cause = _cause_of_nearness(arrangement, spec, away) or "clearance"
-        return Miss(reason="clearance", figure=clear, cause=cause)
+        return Miss(reason="clearance", figure=clear, cause=_cause(arrangement, spec, frame.position, "clearance"))
     unseen = not len(sight.points) or sight.coverage < low <= sight.solid
     if unseen or sight.visibility < spec.visibility:
         # Visibility is the share inside the frame times the share of that which nothing hides
