@@ -31,7 +31,7 @@ def add(verbs: common.Verbs) -> None:
 
 def _import(options: argparse.Namespace) -> int:
     from dataset_builder.importing.import_specs import SHEET, ImportJob, import_models
-    from dataset_builder.report.model_sheet import model_table
+    from dataset_builder.report.model_sheet import model_lines, model_table
 
     console = common.wide_console()
     out = options.out or Path(f"{options.paths[0].absolute().stem}-specs")
@@ -43,13 +43,14 @@ def _import(options: argparse.Namespace) -> int:
 
     done = import_models(job, ask=input if sys.stdin.isatty() else None, picture=None if options.no_sheet else picture)
     proposals = done.proposals
-    console.print(model_table(proposals.made, proposals.left_out))
+    console.print(model_table(proposals.made))
     unsure = sum(bool(each.notes) for each in proposals.made)
-    lines = [f"{len(proposals.made)} models written, {len(proposals.left_out)} files left out, {unsure} to look at",
+    lines = [*model_lines(proposals.made, proposals.left_out),
+             f"{len(proposals.made)} models written, {len(proposals.left_out)} files left out, {unsure} to look at",
              *([f"contact sheet: {out / SHEET}"] if out / SHEET in done.files else []),
              f"next: dataset-builder build {done.dataset}"]
     for line in lines:
-        console.print(line, highlight=False, soft_wrap=True)
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
     return 1 if proposals.left_out else 0
 
 

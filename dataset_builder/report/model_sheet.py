@@ -21,25 +21,33 @@ from dataset_builder.spec.resolve import LoadedSpec
 from dataset_builder.spec.usual_sizes import length
 from dataset_builder.tonemap import exposure, to_8bit
 
-SIDES = {"from the front": 35, "from behind": 215}
-"""Azimuth of the camera, degrees."""
+SIDES = {"from the front": "[10, 60]", "from behind": "[190, 240]"}
+"""Range of the camera's azimuth, degrees."""
+CAMERA = ("camera.elevation={uniform: [12, 30]}", "camera.coverage=[0.03, 0.25]", "camera.visibility=0.85")
+"""Seen whole."""
 QUICK = ("image={width: 160, height: 160}", "layers={i_s: frame, mask: object}", "render.spp=32", "render.max_depth=4",
          "rough.sigma=0")
 ROWS = 8
 """Models below each other before another column begins."""
 
 
-def model_table(proposals: Iterable[Proposal], left_out: Iterable[LeftOut]) -> Table:
-    """What was written for each model, what to look at, and what was left out."""
-    table = Table("model", "category", "size", "licence", "scale, up", "look at", title="Models", title_justify="left")
+def model_table(proposals: Iterable[Proposal]) -> Table:
+    """What was written for each model."""
+    table = Table("model", "category", "size", "licence", "scale", "up", "said by", title="Models", title_justify="left")
     for each in proposals:
-        about = [*each.notes, f"not honoured: {each.not_honoured}" * bool(each.not_honoured)]
+        said = [each.category_from, each.licence.source if each.licence.spdx else ""]
         table.add_row(*map(Text, (each.name, each.category, _size(each), each.licence.spdx or "as asked",
-                                  f"{each.scale:g}, {each.up}", "\n".join(filter(None, about)))),
+                                  f"{each.scale:g}", each.up, ", ".join(filter(None, said)))),
                       style="yellow" if each.notes else None)
-    for one in left_out:
-        table.add_row(Text(str(one.path)), "", "", "", "left out", Text(one.reason), style="red")
     return table
+
+
+def model_lines(proposals: Sequence[Proposal], left_out: Iterable[LeftOut]) -> list[str]:
+    """What to look at, what is not honoured of each model, what was mended, and what was left out and why."""
+    lines = [f"look at {each.name}: {note}" for each in proposals for note in each.notes]
+    lines += [f"not honoured of {each.name}: {each.not_honoured}" for each in proposals if each.not_honoured]
+    lines += [f"repaired {each.name}: {each.mended}" for each in proposals if each.mended]
+    return [*lines, *(f"left out {one.path}: {one.reason}" for one in left_out)]
 
 
 def write_model_sheet(dataset: Path, proposals: Sequence[Proposal], target: Path, *, backend: str = "auto") -> None:
@@ -47,8 +55,8 @@ def write_model_sheet(dataset: Path, proposals: Sequence[Proposal], target: Path
 
     A side that no camera sees is left out. Raises OutputError, and UserError where nothing can be rendered.
     """
-    sides = {heading: load_dataset(dataset, [*QUICK, f"camera.azimuth={azimuth}", "camera.elevation=20",
-                                             "camera.coverage=[0.12, 0.35]"]) for heading, azimuth in SIDES.items()}
+    sides = {heading: load_dataset(dataset, [*QUICK, *CAMERA, f"camera.azimuth={{uniform: {azimuth}}}"])
+             for heading, azimuth in SIDES.items()}
     pictures: dict[str, dict[str, np.ndarray]] = {each.name: {} for each in proposals}
     for heading, loaded in sides.items():
         for name, picture in _pictures(loaded, backend):
