@@ -21,6 +21,7 @@ from dataset_builder.planning.pass_work import (
     pass_share,
 )
 from dataset_builder.planning.plan import Planner, first_plan, layers_asked
+from dataset_builder.planning.precheck import read_meshes
 from dataset_builder.planning.view.cameras import narrow_views
 from dataset_builder.planning.view.visibility import window_share
 from dataset_builder.seeding import rng
@@ -199,7 +200,7 @@ def _split_cost(planner: Planner, views: Sequence[ViewRef], split: SplitSpec, ra
         costs.append((plan, view_cost(plan, split.lights, len(spec.rough.levels), window, spec.storage.dtype, rates,
                                       cores, _files(spec, split))))
     if not costs:
-        raise PlanError(problems)
+        raise PlanError(dict.fromkeys(problems))
     return costs
 
 
@@ -207,10 +208,10 @@ def estimate(planner: Planner, views: int = 24, rates: Rates | None = None, core
     """Cost of the whole dataset, and of the measuring that precedes it where it is denoised.
 
     From about `views` views, drawn in every split in proportion and planned for real. Views that cannot be planned are
-    passed over and counted. Raises PlanError where splits share an object or a scene, and where none of the views tried
-    in a split can be planned.
+    passed over and counted. Raises PlanError where splits share an object or a scene, with all that is wrong with mesh
+    files, and where none of the views tried in a split can be planned.
     """
-    spec, _ = planner.loaded.dataset, planner.contents
+    spec, sizes = planner.loaded.dataset, read_meshes(planner)
     total, variance, tried, planned, runs = np.zeros(5), np.zeros(5), 0, list[ExamplePlan](), dict.fromkeys(RUNS, 0)
     all_views = [views_of(spec, split) for split in spec.splits]
     count = sum(map(len, all_views))
@@ -224,4 +225,4 @@ def estimate(planner: Planner, views: int = 24, rates: Rates | None = None, core
             runs[name] += times * len(own)
     return CostEstimate(total=Cost.of(total + astuple(calibration_cost(planner, rates or Rates(), cores))), views=count,
                         error=Cost.of(np.sqrt(variance)), examples=count_examples(spec), tried=tried, runs=runs,
-                        planned=len(planned), warnings=tuple(narrow_views(planned)))
+                        planned=len(planned), warnings=(*sizes, *narrow_views(planned)))

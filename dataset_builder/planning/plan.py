@@ -1,22 +1,23 @@
 """Spec to ExamplePlan: every number drawn, each from a path of its own, so that one example can be planned alone."""
 
 from collections import OrderedDict
-from collections.abc import Callable, Hashable
-from contextlib import suppress
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Generic, TypeVar
 
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.label.example_plan import ExamplePlan, GoalPlan, RenderPlan, SppPart
-from dataset_builder.label.scene_plan import IlluminationPlan
+from dataset_builder.label.scene_plan import IlluminationPlan, ObjectPlan
 from dataset_builder.layers import LAYERS, Extent
 from dataset_builder.planning.catalogue import ExampleRef, PairRef, ViewRef, examples
 from dataset_builder.planning.effects.decisions import plan_effects
 from dataset_builder.planning.rough_plan import rough_notes, rough_plan
 from dataset_builder.planning.scene.arrangement import Arrangement, arrange
 from dataset_builder.planning.scene.assets_of_plan import asset_of
-from dataset_builder.planning.scene.contents import SplitContents, contents
+from dataset_builder.planning.scene.contents import SplitContents, contents, place_of
+from dataset_builder.planning.scene.object_size import size_problem
 from dataset_builder.planning.view.cameras import PlannedCamera, place_camera
 from dataset_builder.planning.view.lights import LitView, sky_share, source_light, target_light, unit_irradiance
 from dataset_builder.seeding import derive_seed, rng
@@ -75,8 +76,23 @@ class Planner:
 
     def arrangement(self, pair: PairRef) -> Arrangement:
         """What stands where in a pair's room. Raises PlanError where the target does not fit its room."""
-        return self._arrangements.get(pair, lambda: arrange(pair, self.contents[pair.split], self.loaded.dataset.seed,
-                                                      self.loaded.path.parent))
+        return self._arrangements.get(pair, lambda: self._arrangement(pair))
+
+    def _arrangement(self, pair: PairRef) -> Arrangement:
+        target, loaded = self.contents[pair.split].objects[pair.object], self.loaded
+        with self._odd_size_named(target):
+            return arrange(pair, self.contents[pair.split], loaded.dataset.seed, loaded.path.parent)
+
+    @contextmanager
+    def _odd_size_named(self, target: ObjectPlan) -> Iterator[None]:
+        """Where planning fails for an object of unusual size, say so before all else: it may be why."""
+        try:
+            yield
+        except PlanError as error:
+            problems = [replace(problem, where=problem.where or place_of(self.loaded, target))
+                        for problem in error.problems]
+            found = size_problem(target, self.loaded)
+            raise PlanError([*([found[0]] if found else ()), *problems]) from error
 
     def view(self, ref: ViewRef) -> ViewPlan:
         """Stage, camera and source light of a view. Raises PlanError where no camera sees the target."""
@@ -84,8 +100,9 @@ class Planner:
 
     def _view(self, ref: ViewRef) -> ViewPlan:
         spec, arrangement = self.loaded.dataset, self.arrangement(ref.pair)
-        where = _where(ref, arrangement)
-        view = place_camera(arrangement, spec.camera, spec.image, rng(spec.seed, *ref.path, "camera"), where)
+        with self._odd_size_named(arrangement.target.object):
+            view = place_camera(arrangement, spec.camera, spec.image, rng(spec.seed, *ref.path, "camera"),
+                                _where(ref, arrangement))
         source = source_light(spec.source, partial(rng, spec.seed, *ref.path, "source"), self.loaded.path.parent)
         return ViewPlan(arrangement=arrangement, view=view, source=source)
 
@@ -98,8 +115,9 @@ class Planner:
         lit = LitView(arrangement=plan.arrangement, camera=plan.view.camera, sight=plan.view.sight,
                       unit=unit_irradiance(plan.source), sky=sky_share(plan.arrangement, plan.view.sight))
         stream = partial(rng, spec.seed, *ref.path, "light", number)
-        return target_light(lit, spec.target, stream, f"{_where(ref, plan.arrangement)}, light {number}",
-                            self.loaded.path.parent)
+        with self._odd_size_named(plan.arrangement.target.object):
+            return target_light(lit, spec.target, stream, f"{_where(ref, plan.arrangement)}, light {number}",
+                                self.loaded.path.parent)
 
     def example(self, ref: ExampleRef) -> ExamplePlan:
         """The plan of one example. Raises PlanError where the spec asks for what cannot be."""

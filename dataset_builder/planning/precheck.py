@@ -5,8 +5,8 @@ from collections.abc import Iterable
 from dataset_builder.errors import PlanError, Problem, UserError
 from dataset_builder.label.scene_plan import ObjectPlan
 from dataset_builder.planning.plan import Planner
-from dataset_builder.planning.scene.assets_of_plan import asset_of
-from dataset_builder.planning.scene.contents import SplitContents
+from dataset_builder.planning.scene.contents import SplitContents, place_of
+from dataset_builder.planning.scene.object_size import size_problem
 
 PROBES = 3
 """Views per split that are planned; a spec under which all of them fail is refused."""
@@ -17,7 +17,7 @@ def probe(planner: Planner) -> None:
 
     Raises UserError with all that is wrong with mesh files, and the first PlanError where all views of a split fail.
     """
-    _read_meshes(planner)
+    read_meshes(planner)
     for split in planner.loaded.dataset.splits:
         refs = [ref for ref in planner.examples if ref.view.pair.split == split.name]
         problems = []
@@ -31,19 +31,39 @@ def probe(planner: Planner) -> None:
             raise problems[0]
 
 
-def _read_meshes(planner: Planner) -> None:
-    problems: list[Problem] = []
+def read_meshes(planner: Planner) -> tuple[str, ...]:
+    """Read every mesh file of the spec, of objects and of furniture; what is unusual about sizes, one sentence each.
+
+    Raises PlanError with everything that is wrong with any of them, each problem with the line of the spec that names
+    the file: what cannot be read, changes of materials that it does not have, and sizes that cannot be meant.
+    """
+    problems, warnings, loaded = list[Problem](), list[str](), planner.loaded
     for plan in _mesh_objects(planner.contents.values()):
         try:
-            asset_of(plan, planner.loaded.path.parent)
+            found = size_problem(plan, loaded)
+            if found and found[1]:
+                problems.append(found[0])
+            elif found:
+                warnings.append(str(found[0]))
         except UserError as error:
-            problems += error.problems
+            place = place_of(loaded, plan)
+            problems += [_at(place, problem) for problem in error.problems]
     if problems:
-        raise PlanError(problems)
+        raise PlanError(dict.fromkeys(problems))
+    return tuple(dict.fromkeys(warnings))
+
+
+def _at(place: str, problem: Problem) -> Problem:
+    """A problem of a mesh file as one of the spec's line that names it."""
+    if not place:
+        return problem
+    inner = ": ".join(part for part in (problem.where, problem.path, problem.rule) if part)
+    return Problem(where=place, path="file", rule=inner, hint=problem.hint)
 
 
 def _mesh_objects(splits: Iterable[SplitContents]) -> Iterable[ObjectPlan]:
-    """One object of every mesh file."""
+    """One object of every mesh file, and of every way to read it."""
     plans = [plan for split in splits
              for plan in (*split.objects, *(piece.object for scene in split.scenes for piece in scene.furniture))]
-    return {plan.source: plan for plan in plans if plan.kind == "file"}.values()
+    return {(plan.source, plan.scale, plan.up, plan.category, plan.materials): plan for plan in plans
+            if plan.kind == "file"}.values()

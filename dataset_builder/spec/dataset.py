@@ -22,6 +22,18 @@ from dataset_builder.spec.render import ImageSpec, RenderSpec
 from dataset_builder.spec.rough import RoughSpec
 
 
+def _clearance(value: Any) -> str | None:
+    if isinstance(value, str):
+        return "|auto" if value == "auto" else None
+    return "|metres" if isinstance(value, (int, float)) and not isinstance(value, bool) else None
+
+
+Clearance = Annotated[
+    Annotated[float, Field(ge=0), Tag("|metres")] | Annotated[Literal["auto"], Tag("|auto")],
+    branches(_clearance, "expected a number or auto"),
+]
+
+
 class CameraSpec(Model):
     """Random viewpoints from which the object is visible."""
 
@@ -35,8 +47,9 @@ class CameraSpec(Model):
     """Minimum and maximum share of the frame that the object covers; the camera distance is drawn to reach it."""
     visibility: Share = 0.6
     """Minimum share of the object's silhouette that is in the frame and not occluded."""
-    clearance: Annotated[float, Field(ge=0)] = 0.15
-    """Minimum distance from the camera to any surface, in metres."""
+    clearance: Clearance = "auto"
+    """Minimum distance from the camera to any surface, in metres. auto: 0.15, or half the object's bounding radius where
+    that is less."""
     attempts: PositiveInt = 200
     """Maximum number of draws before planning gives up."""
 

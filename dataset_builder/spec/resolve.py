@@ -3,7 +3,7 @@
 import os
 import posixpath
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -51,6 +51,8 @@ class LoadedSpec:
     """SHA-256 of each image that lights show, by its name in the dataset file."""
     image_uses: tuple[ImageUse, ...] = ()
     """Where it names them."""
+    places: Mapping[str, str] = field(default_factory=dict)
+    """Where each object that has a mesh file names it, `file:line`, under the object's key."""
     overrides: tuple[str, ...] = ()
     """`key.path=value` strings that `dataset` has already been changed by; with `path` they load the spec again."""
 
@@ -114,6 +116,7 @@ class Resolver:
         self.scenes: dict[str, SceneSpec | None] = {}
         self.rooms: dict[str, RoomSpec | None] = {}
         self.meshes: dict[str, MeshSource] = {}
+        self.places: dict[str, str] = {}
 
     def dataset(self, document: Document) -> LoadedSpec:
         """The dataset that `document` means. Raises SpecError with every problem of every file."""
@@ -136,7 +139,7 @@ class Resolver:
             raise SpecError(dict.fromkeys(self.problems))
         return LoadedSpec(path=self.root, dataset=spec, objects=_found(self.objects), scenes=_found(self.scenes),
                           rooms=_found(self.rooms), meshes=MappingProxyType(self.meshes),
-                          images=MappingProxyType(images), image_uses=uses)
+                          images=MappingProxyType(images), image_uses=uses, places=MappingProxyType(self.places))
 
     def _validated(self, document: Document, model: type[AnyModel]) -> AnyModel | None:
         result = validated(document, model)
@@ -173,7 +176,7 @@ class Resolver:
         if isinstance(mesh, Problem):
             self.problems.append(mesh)
         elif mesh:
-            self.meshes[key] = mesh
+            self.meshes[key], self.places[key] = mesh, document.place(("file",))
         family = FAMILIES.get(spec.family or "")
         self.objects[key] = spec.model_copy(update={
             "category": spec.category or (family.category if family else "object"),

@@ -1,6 +1,6 @@
 """The arrangement of one pair: assets made and laid out in a room, and the rays that planning casts at them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
@@ -14,6 +14,7 @@ from dataset_builder.planning.catalogue import PairRef
 from dataset_builder.planning.scene.assets_of_plan import asset_of, room_shell, world_from_object
 from dataset_builder.planning.scene.contents import ScenePlan, SplitContents
 from dataset_builder.planning.scene.layout import Box, Piece, Place, Pose, lay_out
+from dataset_builder.planning.scene.object_size import advice_on
 from dataset_builder.seeding import rng
 
 TARGET_INSTANCE = 1
@@ -33,7 +34,7 @@ class Arrangement:
     furniture: tuple[PlacedObject, ...]
     geometry: tuple[Geometry, ...]
     notes: tuple[str, ...] = ()
-    """What layout had to leave out."""
+    """What layout had to leave out, and objects of unusual size."""
 
     @cached_property
     def everything(self) -> RayScene:
@@ -109,4 +110,10 @@ def arrange(pair: PairRef, split: SplitContents, seed: int, mesh_root: Path) -> 
     placed = _placed(target_plan, layout.target, TARGET_INSTANCE)
     geometry = [geometry_of(thing, mesh_root) for thing in (placed, *furniture)] + _room_geometry(scene)
     return Arrangement(room=scene.room, target=placed, furniture=furniture, geometry=tuple(geometry),
-                       notes=layout.notes)
+                       notes=(*layout.notes, *_odd_sizes((placed, *furniture), mesh_root)))
+
+
+def _odd_sizes(things: Iterable[PlacedObject], mesh_root: Path) -> list[str]:
+    """One sentence for each object whose size is unusual."""
+    found = {thing.object.name: advice_on(thing.object, mesh_root) for thing in things}
+    return [f"unusual size of {name}: {advice.rule}" for name, advice in found.items() if advice]

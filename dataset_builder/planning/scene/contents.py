@@ -80,9 +80,22 @@ def object_plan(loaded: LoadedSpec, key: str, split: str, path: Path, number: in
 
 def _file_plan(loaded: LoadedSpec, spec: ObjectSpec, key: str, shared: dict[str, Any]) -> ObjectPlan:
     """A mesh file is named relative to the folder of the dataset file, as every file of the spec."""
-    source = normpath(PurePosixPath(key).parent / PurePosixPath(str(spec.file)))
-    return ObjectPlan(kind="file", source=source, source_sha256=loaded.meshes[key].digest, params=(), scale=spec.scale,
-                      up=spec.up, **shared)
+    return ObjectPlan(kind="file", source=_source(spec, key), source_sha256=loaded.meshes[key].digest, params=(),
+                      scale=spec.scale, up=spec.up, **shared)
+
+
+def _source(spec: ObjectSpec, key: str) -> str:
+    return normpath(PurePosixPath(key).parent / PurePosixPath(str(spec.file)))
+
+
+def place_of(loaded: LoadedSpec, plan: ObjectPlan) -> str:
+    """Where a spec names the mesh file of a planned object, `file:line`; empty for a family."""
+    def drawn(scale: float, up: str, materials: Iterable[str]) -> tuple[float, str, tuple[str, ...]]:
+        return scale, up, tuple(materials)
+
+    wanted = drawn(plan.scale, plan.up, (change.name for change in plan.materials))
+    return next((place for key, place in loaded.places.items() if (spec := loaded.objects[key])
+                 and _source(spec, key) == plan.source and drawn(spec.scale, spec.up, spec.materials) == wanted), "")
 
 
 def room_plan(spec: RoomSpec, name: str, seed: int, path: Path) -> RoomPlan:

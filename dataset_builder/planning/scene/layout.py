@@ -182,7 +182,7 @@ def place_target(piece: Piece, room: RoomPlan) -> Pose:
     rule = (f"expected the target to fit in the room, got an object of {size} m in a room of {room.width:.2f} x "
             f"{room.depth:.2f} x {room.height:.2f} m ({ATTEMPTS} positions drawn)")
     raise PlanError([Problem(where="", path=f"{piece.name} in {room.name}", rule=rule,
-                             hint="make the room larger or the object smaller")])
+                             hint="make the room larger or the object smaller; `scale` says how large a mesh file is")])
 
 
 def _fits(box: Footprint, others: Sequence[Footprint], room: RoomPlan) -> bool:

@@ -1,10 +1,8 @@
 """Random viewpoints from which the object is visible: in the room, clear of surfaces, at the requested coverage."""
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import radians, sqrt, tan
-from typing import Literal
 
 import numpy as np
 
@@ -13,6 +11,7 @@ from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.label.scene_plan import CameraPlan, Vector
 from dataset_builder.planning.scene.arrangement import Arrangement
+from dataset_builder.planning.view.camera_misses import Cause, Miss, explained, noted
 from dataset_builder.planning.view.visibility import Sight, look, silhouette_area
 from dataset_builder.spec.dataset import CameraSpec
 from dataset_builder.spec.numbers import draw
@@ -26,20 +25,9 @@ DIRECTIONS = 8
 """Directions per draw that are looked along for depth of room, which costs little."""
 NARROW, FEW = 10.0, 3
 """Degrees about their mean that views are told to be alike within, and views that this takes at least."""
-Reason = Literal["room", "clearance", "coverage", "hidden"]
-_SAID: dict[Reason, str] = {
-    "room": "outside the room at any coverage (distances needed: {low:.2f} to {high:.2f} m)",
-    "clearance": "in a wall or too close to a surface (largest distance: {high:.2f} m)",
-    "coverage": "off in coverage (measured: {low:.3f} to {high:.3f})",
-    "hidden": "hidden or cut by the frame (best visibility: {high:.2f})",
-}
-_HINT: dict[Reason, str] = {
-    "room": "widen `fov`, raise `coverage`, or make the room larger",
-    "clearance": "lower `camera.clearance`, widen `azimuth` and `elevation`, or make the room larger",
-    "coverage": "widen `camera.coverage`",
-    "hidden": "lower `camera.visibility` or the largest coverage, widen `azimuth` and `elevation`, or use less "
-              "furniture",
-}
+CLEARANCE, CLEAR_RADII = 0.15, 0.5
+"""Metres between the camera and any surface, and the same in bounding radii of the object; the lesser unless a spec says
+otherwise, so that a ring can be as large in the frame as a chair."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,14 +37,6 @@ class PlannedCamera:
     camera: CameraPlan
     sight: Sight
     note: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Miss:
-    """Why a draw will not do, with the figure that failed."""
-
-    reason: Reason
-    figure: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -80,18 +60,6 @@ class _Draw:
                                  * (self.image.height / self.image.width)))
 
 
-def _tally(misses: Sequence[_Miss]) -> tuple[str, str]:
-    """What failed how often, most often first, and what to change about the first."""
-    counts = Counter(miss.reason for miss in misses).most_common()
-    if not counts:
-        return "", ""
-    said = []
-    for reason, count in counts:
-        figures = [miss.figure for miss in misses if miss.reason == reason]
-        said.append(f"{count} {_SAID[reason].format(low=min(figures), high=max(figures))}")
-    return "; ".join(said), _HINT[counts[0][0]]
-
-
 def towards(azimuth: float, elevation: float) -> np.ndarray:
     """(3,) unit vector at `elevation` degrees above the horizon; azimuth 0 is -Y, 90 is +X."""
     a, e = radians(azimuth), radians(elevation)
@@ -110,6 +78,11 @@ def inside(arrangement: Arrangement, point: np.ndarray, margin: float) -> bool:
     return bool((point >= low + margin).all() and (point <= high - margin).all())
 
 
+def clearance_of(arrangement: Arrangement, spec: CameraSpec) -> float:
+    """Least distance of a camera from any surface, metres."""
+    return min(CLEARANCE, CLEAR_RADII * arrangement.radius) if spec.clearance == "auto" else spec.clearance
+
+
 def _reach(arrangement: Arrangement, direction: np.ndarray, margin: float) -> float:
     """How far from the object's centre along `direction` (3,) a point still keeps `margin` from the room's planes."""
     low, high = arrangement.room_bounds
@@ -119,7 +92,7 @@ def _reach(arrangement: Arrangement, direction: np.ndarray, margin: float) -> fl
     return float(steps.min())
 
 
-def _draw(arrangement: Arrangement, spec: CameraSpec, image: ImageSpec, rng: np.random.Generator) -> _Draw | _Miss:
+def _draw(arrangement: Arrangement, spec: CameraSpec, image: ImageSpec, rng: np.random.Generator) -> _Draw | Miss:
     """A direction and a lens, and a coverage among those of the spec that the room has the distance for."""
     fov, share = draw(spec.fov, rng), float(rng.uniform())
     direction = towards(arrangement.target.yaw + draw(spec.azimuth, rng), draw(spec.elevation, rng))
@@ -127,15 +100,16 @@ def _draw(arrangement: Arrangement, spec: CameraSpec, image: ImageSpec, rng: np.
     low, high = (max(bound, MIN_COVERAGE) for bound in spec.coverage)
     nearest = _Draw(direction=direction, aim=aim, fov=fov, image=image, wanted=high,
                     area=silhouette_area(arrangement, direction))
-    reach = _reach(arrangement, direction, spec.clearance)
+    reach = _reach(arrangement, direction, clearance_of(arrangement, spec))
     if nearest.distance > reach:
-        return _Miss(reason="room", figure=nearest.distance)
+        position = arrangement.centre + direction * nearest.distance
+        return Miss(reason="room", figure=nearest.distance, cause=_cause(arrangement, spec, position, "bounds"))
     low = max(low, high * (nearest.distance / reach) ** 2)
     return replace(nearest, wanted=low + share * (high - low))
 
 
 def _draw_in_room(arrangement: Arrangement, spec: CameraSpec, image: ImageSpec,
-                  rng: np.random.Generator) -> _Draw | _Miss:
+                  rng: np.random.Generator) -> _Draw | Miss:
     """The first of a few drawn directions in which the room is deep enough, or the last miss."""
     drawn = _draw(arrangement, spec, image, rng)
     for _ in range(DIRECTIONS - 1):
@@ -145,7 +119,7 @@ def _draw_in_room(arrangement: Arrangement, spec: CameraSpec, image: ImageSpec,
     return drawn
 
 
-def _frame(arrangement: Arrangement, spec: CameraSpec, drawn: _Draw) -> Pinhole | _Miss:
+def _frame(arrangement: Arrangement, spec: CameraSpec, drawn: _Draw) -> Pinhole | Miss:
     """The drawn camera at the distance where the object's silhouette has the wanted size; must be in the room."""
 
     def at(distance: float) -> Pinhole:
@@ -155,26 +129,42 @@ def _frame(arrangement: Arrangement, spec: CameraSpec, drawn: _Draw) -> Pinhole 
     distance = drawn.distance
     distance *= sqrt(min(max(look(arrangement, at(distance)).solid / drawn.wanted, 0.25), 4.0))
     frame = at(distance)
-    return frame if inside(arrangement, frame.position, spec.clearance) else _Miss(reason="room", figure=distance)
+    if inside(arrangement, frame.position, clearance_of(arrangement, spec)):
+        return frame
+    return Miss(reason="room", figure=distance, cause=_cause(arrangement, spec, frame.position, "bounds"))
 
 
-def _judge(spec: CameraSpec, sight: Sight, clear: float) -> _Miss | None:
+def _cause(arrangement: Arrangement, spec: CameraSpec, position: np.ndarray, inner: Cause) -> Cause:
+    """Why a camera keeps no clearance: `room` where it is not even in the room, `close` where it is so close to the
+    object that no room would give it any, else `inner`."""
+    if not inside(arrangement, position, 0.0):
+        return "room"
+    away = float(np.linalg.norm(position - arrangement.centre))
+    return "close" if away < clearance_of(arrangement, spec) + arrangement.radius else inner
+
+
+def _judge(arrangement: Arrangement, spec: CameraSpec, frame: Pinhole, sight: Sight) -> Miss | None:
     """What is wrong with a frame, or None."""
     low, high = spec.coverage
-    if clear < spec.clearance:
-        return _Miss(reason="clearance", figure=clear)
+    clear = float(arrangement.everything.distance(frame.position[None])[0])
+    if clear < clearance_of(arrangement, spec):
+        return Miss(reason="clearance", figure=clear, cause=_cause(arrangement, spec, frame.position, "clearance"))
     unseen = not len(sight.points) or sight.coverage < low <= sight.solid
     if unseen or sight.visibility < spec.visibility:
-        return _Miss(reason="hidden", figure=sight.visibility)
-    return None if low <= sight.coverage <= high else _Miss(reason="coverage", figure=sight.coverage)
+        # Visibility is the share inside the frame times the share of that which nothing hides
+        cut = sight.framed ** 2 < sight.visibility or not sight.framed
+        return Miss(reason="hidden", figure=sight.visibility, cause="cut" if cut else "hidden")
+    if low <= sight.coverage <= high:
+        return None
+    return Miss(reason="coverage", figure=sight.coverage, cause="coverage")
 
 
-def _try(arrangement: Arrangement, spec: CameraSpec, drawn: _Draw | _Miss) -> tuple[CameraPlan, Sight] | _Miss:
-    frame = drawn if isinstance(drawn, _Miss) else _frame(arrangement, spec, drawn)
-    if isinstance(frame, _Miss):
+def _try(arrangement: Arrangement, spec: CameraSpec, drawn: _Draw | Miss) -> tuple[CameraPlan, Sight] | Miss:
+    frame = drawn if isinstance(drawn, Miss) else _frame(arrangement, spec, drawn)
+    if isinstance(frame, Miss):
         return frame
     sight = look(arrangement, frame)
-    if miss := _judge(spec, sight, float(arrangement.everything.distance(frame.position[None])[0])):
+    if miss := _judge(arrangement, spec, frame, sight):
         return miss
     return CameraPlan(position=vector(frame.position), target=vector(frame.target), up=(0.0, 0.0, 1.0), fov=frame.fov,
                       coverage=sight.coverage, visibility=sight.visibility), sight
@@ -188,16 +178,16 @@ def place_camera(arrangement: Arrangement, spec: CameraSpec, image: ImageSpec, r
     coverages that would need a larger room are not drawn.
     Raises PlanError, naming `where`, with what failed how often and what to change.
     """
-    misses = list[_Miss]()
+    misses = list[Miss]()
     for attempt in range(spec.attempts):
         found = _try(arrangement, spec, _draw_in_room(arrangement, spec, image, rng))
-        if not isinstance(found, _Miss):
-            note = f"camera: draw {attempt + 1} of at most {spec.attempts}; {_tally(misses)[0]}".rstrip("; ")
+        if not isinstance(found, Miss):
+            note = f"camera: draw {attempt + 1} of at most {spec.attempts}; {noted(misses)}".rstrip("; ")
             return PlannedCamera(camera=found[0], sight=found[1], note=note)
         misses.append(found)
-    (low, high), (said, hint) = spec.coverage, _tally(misses)
+    (low, high), (said, hint) = spec.coverage, explained(misses)
     rule = (f"expected a camera that sees the object on {low:g} to {high:g} of the frame with visibility >= "
-            f"{spec.visibility:g} and clearance >= {spec.clearance:g} m, got none in {spec.attempts} draws: {said}")
+            f"{spec.visibility:g} and clearance >= {clearance_of(arrangement, spec):.3g} m, got none in {spec.attempts} draws: {said}")
     raise PlanError([Problem(where=where, path="camera", rule=rule, hint=hint)])
 
 

@@ -25,6 +25,8 @@ class Sight:
     """Area of its whole silhouette, hidden and cut parts too, over the frame's area."""
     visibility: float
     """`coverage` over `solid`."""
+    framed: float
+    """Share of its whole silhouette that the frame does not cut."""
     points: np.ndarray
     """(N, 3) where the target is seen, metres."""
     normals: np.ndarray
@@ -62,7 +64,8 @@ def look(arrangement: Arrangement, frame: Pinhole, grid: int = GRID) -> Sight:
     points = frame.position + ways[seen] * distance[seen, None]
     pixels = int(inside.sum())
     return Sight(coverage=int(seen.sum()) / pixels, solid=int(met.sum()) / pixels,
-                 visibility=int(seen.sum()) / max(int(met.sum()), 1), points=points,
+                 visibility=int(seen.sum()) / max(int(met.sum()), 1),
+                 framed=int((met & inside).sum()) / max(int(met.sum()), 1), points=points,
                  normals=arrangement.alone.normals(_spread(frame.position, int(seen.sum())), ways[seen]))
 
 

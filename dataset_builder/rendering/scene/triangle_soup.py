@@ -17,6 +17,7 @@ from dataset_builder.label.example_plan import ExamplePlan, RoughPlan
 from dataset_builder.label.scene_plan import ObjectPlan, PlacedObject, RoomPlan
 from dataset_builder.planning.scene.arrangement import ROOM_INSTANCE
 from dataset_builder.planning.scene.assets_of_plan import KEPT_ROOMS, asset_of, room_parts, world_from_object
+from dataset_builder.seeding import rng
 
 KEPT_NORMALS = 256
 KEPT_BASES = 16
