@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 
 from dataset_builder.errors import PlanError, Problem, UserError
 from dataset_builder.files import output_errors
-from dataset_builder.importing.find_models import LeftOut
+from dataset_builder.importing.find_models import UnreadModel
 from dataset_builder.importing.proposal import Proposal, Proposals, propose
 from dataset_builder.importing.spec_texts import spec_texts
 from dataset_builder.planning.plan import Planner
@@ -82,7 +82,7 @@ def import_models(job: ImportJob, *, ask: Ask | None, picture: Picture | None) \
                     dataset=job.out / f"{job.name}.yaml")
 
 
-def _told(one: LeftOut) -> Problem:
+def _told(one: UnreadModel) -> Problem:
     return Problem(where=str(one.path), path="", rule=f"left out: {one.reason}")
 
 
@@ -143,7 +143,7 @@ def _planned(job: ImportJob, proposals: Proposals, licences: dict[str, str], sta
         failing = _failing(staging / f"{job.name}.yaml")
         lost = [each for each in proposals.made if each.name in failing]
         proposals.made = [each for each in proposals.made if each.name not in failing]
-        proposals.left_out += [LeftOut(path=each.model.path, reason=failing[each.name]) for each in lost]
+        proposals.left_out += [UnreadModel(path=each.model.path, reason=failing[each.name]) for each in lost]
         if not proposals.made:
             raise UserError(_told(one) for one in proposals.left_out)
         if not failing:

@@ -8,7 +8,7 @@ from typing import Literal
 from dataset_builder.assets.asset import Asset
 from dataset_builder.assets.mesh_file import READERS, load_mesh_file
 from dataset_builder.errors import UserError
-from dataset_builder.importing.find_models import FoundModel, LeftOut, file_names, find_models
+from dataset_builder.importing.find_models import FoundModel, UnreadModel, file_names, find_models
 from dataset_builder.importing.model_licence import FoundLicence, info_of, licence_of_model
 from dataset_builder.spec.mesh_source import companions, mesh_source
 from dataset_builder.spec.usual_sizes import Lengths, category_of, size_advice, usual_of
@@ -52,7 +52,7 @@ class Proposals:
     """What became of all files that were found."""
 
     made: list[Proposal] = field(default_factory=list)
-    left_out: list[LeftOut] = field(default_factory=list)
+    left_out: list[UnreadModel] = field(default_factory=list)
 
 
 def propose(paths: Sequence[Path], category: str = "") -> Proposals:
@@ -69,13 +69,13 @@ def propose(paths: Sequence[Path], category: str = "") -> Proposals:
             source = mesh_source(model.path, companions(model.path))
             digest = source.digest
             if digest in first:
-                proposals.left_out.append(LeftOut(path=model.path, reason=f"the same as {first[digest]}"))
+                proposals.left_out.append(UnreadModel(path=model.path, reason=f"the same as {first[digest]}"))
                 continue
             proposal = _proposal(model, source.sha256, name, category)
         except UserError as error:
-            proposals.left_out.append(LeftOut(path=model.path, reason="; ".join(map(str, error.problems))))
+            proposals.left_out.append(UnreadModel(path=model.path, reason="; ".join(map(str, error.problems))))
         except (OSError, ValueError) as error:
-            proposals.left_out.append(LeftOut(path=model.path, reason=f"cannot be read: {error}"))
+            proposals.left_out.append(UnreadModel(path=model.path, reason=f"cannot be read: {error}"))
         else:
             first[digest] = model.path
             proposals.made.append(proposal)

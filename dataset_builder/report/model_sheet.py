@@ -12,7 +12,7 @@ from rich.text import Text
 from dataset_builder.api import render_example
 from dataset_builder.errors import PlanError
 from dataset_builder.files import write_atomic
-from dataset_builder.importing.find_models import LeftOut
+from dataset_builder.importing.find_models import UnreadModel
 from dataset_builder.importing.proposal import Proposal
 from dataset_builder.planning.plan import Planner
 from dataset_builder.report.example_sheet import PAPER, SheetRow, png_of, sheet
@@ -42,7 +42,7 @@ def model_table(proposals: Iterable[Proposal]) -> Table:
     return table
 
 
-def model_lines(proposals: Sequence[Proposal], left_out: Iterable[LeftOut]) -> list[str]:
+def model_lines(proposals: Sequence[Proposal], left_out: Iterable[UnreadModel]) -> list[str]:
     """What to look at, what is not honoured of each model, what was mended, and what was left out and why."""
     lines = [f"look at {each.name}: {note}" for each in proposals for note in each.notes]
     lines += [f"not honoured of {each.name}: {each.not_honoured}" for each in proposals if each.not_honoured]

@@ -99,12 +99,9 @@ def test_limits_of_overrides(tiny, override: str, message: str) -> None:
 
 
 @pytest.mark.parametrize(("name", "content", "message"), [
-    ("a.gltf", '{"buffers": [{"uri": "/dev/zero"}]}', "expected a readable mesh file, got: not a regular file"),
+    ("a.gltf", '{"asset": {"version": "2.0"}, "buffers": [{"uri": "/dev/zero"}]}',
+     r"buffers\[0\]\.uri: expected a name relative to the file"),
     ("a.gltf", "[" * 100_000, "nested without end"),
-    ("a.gltf", '{"materials": [null]}', "expected materials to be objects, got nothing"),
-    ("a.gltf", '{"materials": [{"name": ["x"]}]}', "expected a material's name to be text"),
-    ("a.gltf", '{"materials": [{"extensions": [1]}]}', "expected materials to be objects"),
-    ("a.gltf", '{"materials": [{"pbrMetallicRoughness": 7}]}', "expected materials to be objects, got 7"),
     ("a.gltf", '{"buffers": 7, "images": [null, 3, {"uri": "x\\u0000"}]}', "cannot be read"),
 ])
 def test_meshes_are_files(tiny, name: str, content: str, message: str) -> None:
