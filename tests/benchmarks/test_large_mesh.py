@@ -9,7 +9,7 @@ from dataset_builder.geometry.shape_faults import shape_faults
 
 def test_a_scan_is_one_sound_surface_without_shared_vertices() -> None:
     raw = scan(20_000)
-    assert len(raw.faces) == pytest.approx(20_000, rel=0.03) and len(raw.positions) == 3 * len(raw.faces)
+    assert len(raw.faces) == pytest.approx(20_000, rel=0.05) and len(raw.positions) == 3 * len(raw.faces)
     mended, report = repair(raw)
     # Euler's formula of a sphere
     assert len(mended.positions) == len(raw.faces) / 2 + 2
