@@ -28,6 +28,7 @@ PLAIN = {int: "whole number", float: "number", str: "text", bool: "true or false
 BY_HAND = {
     (DatasetSpec, "layers"): ("a mapping of layers to `object` or `frame`", "the paper's six, each `object`"),
     (RoughSpec, "sigma"): ("number or distribution, >= 0, or a list of them", "`0.004`"),
+    (RoughSpec, "level"): ("name of a level, or a list of them: `smooth`, `light`, `medium`, `heavy`, `extreme`", "none"),
     (ExampleLabel, "layers"): ("a mapping of layers to mappings, below", ""),
     (RenderPlan, "layers"): ("list of pairs: a layer, and `object` or `frame`", ""),
 }
@@ -55,7 +56,9 @@ class TablePage:
             for path, inner in nested(model, ""):
                 paths.setdefault(inner, []).append(f"`{path}`")
             for inner, found in paths.items():
-                yield f"### {', '.join(found)}", inner
+                kinds = get_args(inner.model_fields["kind"].annotation) if "kind" in inner.model_fields else ()
+                kind = f", kind `{kinds[0]}`" if len(kinds) == 1 else ""
+                yield f"### {', '.join(found)}{kind}", inner
 
     def tables(self) -> str:
         """Everything between the two marks."""

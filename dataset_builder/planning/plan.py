@@ -128,13 +128,14 @@ class Planner:
         effects = plan_effects(spec=spec.render, room=arrangement.room, target=arrangement.target,
                                furniture=arrangement.furniture, source_light=shared.source, target_light=light, fog=fog,
                                render=render, mesh_root=self.loaded.path.parent, where=_where(ref.view, arrangement))
-        rough = rough_plan(spec, ref, asset_of(arrangement.target.object, self.loaded.path.parent).mesh)
+        clean = asset_of(arrangement.target.object, self.loaded.path.parent).mesh
+        rough = rough_plan(spec, ref, clean)
         return ExamplePlan(
             schema_version=SCHEMA_VERSION, key=ref.key, index=ref.index, split=ref.view.pair.split, view=ref.view.name,
             light=ref.light, room=arrangement.room, target=arrangement.target, furniture=arrangement.furniture,
             camera=shared.view.camera, source_light=shared.source, target_light=light,
             rough=rough, fog=fog, render=render, effects=effects,
-            notes=(*arrangement.notes, shared.view.note, note, *rough_notes(rough)))
+            notes=(*arrangement.notes, shared.view.note, note, *rough_notes(rough, clean)))
 
 
 def _where(ref: ViewRef, arrangement: Arrangement) -> str:

@@ -56,17 +56,28 @@ def _sigma(steps: tuple[RoughStep, ...]) -> float:
 
 
 def _edge_length(rough: RoughSpec, steps: tuple[Step, ...], clean: TriangleMesh, stream: Any) -> float:
-    """Metres, as asked for, or what the shortest length of the steps needs."""
+    """Metres: as asked for, but in steps no longer than their shortest length, unless `edge` says so."""
     if rough.edge is not None:
         return draw(rough.edge, stream("edge")) * bounding_radius(clean)
-    needed = shortest(steps)
-    if needed is None or "edge_length" in rough.model_fields_set:
-        return draw(rough.edge_length, stream("edge_length"))
-    return needed * bounding_radius(clean)
+    asked, needed = draw(rough.edge_length, stream("edge_length")), shortest(steps)
+    return asked if needed is None else min(asked, needed * bounding_radius(clean))
 
 
-def rough_notes(plan: RoughPlan) -> tuple[str, ...]:
+def rough_notes(plan: RoughPlan, clean: TriangleMesh) -> tuple[str, ...]:
     """What a reader of the plan should know about the rough mesh."""
+    notes = []
     if plan.above_support:
-        return ("rough mesh: noise is mirrored up at the support, since much of the object lies close above it",)
-    return ()
+        notes.append("rough mesh: noise is mirrored up at the support, since much of the object lies close above it")
+    shorter = [step.kind for step in plan.steps if (length := length_of(step)) is not None
+               and length * bounding_radius(clean) < (1 - 1e-9) * plan.edge_length]
+    if shorter:
+        notes.append(f"rough mesh: edges of {plan.edge_length:.3g} m are too long for all of {', '.join(shorter)}; "
+                     "lower rough.edge")
+    return tuple(notes)
+
+
+def length_of(step: RoughStep) -> float | None:
+    """The shortest length of a step in bounding radii, None where it has none."""
+    if step.kind == "field":
+        return step["length"] / 2 ** (step["octaves"] - 1)
+    return step["length"] if step.kind == "scanlines" else step["width"] if step.kind == "bumps" else None

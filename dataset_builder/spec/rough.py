@@ -175,10 +175,9 @@ class RoughSpec(Model):
     steps: tuple[Step, ...] | None = None
     """Steps in place of `sigma`, one after the other; their lengths are in bounding-sphere radii."""
     edge_length: within(low=1e-4) = 0.04  # type: ignore[valid-type]
-    """Target edge length in metres."""
+    """Target edge length in metres; levels and steps take their shortest correlation length or width if that is less."""
     edge: within(low=1e-3, high=1) | None = None  # type: ignore[valid-type]
-    """Target edge length in bounding-sphere radii, in place of `edge_length`. With neither, meshes of levels and steps
-    follow the shortest correlation length or width in them, if they have one."""
+    """Target edge length in bounding-sphere radii, in place of `edge_length`."""
     coarsen: bool = True
     """Whether scans finer than that are decimated to it before white noise, which would shred them. Not below 0.08
     bounding-sphere radii."""
@@ -197,10 +196,8 @@ class RoughSpec(Model):
         ways = [name for name in ("sigma", "level", "steps") if getattr(self, name) is not None
                 and (name != "sigma" or name in self.model_fields_set)]
         if len(ways) > 1 or (self.sigma is None and not ways):
-            raise broken(f"expected one of sigma, level and steps, got {' and '.join(ways) or 'none'}",
-                         path=(ways[-1] if ways else "sigma",))
-        if {"edge", "edge_length"} <= self.model_fields_set and self.edge is not None:
-            raise broken("expected edge or edge_length, got both", path=("edge",))
+            raise broken(f"expected one of sigma, level and steps, got {' and '.join(ways) or 'none'} (null takes "
+                         "one out)", path=(ways[-1] if ways else "sigma",))
         return self
 
     @property

@@ -15,9 +15,10 @@ def _fields(*each: tuple[float, float]) -> tuple[Step, ...]:
 
 
 NAMED: dict[str, tuple[Step, ...]] = {
-    "smooth": (), "light": _field(0.003), "medium": _field(0.006), "heavy": _field(0.012), "extreme": _field(0.024),
+    "smooth": _field(0.0), "light": _field(0.003), "medium": _field(0.006), "heavy": _field(0.012),
+    "extreme": _field(0.024),
 }
-"""Steps of named levels: each is twice as rough as the one before."""
+"""Steps of named levels: each is twice as rough as the one before, the first without noise."""
 RECONSTRUCTED: dict[str, tuple[Step, ...]] = {
     "field": _fields((0.022, 0.25), (0.0071, 0.03)), "smooth_field": _fields((0.036, 0.3), (0.005, 0.05)),
 }

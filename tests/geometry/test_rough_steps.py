@@ -144,7 +144,7 @@ def test_rounds_are_left_out_where_the_mesh_is_fine_enough():
 
 
 def test_a_scan_is_brought_to_the_edge_length_before_plain_noise():
-    """Within a factor of 1.5 of the same vase as it was modelled; the scan as it comes is tilted three times as much."""
+    """Within a factor of 1.5 of the same vase as it was modelled; as it comes, it is tilted three times as much."""
     model, radius = furniture("vase", 0), bounding_radius(scan())
     tilts = [tilt(base.mesh, roughened(base, mesh, plan(sigma=0.004)).mesh)
              for mesh, base in ((model, based(model)), (scan(), based(scan())), (scan(), based(scan(), coarsen=False)))]
@@ -210,7 +210,7 @@ def test_steps_of_a_kind_do_not_repeat_each_other():
 
 
 def test_like_a_field_has_the_distance_and_the_tilt_that_were_measured():
-    """Root mean square 0.023 and 0.036 radii, median tilt 16.5 and 10.4 degrees; on a ball, long fields leave chance."""
+    """Root mean square 0.023 and 0.036 radii, median tilt 16.5 and 10.4 degrees; chance remains, as fields are long."""
     for name, distance, degrees in (("field", 0.023, 16.5), ("smooth_field", 0.036, 10.4)):
         mesh = torus(400, 160)
         twin = made(mesh, *drawn(RECONSTRUCTED[name]))
@@ -309,9 +309,8 @@ def test_voxels_remake_a_solid_and_make_a_shell_of_a_sheet():
 
 
 def test_thin_parts_are_lost_and_thick_ones_stay():
-    block = box((0.5, 0.5, 0.5))
-    rod = box((0.02, 0.02, 0.8))
-    both = split_long_edges(mesh_of(np.concatenate([block.positions, rod.positions + (2, 0, 0)]),
+    block, rod = box((0.5, 0.5, 0.5)), box((0.02, 0.02, 0.8))
+    both = split_long_edges(mesh_of(np.concatenate([block.positions, rod.positions + np.array((2, 0, 0))]),
                                     np.concatenate([block.faces, rod.faces + 8])), 0.1)
     of_rod = both.corners[..., 0].mean(axis=1) > 1
     sides = of_rod & (np.abs(both.area_normals[:, 2]) < 1e-9)
@@ -346,7 +345,7 @@ def test_flat_things_are_near_their_support_and_furniture_is_not():
 
 def test_noise_of_flat_things_is_kept_above_their_support():
     rug = split_long_edges(box((2, 1.4, 0.01)), 0.05)
-    rug = replace(rug, positions=rug.positions + (0, 0, 0.005 + 3))
+    rug = replace(rug, positions=rug.positions + np.array((0, 0, 3.005)))
     free, kept = (made(rug, sigma=0.008, above=above) for above in (False, True))
     assert free.bounds[0, 2] < 3 and kept.bounds[0, 2] >= 3
     sunk = free.positions[:, 2] < 3
