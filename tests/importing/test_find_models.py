@@ -50,7 +50,8 @@ def test_folders_of_3d_future_name_their_models(tmp_path: Path) -> None:
     put(tmp_path, "0a1b/raw_model.obj", "0a1b/normalized_model.obj", "lone/normalized_model.obj", "meshes/model.obj")
     found, left = find_models([tmp_path])
     assert [model.title for model in found] == ["0a1b", "lone", tmp_path.name]
-    assert [(one.path.name, one.reason) for one in left] == [("normalized_model.obj", "a copy of raw_model.obj beside it")]
+    assert [(one.path.name, one.reason) for one in left] == [
+        ("normalized_model.obj", "a copy of raw_model.obj beside it")]
 
 
 def test_what_is_not_there_is_told(tmp_path: Path) -> None:
@@ -58,7 +59,7 @@ def test_what_is_not_there_is_told(tmp_path: Path) -> None:
         find_models([tmp_path / "a", tmp_path, tmp_path / "b.obj"])
     assert [problem.where for problem in caught.value.problems] == [str(tmp_path / "a"), str(tmp_path / "b.obj")]
     (tmp_path / "x.fbx").write_text("")
-    with pytest.raises(UserError, match=r"x\.fbx: \.fbx files are not read[^\n]*\nexpected model files .*found none in"):
+    with pytest.raises(UserError, match=r"x\.fbx: \.fbx files are not read[^\n]*\nexpected model files .*found none"):
         find_models([tmp_path])
 
 
