@@ -60,7 +60,10 @@ def find_models(paths: Sequence[Path]) -> tuple[list[FoundModel], list[PassedOve
     found, left = dict[Path, FoundModel](), list[PassedOver]()
     for path, root in _files(paths):
         suffix = path.suffix.lower()
-        if suffix in NOT_READ and suffix not in MESH_SUFFIXES:
+        if suffix in (*NOT_READ, *MESH_SUFFIXES) and not str(path).isprintable():
+            left.append(PassedOver(path=path, reason="its path holds control characters or bytes that are not UTF-8: "
+                                                     "rename it"))
+        elif suffix in NOT_READ and suffix not in MESH_SUFFIXES:
             left.append(PassedOver(path=path, reason=f"{suffix} files are not read: export the model as .glb"))
         elif suffix in MESH_SUFFIXES:
             found.setdefault(path, FoundModel(path=path, root=root))

@@ -3,7 +3,7 @@
 import re
 import shutil
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -53,8 +53,7 @@ class Imported:
     """The dataset file."""
 
 
-def import_models(job: ImportJob, *, ask: Ask | None, picture: Picture | None) \
-        -> Imported:
+def import_models(job: ImportJob, *, ask: Ask | None, picture: Picture | None) -> Imported:
     """Write an object spec for every model that can be read and planned, and a dataset of them.
 
     ask: gives the answer to a question, where there is somebody to ask. picture: draws the contact sheet, unless none
@@ -70,15 +69,27 @@ def import_models(job: ImportJob, *, ask: Ask | None, picture: Picture | None) \
         out.parent.mkdir(parents=True, exist_ok=True)
         with TemporaryDirectory(dir=out.parent, prefix=f".{out.name}-") as folder:
             staging = Path(folder)
-            names = [*_planned(job, proposals, licences, staging)]
+            names = [*_written(job, proposals, licences, staging)]
             _refuse_existing(job.out, [*names, *([SHEET] if picture else [])])
             if picture and picture(staging / f"{job.name}.yaml", proposals.made, staging / SHEET):
                 names.append(SHEET)
-            for name in names:
-                (out / name).parent.mkdir(parents=True, exist_ok=True)
-                (staging / name).rename(out / name)
+            _move(names, staging, out)
     return Imported(proposals=proposals, files=tuple(job.out / name for name in names),
                     dataset=job.out / f"{job.name}.yaml")
+
+
+def _move(names: Sequence[str], staging: Path, out: Path) -> None:
+    """Move files into place, all or none."""
+    moved = list[Path]()
+    try:
+        for name in names:
+            (out / name).parent.mkdir(parents=True, exist_ok=True)
+            (staging / name).rename(out / name)
+            moved.append(out / name)
+    except OSError:
+        for path in moved:
+            path.unlink()
+        raise
 
 
 def _told(one: PassedOver) -> Problem:
@@ -127,6 +138,15 @@ def _dataset_licence(job: ImportJob, licences: dict[str, str], names: Sequence[s
     raise UserError([Problem(where="", path="--dataset-licence", rule="expected a licence of the dataset, since none "
                              f"follows from those of its models ({', '.join(sorted(set(parts.values())))}): {why}",
                              hint="give the SPDX identifier that it is to have")])
+
+
+def _written(job: ImportJob, proposals: Proposals, licences: dict[str, str], staging: Path) -> dict[str, str]:
+    """As `_planned`, with problems of files where they are going to lie."""
+    try:
+        return _planned(job, proposals, licences, staging)
+    except UserError as error:
+        raise UserError(replace(problem, where=problem.where.replace(str(staging), str(job.out)))
+                        for problem in error.problems) from error
 
 
 def _planned(job: ImportJob, proposals: Proposals, licences: dict[str, str], staging: Path) -> dict[str, str]:

@@ -68,7 +68,9 @@ def propose(paths: Sequence[Path], category: str = "") -> Proposals:
         try:
             proposal = _proposal(model, name, category)
         except UserError as error:
-            proposals.left_out.append(PassedOver(path=model.path, reason="; ".join(map(str, error.problems))))
+            said = [replace(problem, where=problem.where if problem.where != str(model.path) else "")
+                    for problem in error.problems]
+            proposals.left_out.append(PassedOver(path=model.path, reason="; ".join(map(str, said))))
         except (OSError, ValueError) as error:
             proposals.left_out.append(PassedOver(path=model.path, reason=f"cannot be read: {error}"))
         else:

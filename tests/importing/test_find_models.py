@@ -1,5 +1,6 @@
 import doctest
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -66,6 +67,14 @@ def test_what_is_not_there_is_told(tmp_path: Path) -> None:
 def test_file_names_differ_on_every_file_system() -> None:
     assert file_names(["A b", "a B", "a/b", "a b_2", "///", "..", "con\ttrol"]) == [
         "A_b", "a_B_2", "a_b_3", "a_b_2_2", "model", "model_2", "con_trol"]
+
+
+def test_names_that_no_spec_can_hold_are_told(tmp_path: Path) -> None:
+    put(tmp_path, "a\nb.obj", "fine.obj")
+    (tmp_path / os.fsdecode(b"\xff.obj")).write_text(OBJ)
+    found, left = find_models([tmp_path])
+    assert [model.path.name for model in found] == ["fine.obj"]
+    assert len(left) == 2 and all("rename it" in one.reason for one in left)
 
 
 def test_parts_of_a_gltf_stay_parts(tmp_path: Path) -> None:
