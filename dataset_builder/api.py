@@ -46,8 +46,11 @@ def plan(spec: "LoadedSpec", example: int) -> "ExamplePlan":
     Raises UserError where there is no such example or where it cannot be planned.
     """
     from dataset_builder.planning.plan import plan_example
+    from dataset_builder.planning.precheck import meshes_named
 
-    return plan_example(spec, example, _planner(spec))
+    planner = _planner(spec)
+    with meshes_named(planner):
+        return plan_example(spec, example, planner)
 
 
 @missing_named()

@@ -87,6 +87,8 @@ def cheap(arguments: list[str]) -> list[str]:
         return [*arguments, *TINY_TRAINING]
     if arguments[0] == "table":
         return [*arguments, *TINY_TRAINING, "--steps", "2"]
+    if arguments[0] == "import":
+        return [*arguments, "--no-sheet"]
     if arguments[0] == "build":
         return [*arguments, *(CHEAP if "teapots" in arguments[1] else CHEAP_MINI)]
     return arguments
@@ -105,6 +107,9 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     texts = blocks(ROOT / "docs" / "own-meshes.md", "yaml")
     (objects / "teapot.yaml").write_text(texts[0])
     (site / "teapots" / "teapots.yaml").write_text(texts[1])
+    (site / "models").mkdir()
+    for name, extents in (("chair", (0.5, 0.9, 0.5)), ("table", (1.2, 0.8, 0.7))):
+        trimesh.creation.box(extents=extents).export(site / "models" / f"{name}.glb")
     return site
 
 

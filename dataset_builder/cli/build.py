@@ -39,6 +39,7 @@ def _plan(options: argparse.Namespace) -> int:
     from dataset_builder.engine.unit import BuildJob
     from dataset_builder.planning.cost import estimate
     from dataset_builder.planning.plan import Planner, first_plan, plan_example
+    from dataset_builder.planning.precheck import meshes_named
     from dataset_builder.rendering.scene.image_check import check_images
     from dataset_builder.report.against_table import against_table
     from dataset_builder.report.console import decisions_table, estimate_table
@@ -46,14 +47,15 @@ def _plan(options: argparse.Namespace) -> int:
 
     loaded = load_dataset(options.spec, options.overrides)
     check_images(loaded)
+    planner = Planner(loaded)
     for index in options.example:
-        print(json.dumps(plan_example(loaded, index).model_dump(mode="json"), indent=2))
+        with meshes_named(planner):
+            print(json.dumps(plan_example(loaded, index, planner).model_dump(mode="json"), indent=2))
     if options.against:
         job = BuildJob.of(loaded, options.against, backend=options.backend, threads=1, cache=options.cache,
                           cache_size=options.cache_size)
-        plain_console().print(against_table(against(Planner(loaded), options.against, job)))
+        plain_console().print(against_table(against(planner, options.against, job)))
     elif not options.example:
-        planner = Planner(loaded)
         plain_console().print(estimate_table(estimate(planner, views=options.views, cores=cores()), cores()))
         if first := first_plan(planner):
             plain_console().print(decisions_table(first))

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dataset_builder.cli import common
-from dataset_builder.errors import UserError
+from dataset_builder.errors import UserError, printable
 
 if TYPE_CHECKING:
     from dataset_builder.importing.proposal import Proposal
@@ -34,7 +34,8 @@ def _import(options: argparse.Namespace) -> int:
     from dataset_builder.report.model_sheet import model_lines, model_table
 
     console = common.wide_console()
-    out = options.out or Path(f"{options.paths[0].absolute().stem}-specs")
+    first = options.paths[0].resolve()
+    out = options.out or Path(f"{first.name if first.is_dir() else first.stem}-specs")
     job = ImportJob(paths=tuple(options.paths), out=out, licence=options.licence.strip(),
                     dataset_licence=options.dataset_licence.strip(), category=options.category.strip())
 
@@ -50,7 +51,7 @@ def _import(options: argparse.Namespace) -> int:
              *([f"contact sheet: {out / SHEET}"] if out / SHEET in done.files else []),
              f"next: dataset-builder build {done.dataset}"]
     for line in lines:
-        console.print(line, highlight=False, markup=False, soft_wrap=True)
+        console.print(printable(line), highlight=False, markup=False, soft_wrap=True)
     return 1 if proposals.left_out else 0
 
 

@@ -40,14 +40,14 @@ class FoundModel:
 
 
 @dataclass(frozen=True, kw_only=True)
-class UnreadModel:
+class PassedOver:
     """A file that no object is made from, and why."""
 
     path: Path
     reason: str
 
 
-def find_models(paths: Sequence[Path]) -> tuple[list[FoundModel], list[UnreadModel]]:
+def find_models(paths: Sequence[Path]) -> tuple[list[FoundModel], list[PassedOver]]:
     """The model files among `paths` and in folders below them, each once, in order of path; and files that look like
     models and are none: of formats that are not read, parts of other models, and copies.
 
@@ -57,11 +57,14 @@ def find_models(paths: Sequence[Path]) -> tuple[list[FoundModel], list[UnreadMod
     if missing := [path for path in paths if not path.exists()]:
         raise UserError(Problem(where=str(path), path="", rule="expected a file or a folder, found none")
                         for path in missing)
-    found, left = dict[Path, FoundModel](), list[UnreadModel]()
+    found, left = dict[Path, FoundModel](), list[PassedOver]()
     for path, root in _files(paths):
         suffix = path.suffix.lower()
-        if suffix in NOT_READ and suffix not in MESH_SUFFIXES:
-            left.append(UnreadModel(path=path, reason=f"{suffix} files are not read: export the model as .glb"))
+        if suffix in (*NOT_READ, *MESH_SUFFIXES) and not str(path).isprintable():
+            left.append(PassedOver(path=path, reason="its path holds control characters or bytes that are not UTF-8: "
+                                                     "rename it"))
+        elif suffix in NOT_READ and suffix not in MESH_SUFFIXES:
+            left.append(PassedOver(path=path, reason=f"{suffix} files are not read: export the model as .glb"))
         elif suffix in MESH_SUFFIXES:
             found.setdefault(path, FoundModel(path=path, root=root))
     for part in [part for path in found for part in _parts(path) if part != path]:
@@ -70,7 +73,7 @@ def find_models(paths: Sequence[Path]) -> tuple[list[FoundModel], list[UnreadMod
         whole = path.with_name(COPIES.get(path.stem, path.stem) + path.suffix)
         if whole != path and whole in found:
             del found[path]
-            left.append(UnreadModel(path=path, reason=f"a copy of {whole.name} beside it"))
+            left.append(PassedOver(path=path, reason=f"a copy of {whole.name} beside it"))
     if not found:
         shown = ", ".join(map(str, paths))
         rule = f"expected model files ({' '.join(MESH_SUFFIXES)}), found none in {shown}"

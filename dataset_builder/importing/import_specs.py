@@ -1,15 +1,15 @@
-"""A folder of models to a dataset that plans: proposals, licences, files written aside and looked at, then put in place."""
+"""A folder of models to a dataset that plans: proposals, licences, files written aside, then put in place."""
 
 import re
 import shutil
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from dataset_builder.errors import PlanError, Problem, UserError
 from dataset_builder.files import output_errors
-from dataset_builder.importing.find_models import UnreadModel
+from dataset_builder.importing.find_models import PassedOver
 from dataset_builder.importing.proposal import Proposal, Proposals, propose
 from dataset_builder.importing.spec_texts import spec_texts
 from dataset_builder.planning.plan import Planner
@@ -53,14 +53,12 @@ class Imported:
     """The dataset file."""
 
 
-def import_models(job: ImportJob, *, ask: Ask | None, picture: Picture | None) \
-        -> Imported:
+def import_models(job: ImportJob, *, ask: Ask | None, picture: Picture | None) -> Imported:
     """Write an object spec for every model that can be read and planned, and a dataset of them.
 
-    ask: gives the answer to a question, where there is somebody to ask. picture: draws the contact sheet, unless none is
-    wanted. Files are written beside the output folder and moved into it once the dataset
-    has been planned. Raises UserError, with nothing written, where no model is left, a licence is not known, or a file
-    is there already.
+    ask: gives the answer to a question, where there is somebody to ask. picture: draws the contact sheet, unless none
+    is wanted. Files are written beside the output folder and moved into it once the dataset has been planned. Raises
+    UserError, with nothing written, where no model is left, a licence is not known, or a file is there already.
     """
     proposals = propose(job.paths, job.category)
     if not proposals.made:
@@ -71,18 +69,30 @@ def import_models(job: ImportJob, *, ask: Ask | None, picture: Picture | None) \
         out.parent.mkdir(parents=True, exist_ok=True)
         with TemporaryDirectory(dir=out.parent, prefix=f".{out.name}-") as folder:
             staging = Path(folder)
-            names = [*_planned(job, proposals, licences, staging)]
+            names = [*_written(job, proposals, licences, staging)]
             _refuse_existing(job.out, [*names, *([SHEET] if picture else [])])
             if picture and picture(staging / f"{job.name}.yaml", proposals.made, staging / SHEET):
                 names.append(SHEET)
-            for name in names:
-                (out / name).parent.mkdir(parents=True, exist_ok=True)
-                (staging / name).rename(out / name)
+            _move(names, staging, out)
     return Imported(proposals=proposals, files=tuple(job.out / name for name in names),
                     dataset=job.out / f"{job.name}.yaml")
 
 
-def _told(one: UnreadModel) -> Problem:
+def _move(names: Sequence[str], staging: Path, out: Path) -> None:
+    """Move files into place, all or none."""
+    moved = list[Path]()
+    try:
+        for name in names:
+            (out / name).parent.mkdir(parents=True, exist_ok=True)
+            (staging / name).rename(out / name)
+            moved.append(out / name)
+    except OSError:
+        for path in moved:
+            path.unlink()
+        raise
+
+
+def _told(one: PassedOver) -> Problem:
     return Problem(where=str(one.path), path="", rule=f"left out: {one.reason}")
 
 
@@ -106,8 +116,8 @@ def _licences(proposals: Sequence[Proposal], licence: str, ask: Ask | None) -> d
     if without := [each for each in proposals if not known[each.name]]:
         raise UserError(Problem(where=str(each.model.path), path="licence",
                                 rule=f"expected a licence, found none{_why(each)}",
-                                hint=f"write it in {each.model.path.stem}.license.json or a LICENSE file beside the model, "
-                                     "or give --licence for all that name none") for each in without)
+                                hint=f"write it in {each.model.path.stem}.license.json or a LICENSE file beside the "
+                                     "model, or give --licence for all that name none") for each in without)
     return known
 
 
@@ -116,8 +126,8 @@ def _why(each: Proposal) -> str:
 
 
 def _dataset_licence(job: ImportJob, licences: dict[str, str], names: Sequence[str]) -> str:
-    """What the dataset file has to say: nothing where its licence follows; where all models but free ones have the same,
-    that one. Raises UserError where it has to be asked for."""
+    """What the dataset file has to say: nothing where its licence follows; where all models but free ones have the
+    same, that one. Raises UserError where it has to be asked for."""
     parts = {name: licences[name] for name in names}
     found, why = licence_of(parts)
     asked = set(parts.values()) - {FREE}
@@ -130,8 +140,17 @@ def _dataset_licence(job: ImportJob, licences: dict[str, str], names: Sequence[s
                              hint="give the SPDX identifier that it is to have")])
 
 
+def _written(job: ImportJob, proposals: Proposals, licences: dict[str, str], staging: Path) -> dict[str, str]:
+    """As `_planned`, with problems of files where they are going to lie."""
+    try:
+        return _planned(job, proposals, licences, staging)
+    except UserError as error:
+        raise UserError(replace(problem, where=problem.where.replace(str(staging), str(job.out)))
+                        for problem in error.problems) from error
+
+
 def _planned(job: ImportJob, proposals: Proposals, licences: dict[str, str], staging: Path) -> dict[str, str]:
-    """Write the files into `staging`; models of which no view can be planned are left out and the rest written again."""
+    """Write the files into `staging`; models of which no view can be planned are left out, the rest written again."""
     while True:
         licence = _dataset_licence(job, licences, [each.name for each in proposals.made])
         texts = spec_texts(proposals.made, name=job.name, licence=licence, licences=licences,
@@ -143,7 +162,7 @@ def _planned(job: ImportJob, proposals: Proposals, licences: dict[str, str], sta
         failing = _failing(staging / f"{job.name}.yaml")
         lost = [each for each in proposals.made if each.name in failing]
         proposals.made = [each for each in proposals.made if each.name not in failing]
-        proposals.left_out += [UnreadModel(path=each.model.path, reason=failing[each.name]) for each in lost]
+        proposals.left_out += [PassedOver(path=each.model.path, reason=failing[each.name]) for each in lost]
         if not proposals.made:
             raise UserError(_told(one) for one in proposals.left_out)
         if not failing:

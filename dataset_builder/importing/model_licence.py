@@ -57,8 +57,8 @@ def licences_in(text: str) -> list[str]:
 
 
 def licence_of_model(model: FoundModel) -> FoundLicence:
-    """What the nearest source says that says anything: a sidecar `NAME.license.json`, the glTF file itself, then folder by
-    folder up to the root `LICENSE*`, `LICENCE*`, `COPYING*`, `README*` and `model_info.json`.
+    """What the nearest source says that says anything: a sidecar `NAME.license.json`, the glTF file itself, then folder
+    by folder up to the root `LICENSE*`, `LICENCE*`, `COPYING*`, `README*` and `model_info.json`.
 
     Of a text that names several, only lines about this model count. A source that stays ambiguous ends the search.
     """
@@ -118,7 +118,7 @@ def _of_gltf(path: Path) -> list[str]:
 
 
 def info_of(model: FoundModel, folder: Path) -> Any:
-    """The model's entry in a `model_info.json` as 3D-FUTURE has it, a list of objects with a `model_id`, if there is."""
+    """The model's entry in a `model_info.json` as 3D-FUTURE has it, a list of objects with a `model_id`, or None."""
     entries = _json(folder / "model_info.json")
     names = {model.path.stem, *(part.name for part in model.folders)}
     return next((entry for entry in entries if isinstance(entry, dict) and entry.get("model_id") in names), None) \

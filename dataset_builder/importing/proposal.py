@@ -8,9 +8,9 @@ from typing import Literal
 from dataset_builder.assets.asset import Asset
 from dataset_builder.assets.mesh_file import READERS, load_mesh_file
 from dataset_builder.errors import UserError
-from dataset_builder.importing.find_models import FoundModel, UnreadModel, file_names, find_models
+from dataset_builder.importing.find_models import FoundModel, PassedOver, file_names, find_models
 from dataset_builder.importing.model_licence import FoundLicence, info_of, licence_of_model
-from dataset_builder.spec.mesh_source import companions, mesh_source
+from dataset_builder.spec.mesh_source import MeshSource, companions, mesh_source
 from dataset_builder.spec.usual_sizes import Lengths, category_of, size_advice, usual_of
 
 Up = Literal["y", "z"]
@@ -24,8 +24,8 @@ class Proposal:
     """One object to be."""
 
     model: FoundModel
-    sha256: str
-    """Of the file, without those that it names."""
+    source: MeshSource
+    """The file and those that it names, with their digests."""
     name: str
     """Of its spec's file, without suffix."""
     category: str
@@ -52,7 +52,7 @@ class Proposals:
     """What became of all files that were found."""
 
     made: list[Proposal] = field(default_factory=list)
-    left_out: list[UnreadModel] = field(default_factory=list)
+    left_out: list[PassedOver] = field(default_factory=list)
 
 
 def propose(paths: Sequence[Path], category: str = "") -> Proposals:
@@ -66,31 +66,32 @@ def propose(paths: Sequence[Path], category: str = "") -> Proposals:
     proposals, first = Proposals(left_out=left), dict[str, Path]()
     for model, name in zip(found, names, strict=True):
         try:
-            source = mesh_source(model.path, companions(model.path))
-            digest = source.digest
-            if digest in first:
-                proposals.left_out.append(UnreadModel(path=model.path, reason=f"the same as {first[digest]}"))
-                continue
-            proposal = _proposal(model, source.sha256, name, category)
+            proposal = _proposal(model, name, category)
         except UserError as error:
-            proposals.left_out.append(UnreadModel(path=model.path, reason="; ".join(map(str, error.problems))))
+            said = [replace(problem, where=problem.where if problem.where != str(model.path) else "")
+                    for problem in error.problems]
+            proposals.left_out.append(PassedOver(path=model.path, reason="; ".join(map(str, said))))
         except (OSError, ValueError) as error:
-            proposals.left_out.append(UnreadModel(path=model.path, reason=f"cannot be read: {error}"))
+            proposals.left_out.append(PassedOver(path=model.path, reason=f"cannot be read: {error}"))
         else:
-            first[digest] = model.path
-            proposals.made.append(proposal)
+            whole = first.setdefault(proposal.source.digest, model.path)
+            if whole != model.path:
+                proposals.left_out.append(PassedOver(path=model.path, reason=f"the same as {whole}"))
+            else:
+                proposals.made.append(proposal)
     return proposals
 
 
-def _proposal(model: FoundModel, sha256: str, name: str, category: str) -> Proposal:
+def _proposal(model: FoundModel, name: str, category: str) -> Proposal:
     """Raises UserError where the model cannot be read, or no scale makes sense of it."""
     suffix = model.path.suffix.lower()
     up = UP.get(suffix, "y")
     asset = load_mesh_file(model.path, name=name, category=category, licence="", up=up, max_texture=16)
     kind, told = (category, "as asked") if category else _category(model, asset)
-    made = Proposal(model=model, sha256=sha256, name=name, category=kind, category_from=told, licence=licence_of_model(model),
-                    scale=1.0, up=up, size=_size(asset), not_honoured=asset.meta.get("left_out", ""),
-                    contains=asset.meta.get("contains", ""), mended=asset.meta.get("repair", ""))
+    source = mesh_source(model.path, companions(model.path))
+    made = Proposal(model=model, source=source, name=name, category=kind, category_from=told, scale=1.0, up=up,
+                    licence=licence_of_model(model), size=_size(asset), contains=asset.meta.get("contains", ""),
+                    not_honoured=asset.meta.get("left_out", ""), mended=asset.meta.get("repair", ""))
     notes = [] if told else ["no category found: write what it is"]
     for _ in ("scale", "up"):
         advice = size_advice(made.size, category=kind, suffix=suffix, scale=made.scale, up=made.up)
@@ -121,8 +122,8 @@ def _category(model: FoundModel, asset: Asset) -> tuple[str, str]:
 
 
 def _names(model: FoundModel, asset: Asset) -> Iterator[tuple[str, str]]:
-    """What may tell a category, from what tells most: the file's name, a `model_info.json`, folders from the nearest up,
-    parts and materials of the file."""
+    """What may tell a category, from what tells most: the file's name, a `model_info.json`, folders from the nearest
+    up, parts and materials of the file."""
     yield "file name", model.path.stem
     for folder in model.folders:
         entry = info_of(model, folder) or {}

@@ -33,11 +33,11 @@ def spec_texts(proposals: Sequence[Proposal], *, name: str, licence: str, licenc
 
 
 def split_models(proposals: Sequence[Proposal]) -> dict[str, list[str]]:
-    """Names of the models of each split: disjoint, categories spread over both; one model alone is for training. Models that
-    differ in their textures only stay together."""
+    """Names of the models of each split: disjoint, categories spread over both; one model alone is for training.
+    Models that differ in their textures only stay together."""
     groups: dict[str, list[str]] = {}
     for each in sorted(proposals, key=lambda each: (each.category, each.name)):
-        groups.setdefault(each.sha256, []).append(each.name)
+        groups.setdefault(each.source.sha256, []).append(each.name)
     ordered = [*groups.values()]
     held = ordered[EVERY // 2::EVERY] or ordered[1:2]
     splits = {"train": [group for group in ordered if group not in held], "evaluation": held}
@@ -46,7 +46,8 @@ def split_models(proposals: Sequence[Proposal]) -> dict[str, list[str]]:
 
 def _object(proposal: Proposal, licence: str, parent: Path) -> str:
     """An object file. Its mesh is named from the folder that the output folder lies in."""
-    mesh = posixpath.join("../..", Path(relpath(proposal.model.path.parent.resolve() / proposal.model.path.name, parent)).as_posix())
+    path = proposal.model.path.parent.resolve() / proposal.model.path.name
+    mesh = posixpath.join("../..", Path(relpath(path, parent)).as_posix())
     about = [proposal.contains, *(f"look: {note}" for note in proposal.notes),
              f"not honoured: {proposal.not_honoured}" * bool(proposal.not_honoured)]
     lines = [f"# {printable(line)}" for line in about if line]
@@ -71,7 +72,8 @@ def _comment(text: str) -> str:
 def _room(largest: float, highest: float) -> str:
     """A room that the largest model fits into, with way to step back."""
     wide, high = min(max(4.5, 2.2 * largest + 1), MOST_WIDE), min(max(2.6, 1.3 * highest + 0.4), MOST_HIGH)
-    return (f"width: {_uniform(wide, min(wide + 1.5, MOST_WIDE))}\ndepth: {_uniform(wide, min(wide + 1.5, MOST_WIDE))}\n"
+    across = _uniform(wide, min(wide + 1.5, MOST_WIDE))
+    return (f"width: {across}\ndepth: {across}\n"
             f"height: {_uniform(high, min(high + 0.4, MOST_HIGH))}\nwindows: {{choice: [1, 2]}}\n")
 
 

@@ -1,6 +1,7 @@
 """Errors of a spec that show before anything is rendered or written."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 
 from dataset_builder.errors import PlanError, Problem, UserError
 from dataset_builder.label.scene_plan import ObjectPlan
@@ -51,6 +52,18 @@ def read_meshes(planner: Planner) -> tuple[str, ...]:
     if problems:
         raise PlanError(dict.fromkeys(problems))
     return tuple(dict.fromkeys(warnings))
+
+
+@contextmanager
+def meshes_named(planner: Planner) -> Iterator[None]:
+    """Where planning meets a mesh file that cannot be read, tell of all of them, each with its line of the spec."""
+    try:
+        yield
+    except PlanError:
+        raise
+    except UserError:
+        read_meshes(planner)
+        raise
 
 
 def _at(place: str, problem: Problem) -> Problem:

@@ -12,7 +12,7 @@ from rich.text import Text
 from dataset_builder.api import render_example
 from dataset_builder.errors import PlanError
 from dataset_builder.files import write_atomic
-from dataset_builder.importing.find_models import UnreadModel
+from dataset_builder.importing.find_models import PassedOver
 from dataset_builder.importing.proposal import Proposal
 from dataset_builder.planning.plan import Planner
 from dataset_builder.report.example_sheet import PAPER, SheetRow, png_of, sheet
@@ -33,7 +33,8 @@ ROWS = 8
 
 def model_table(proposals: Iterable[Proposal]) -> Table:
     """What was written for each model."""
-    table = Table("model", "category", "size", "licence", "scale", "up", "said by", title="Models", title_justify="left")
+    table = Table("model", "category", "size", "licence", "scale", "up", "said by", title="Models",
+                  title_justify="left")
     for each in proposals:
         said = [each.category_from, each.licence.source if each.licence.spdx else ""]
         table.add_row(*map(Text, (each.name, each.category, _size(each), each.licence.spdx or "as asked",
@@ -42,7 +43,7 @@ def model_table(proposals: Iterable[Proposal]) -> Table:
     return table
 
 
-def model_lines(proposals: Sequence[Proposal], left_out: Iterable[UnreadModel]) -> list[str]:
+def model_lines(proposals: Sequence[Proposal], left_out: Iterable[PassedOver]) -> list[str]:
     """What to look at, what is not honoured of each model, what was mended, and what was left out and why."""
     lines = [f"look at {each.name}: {note}" for each in proposals for note in each.notes]
     lines += [f"not honoured of {each.name}: {each.not_honoured}" for each in proposals if each.not_honoured]
@@ -62,18 +63,14 @@ def write_model_sheet(dataset: Path, proposals: Sequence[Proposal], target: Path
         for name, picture in _pictures(loaded, backend):
             pictures[name][heading] = picture
     rows = [SheetRow(lines=_lines(each), panels=pictures[each.name]) for each in proposals]
-    columns = [sheet(rows[start:start + _per_column(len(rows))]) for start in range(0, len(rows), _per_column(len(rows)))]
+    step = ceil(len(rows) / ceil(len(rows) / ROWS))
+    columns = [sheet(rows[start:start + step]) for start in range(0, len(rows), step)]
     page = Image.new("RGB", (sum(column.width for column in columns), max(column.height for column in columns)), PAPER)
     left = 0
     for column in columns:
         page.paste(column, (left, 0))
         left += column.width
     write_atomic(target, png_of(np.asarray(page)))
-
-
-def _per_column(count: int) -> int:
-    """Models of a column, of columns that are equally long."""
-    return ceil(count / ceil(count / ROWS))
 
 
 def _pictures(loaded: LoadedSpec, backend: str) -> Iterable[tuple[str, np.ndarray]]:

@@ -48,8 +48,8 @@ class CameraSpec(Model):
     visibility: Share = 0.6
     """Minimum share of the object's silhouette that is in the frame and not occluded."""
     clearance: Clearance = "auto"
-    """Minimum distance from the camera to any surface, in metres. auto: 0.15, or half the object's bounding radius where
-    that is less."""
+    """Minimum distance from the camera to any surface, in metres. auto: 0.15, or half the object's bounding radius
+    where that is less."""
     attempts: PositiveInt = 200
     """Maximum number of draws before planning gives up."""
 

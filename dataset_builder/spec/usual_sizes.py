@@ -170,8 +170,8 @@ def _up_advice(size: Lengths, usual: Usual, up: str) -> SizeAdvice | None:
     other = {"y": "z", "z": "y"}.get(up)
     if not other or not (lies or stands):
         return None
-    rule = (f"expected {_called(usual)} to be {'lower' if lies else 'higher'} than deep, got {length(height)} of height "
-            f"and {length(depth)} of depth")
+    rule = (f"expected {_called(usual)} to be {'lower' if lies else 'higher'} than deep, got {length(height)} of "
+            f"height and {length(depth)} of depth")
     return SizeAdvice(rule=rule, hint=f"perhaps it lies on its side: try `up: {other}`", refused=False, up=other)
 
 

@@ -1,5 +1,6 @@
 import doctest
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -50,7 +51,8 @@ def test_folders_of_3d_future_name_their_models(tmp_path: Path) -> None:
     put(tmp_path, "0a1b/raw_model.obj", "0a1b/normalized_model.obj", "lone/normalized_model.obj", "meshes/model.obj")
     found, left = find_models([tmp_path])
     assert [model.title for model in found] == ["0a1b", "lone", tmp_path.name]
-    assert [(one.path.name, one.reason) for one in left] == [("normalized_model.obj", "a copy of raw_model.obj beside it")]
+    assert [(one.path.name, one.reason) for one in left] == [
+        ("normalized_model.obj", "a copy of raw_model.obj beside it")]
 
 
 def test_what_is_not_there_is_told(tmp_path: Path) -> None:
@@ -58,13 +60,21 @@ def test_what_is_not_there_is_told(tmp_path: Path) -> None:
         find_models([tmp_path / "a", tmp_path, tmp_path / "b.obj"])
     assert [problem.where for problem in caught.value.problems] == [str(tmp_path / "a"), str(tmp_path / "b.obj")]
     (tmp_path / "x.fbx").write_text("")
-    with pytest.raises(UserError, match=r"x\.fbx: \.fbx files are not read[^\n]*\nexpected model files .*found none in"):
+    with pytest.raises(UserError, match=r"x\.fbx: \.fbx files are not read[^\n]*\nexpected model files .*found none"):
         find_models([tmp_path])
 
 
 def test_file_names_differ_on_every_file_system() -> None:
     assert file_names(["A b", "a B", "a/b", "a b_2", "///", "..", "con\ttrol"]) == [
         "A_b", "a_B_2", "a_b_3", "a_b_2_2", "model", "model_2", "con_trol"]
+
+
+def test_names_that_no_spec_can_hold_are_told(tmp_path: Path) -> None:
+    put(tmp_path, "a\nb.obj", "fine.obj")
+    (tmp_path / os.fsdecode(b"\xff.obj")).write_text(OBJ)
+    found, left = find_models([tmp_path])
+    assert [model.path.name for model in found] == ["fine.obj"]
+    assert len(left) == 2 and all("rename it" in one.reason for one in left)
 
 
 def test_parts_of_a_gltf_stay_parts(tmp_path: Path) -> None:

@@ -64,10 +64,11 @@ def test_a_folder_becomes_a_dataset_that_plans(models: Path, run: Import, tmp_pa
                                                capsys: pytest.CaptureFixture[str]) -> None:
     assert run(models, "--out", "out", "--licence", "CC-BY-4.0") == 1
     said = capsys.readouterr().out
-    for name, reason in (("broken.ply", ""), ("lost.obj", "{}: mtllib: expected an existing file, got gone.mtl"),
-                         ("copy.glb", "the same as {}/chair one.glb")):
-        assert f"left out {models / name}: {reason.format(models / name if name == 'lost.obj' else models)}" in said
-    assert "look at 7f3a: expected a table of 0.25 m to 5 m" in said and "look at bed: expected a bed to be lower" in said
+    for name, reason in (("broken.ply", ""), ("lost.obj", "mtllib: expected an existing file, got gone.mtl"),
+                         ("copy.glb", f"the same as {models}/chair one.glb")):
+        assert f"left out {models / name}: {reason}" in said
+    assert "look at 7f3a: expected a table of 0.25 m to 5 m" in said
+    assert "look at bed: expected a bed to be lower than deep" in said
     assert "5 models written, 3 files left out, 2 to look at" in said
     loaded = load_dataset(tmp_path / "out" / "out.yaml")
     objects = {Path(key).stem: spec for key, spec in loaded.objects.items() if spec.file}
@@ -113,6 +114,9 @@ def test_the_licence_of_the_dataset_is_asked_for_where_none_follows(models: Path
     assert not (tmp_path / "out").exists()
     assert run(models, "--out", "out", "--licence", "Apache-2.0", "--dataset-licence", "Apache-2.0") == 1
     assert load_dataset(tmp_path / "out" / "out.yaml").dataset.licence == "Apache-2.0"
+    (models / "chairs" / "LICENSE").write_text("CC-BY-NC-4.0")
+    assert run(models, "--out", "two", "--licence", "CC0-1.0", "--dataset-licence", "CC0-1.0") == 2
+    assert "two/two.yaml:3: licence: expected one that its objects allow, got CC0-1.0" in capsys.readouterr().err
 
 
 def test_nothing_is_overwritten(models: Path, run: Import, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -123,6 +127,15 @@ def test_nothing_is_overwritten(models: Path, run: Import, tmp_path: Path, capsy
     assert "out/rooms/room.yaml: expected no such file yet, got one" in capsys.readouterr().err
     assert mine.read_text() == "mine" and [*(tmp_path / "out").rglob("*")] == [mine.parent, mine]
     assert {path.name for path in tmp_path.iterdir()} == {"out", "my models"}
+
+
+def test_a_file_in_the_way_of_a_folder_leaves_nothing(models: Path, run: Import, tmp_path: Path,
+                                                      capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "scenes").write_text("in the way")
+    assert run(models, "--out", "out", "--licence", "CC0-1.0") == 2
+    assert "out: cannot be written" in capsys.readouterr().err
+    assert [path.name for path in (tmp_path / "out").rglob("*") if path.is_file()] == ["scenes"]
 
 
 def test_one_model_and_the_default_folder(run: Import, tmp_path: Path) -> None:
@@ -139,7 +152,8 @@ def test_specs_may_lie_beside_the_models(models: Path, run: Import) -> None:
     assert load_dataset(models / "my-models.yaml").meshes
 
 
-def test_a_model_that_no_view_shows_is_left_out(run: Import, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_model_that_no_view_shows_is_left_out(run: Import, tmp_path: Path,
+                                                capsys: pytest.CaptureFixture[str]) -> None:
     """A needle 150 times as long as thick never covers as much of a frame as is asked for."""
     box(tmp_path / "m" / "table.obj", 1.2, 0.8, 0.8)
     box(tmp_path / "m" / "needle.obj", 1.5, 0.002, 0.002)
@@ -150,7 +164,8 @@ def test_a_model_that_no_view_shows_is_left_out(run: Import, tmp_path: Path, cap
     assert [path.stem for path in (tmp_path / "out" / "objects").iterdir()] == ["table"]
 
 
-def test_where_nothing_is_left_nothing_is_written(run: Import, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_where_nothing_is_left_nothing_is_written(run: Import, tmp_path: Path,
+                                                  capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "m").mkdir()
     (tmp_path / "m" / "bad.obj").write_text("f 1 2 3\n")
     assert run("m", "--out", "out", "--licence", "CC0-1.0") == 2
@@ -165,7 +180,8 @@ def test_models_of_one_mesh_stay_in_one_split(run: Import, tmp_path: Path) -> No
         Image.new("RGB", (2, 2), colour).save(folder / "t.png")
         (folder / "c.mtl").write_text("newmtl a\nmap_Kd t.png\n")
         faces = "f 1/1 2/1 3/1\nf 1/1 2/1 4/1\nf 1/1 3/1 4/1\nf 2/1 3/1 4/1\n"
-        (folder / "chair.obj").write_text("mtllib c.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvt 0 0\n" + faces)
+        corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvt 0 0\n"
+        (folder / "chair.obj").write_text("mtllib c.mtl\nusemtl a\n" + corners + faces)
         box(tmp_path / "m" / f"table_{k}.obj", 1 + 0.1 * k, 0.8, 0.8)
     assert run("m", "--out", "out", "--licence", "CC0-1.0") == 0
     splits = [{Path(key).stem for key in split.objects.source}

@@ -118,7 +118,8 @@ def test_all_that_is_wrong_with_mesh_files_is_told_at_once(write: Write, capsys:
                   "furniture.ply": (b"ply\n", ""),
                   "furniture2.ply": (box(1, 1, 1), "materials: {oak: {roughness: 1}}\n")},
                  scene="room: room.yaml\nfurniture:\n  - {object: furniture.yaml}\n  - {object: furniture2.yaml}\n")
-    for verb in (["plan", str(path)], ["build", str(path), "--out", str(path.parent / "out"), "--backend", "llvm"]):
+    build = ["build", str(path), "--out", str(path.parent / "out"), "--backend", "llvm"]
+    for verb in (["plan", str(path)], ["plan", str(path), "--example", "0"], build):
         assert main(verb) == 2
         errors = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error: ")]
         assert [re.search(r"(\w+)\.yaml:2: (file|scale): ", line)[1] for line in errors] == [

@@ -23,8 +23,8 @@ _HINT: dict[Cause, str] = {
     "room": "widen `fov`, raise `coverage`, or make the room larger or the object smaller",
     "clearance": "lower `camera.clearance`, widen `azimuth` and `elevation`, or make the room larger",
     "close": "lower `camera.clearance`, or let the camera stand further away: lower `camera.coverage` or narrow `fov`",
-    "bounds": "lower `camera.clearance`, make the room larger, or let the camera stand nearer: raise `coverage` or widen "
-              "`fov`",
+    "bounds": "lower `camera.clearance`, make the room larger, or let the camera stand nearer: raise `coverage` or "
+              "widen `fov`",
     "coverage": "widen `camera.coverage`",
     "cut": "lower both bounds of `camera.coverage`, or `camera.visibility`",
     "hidden": "lower `camera.visibility`, widen `azimuth` and `elevation`, or use less furniture",

@@ -26,8 +26,8 @@ DIRECTIONS = 8
 NARROW, FEW = 10.0, 3
 """Degrees about their mean that views are told to be alike within, and views that this takes at least."""
 CLEARANCE, CLEAR_RADII = 0.15, 0.5
-"""Metres between the camera and any surface, and the same in bounding radii of the object; the lesser unless a spec says
-otherwise, so that a ring can be as large in the frame as a chair."""
+"""Metres between the camera and any surface, and the same in bounding radii of the object; the lesser unless a spec
+says otherwise, so that a ring can be as large in the frame as a chair."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -187,7 +187,8 @@ def place_camera(arrangement: Arrangement, spec: CameraSpec, image: ImageSpec, r
         misses.append(found)
     (low, high), (said, hint) = spec.coverage, explained(misses)
     rule = (f"expected a camera that sees the object on {low:g} to {high:g} of the frame with visibility >= "
-            f"{spec.visibility:g} and clearance >= {clearance_of(arrangement, spec):.3g} m, got none in {spec.attempts} draws: {said}")
+            f"{spec.visibility:g} and clearance >= {clearance_of(arrangement, spec):.3g} m, got none in "
+            f"{spec.attempts} draws: {said}")
     raise PlanError([Problem(where=where, path="camera", rule=rule, hint=hint)])
 
 
