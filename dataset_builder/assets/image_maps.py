@@ -32,7 +32,7 @@ STRIP = 1 << 21
 """Pixels that are made linear at a time."""
 MOST_PIXELS_PER_BYTE = 8 * 1032
 """Of a file that is as good as its header: deflate makes at most 1032 bytes of one (its author's technical page), of
-8 pixels each; JPEG stays below."""
+8 pixels each; others stay below, but for WebP and some TIFFs, which have no limit."""
 BARELY = 1e-9
 """Weight of a colour without coverage: it counts only where there is no other."""
 WIDE = ("I;16", "I;16L", "I;16B", "I;16N")
@@ -102,7 +102,7 @@ def _opened(image: ImageFile) -> Iterator[Image.Image]:
                 raise _refused(image, f"expected an image of at most {MAX_SIDE} pixels a side, got one of "
                                f"{opened.width} x {opened.height}", "save it smaller")
             size = len(image.content) if isinstance(image.content, bytes) else image.content.stat().st_size
-            if opened.format in ("PNG", "JPEG", "MPO") and opened.width * opened.height > MOST_PIXELS_PER_BYTE * size:
+            if opened.format not in ("WEBP", "TIFF") and opened.width * opened.height > MOST_PIXELS_PER_BYTE * size:
                 raise _refused(image, f"expected the pixels of an image of {opened.width} x {opened.height}, got "
                                f"{size} bytes, which cannot hold them", "the file was cut short; copy it again")
             yield opened
