@@ -18,17 +18,21 @@ import numpy as np
 from PIL import Image
 
 from dataset_builder.assets.asset import Texture, Wrap
+from dataset_builder.assets.texel_memory import shared_texels
+from dataset_builder.digest import digest, sha256_bytes, sha256_file
 from dataset_builder.errors import Problem, UserError
 
 FORMATS = ("PNG", "JPEG", "WEBP", "TGA", "BMP", "TIFF", "GIF", "DDS")
 """What is read, as Pillow calls it. Others of its decoders start programs, or are not meant for textures."""
 MAX_SIDE, MAX_PIXELS = 16384, 1 << 28
 """The largest image that is decoded."""
+LARGE = 1 << 22
+"""Pixels from which the processes of a build share what one has read."""
 STRIP = 1 << 21
 """Pixels that are made linear at a time."""
 MOST_PIXELS_PER_BYTE = 8 * 1032
 """Of a file that is as good as its header: deflate makes at most 1032 bytes of one (its author's technical page), of
-8 pixels each; JPEG stays below."""
+8 pixels each; others stay below, but for WebP and some TIFFs, which have no limit."""
 BARELY = 1e-9
 """Weight of a colour without coverage: it counts only where there is no other."""
 WIDE = ("I;16", "I;16L", "I;16B", "I;16N")
@@ -70,9 +74,23 @@ def read_texels(image: ImageFile, *, srgb: bool, max_size: int, opaque: bool = F
     first frame is read; orientations, profiles and gammas beside the pixels are ignored, as glTF 2.0, section 3.8.2,
     asks. Raises UserError for what is no image, too large, or has floats that are not in [0, 1].
     """
-    with _opened(image) as opened:
-        opened.load()
-        return _reduced(opened, limited_size(opened.size, max_size), srgb=srgb, opaque=opaque)
+    def read() -> np.ndarray:
+        with _opened(image) as opened:
+            opened.load()
+            return _reduced(opened, limited_size(opened.size, max_size), srgb=srgb, opaque=opaque)
+
+    width, height = check_image(image)
+    if width * height < LARGE:
+        return read()
+    how = {"srgb": srgb, "max_size": max_size, "opaque": opaque, "pillow": Image.__version__}
+    return shared_texels(lambda made_by: digest({"texels": _sha256(image), "made_by": made_by, **how}), read)
+
+
+def _sha256(image: ImageFile) -> str:
+    try:
+        return sha256_bytes(image.content) if isinstance(image.content, bytes) else sha256_file(image.content)
+    except OSError as error:
+        raise _refused(image, f"expected a readable image, got: {error}", "put it back") from error
 
 
 @contextmanager
@@ -84,7 +102,7 @@ def _opened(image: ImageFile) -> Iterator[Image.Image]:
                 raise _refused(image, f"expected an image of at most {MAX_SIDE} pixels a side, got one of "
                                f"{opened.width} x {opened.height}", "save it smaller")
             size = len(image.content) if isinstance(image.content, bytes) else image.content.stat().st_size
-            if opened.format in ("PNG", "JPEG", "MPO") and opened.width * opened.height > MOST_PIXELS_PER_BYTE * size:
+            if opened.format not in ("WEBP", "TIFF") and opened.width * opened.height > MOST_PIXELS_PER_BYTE * size:
                 raise _refused(image, f"expected the pixels of an image of {opened.width} x {opened.height}, got "
                                f"{size} bytes, which cannot hold them", "the file was cut short; copy it again")
             yield opened

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dataset_builder.digest import sha256_file
+from dataset_builder.assets.texel_memory import TexelMemory, sharing_texels
+from dataset_builder.digest import digest, sha256_file
 from dataset_builder.engine.byte_store import CACHE_SIZE, PASSES, ByteStore
 from dataset_builder.engine.made_by import pass_versions, plan_digest, versions
 from dataset_builder.engine.rejected_pixels import keep_pixels
@@ -37,6 +38,9 @@ if TYPE_CHECKING:
 
 PLANNING = "planning"
 """Gate that an example fails which cannot be planned."""
+
+TEXTURES_LOCK = "textures.lock"
+"""File below `.build` that a process locks while it reads a large texture."""
 
 RENDERING = "rendering"
 """Gate that an example fails whose plan asks for what cannot be made, such as a mesh beyond all bounds."""
@@ -77,6 +81,12 @@ class BuildJob:
         """Where results of passes are kept: in the output folder unless the job names another one."""
         return ByteStore(self.cache or self.folder / WORK / PASSES, self.cache_size)
 
+    @property
+    def texels(self) -> TexelMemory:
+        """Where the processes of the build share large textures."""
+        return TexelMemory(store=self.store, lock=self.folder / WORK / TEXTURES_LOCK,
+                           made_by=digest(pass_versions(self.backend)))
+
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
@@ -103,6 +113,11 @@ def run_unit(job: BuildJob, unit: ViewUnit) -> list[Outcome]:
     Raises SpecError where the spec is no longer the one that the build began with.
     """
     activate(job.backend, job.threads)
+    with sharing_texels(job.texels):
+        return _outcomes(job, unit)
+
+
+def _outcomes(job: BuildJob, unit: ViewUnit) -> list[Outcome]:
     planner = planner_of(job)
     start = perf_counter()
     outcomes: list[Outcome] = []
