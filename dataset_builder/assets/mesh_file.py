@@ -1,7 +1,6 @@
 """Mesh files -> Asset."""
 
 import os
-import unicodedata
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +19,7 @@ from dataset_builder.geometry.repair import repair
 from dataset_builder.geometry.shape_faults import shape_faults
 from dataset_builder.spec.file_reference import FileReference
 from dataset_builder.spec.mesh_source import broken_suffix_rule, references
+from dataset_builder.spec.problems import name_alike
 from dataset_builder.spec.usd_references import USD_SUFFIXES
 
 READERS: dict[str, Callable[[Path, int], FileModel]] = {
@@ -54,7 +54,7 @@ def _problem_of(reference: FileReference, file: Path) -> list[Problem]:
     where = str(reference.by)
     if not os.path.isfile(file):
         return [Problem(where=where, path=reference.key, rule=f"expected an existing file, got {file.name}, which is "
-                        f"not in {file.parent}", hint=_alike(file) or
+                        f"not in {file.parent}", hint=name_alike(file) or
                         "put it there, or export the model again with its textures")]
     if reference.image:
         try:
@@ -62,17 +62,6 @@ def _problem_of(reference: FileReference, file: Path) -> list[Problem]:
         except UserError as error:
             return [replace(problem, where=where, path=reference.key) for problem in error.problems]
     return []
-
-
-def _alike(file: Path) -> str:
-    """A hint: the file whose name differs from that of a missing one in case or in how its accents are encoded."""
-    def plain(name: str) -> str:
-        return unicodedata.normalize("NFC", name).casefold()
-    try:
-        found = sorted(name for name in os.listdir(file.parent) if plain(name) == plain(file.name))
-    except OSError:
-        return ""
-    return f"{found[0]} is there: write its name as it is" if found else ""
 
 
 def load_mesh_file(path: Path, *, name: str, category: str, licence: str, scale: float = 1.0, up: Up = "y",

@@ -9,9 +9,9 @@ from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.document import Document
 from dataset_builder.spec.families import FAMILIES, Family
 from dataset_builder.spec.licences import contradiction, licence_of
-from dataset_builder.spec.mesh_source import MeshSource, broken_suffix_rule, companions, mesh_source
+from dataset_builder.spec.mesh_source import MeshSource, broken_suffix_rule, companions, mesh_source, references
 from dataset_builder.spec.numbers import AnyNumber, check_within
-from dataset_builder.spec.problems import nearest, shown
+from dataset_builder.spec.problems import name_alike, nearest, shown
 from dataset_builder.spec.scene import ObjectSpec
 
 NO_LICENCE = "expected a `licence` beside it, the key is missing"
@@ -57,7 +57,7 @@ def find_mesh(spec: ObjectSpec, document: Document, folder: Path) -> MeshSource 
         try:
             return mesh_source(path, companions(path))
         except FileNotFoundError as error:
-            rule = f"expected the files that {spec.file} names, found no {Path(str(error.filename)).name} beside it"
+            rule, hint = _companion_rule(path, Path(str(error.filename)))
         except OSError as error:
             rule = f"expected a readable mesh file, got: {error.strerror}"
         except ValueError as error:
@@ -72,6 +72,14 @@ def _mesh_rule(path: Path, name: str) -> tuple[str, str]:
     if not os.path.isfile(path):
         return f"expected a mesh file, found none at {shown(name)}", files_like(path)
     return "", ""
+
+
+def _companion_rule(path: Path, missing: Path) -> tuple[str, str]:
+    """What is wrong where a file that a mesh file names is missing, and which statement names it."""
+    named = next((each for each in references(path) if path.parent / each.name == missing), None)
+    hints = [f"{named.by.name}, {named.key}" if named else "", name_alike(missing)]
+    return (f"expected the files that {path.name} names, found no {missing.name} beside it",
+            "; ".join(hint for hint in hints if hint))
 
 
 def files_like(path: Path) -> str:

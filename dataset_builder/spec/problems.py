@@ -1,7 +1,10 @@
 """Pydantic's errors as one problem per broken rule: where, path, rule, value, nearest known key."""
 
+import os
+import unicodedata
 from collections.abc import Callable, Iterable, Sequence
 from difflib import get_close_matches
+from pathlib import Path
 from typing import Any, get_args
 
 from pydantic import ValidationError
@@ -53,6 +56,17 @@ def nearest(name: str, known: Sequence[str], what: str = "name") -> str:
         return f"nearest known {what}: {close[0]}"
     listed = ", ".join(known[:MAX_KNOWN]) + (", ..." if len(known) > MAX_KNOWN else "")
     return f"known {what}s: {listed}" if known else ""
+
+
+def name_alike(missing: Path) -> str:
+    """A hint: the file whose name differs from that of a missing one in case or in how its accents are encoded."""
+    def plain(name: str) -> str:
+        return unicodedata.normalize("NFC", name).casefold()
+    try:
+        found = sorted(name for name in os.listdir(missing.parent) if plain(name) == plain(missing.name))
+    except OSError:
+        return ""
+    return f"{found[0]} is there: write its name as it is" if found else ""
 
 
 def problems_of(error: ValidationError, model: type[Model], place: Place) -> list[Problem]:

@@ -202,7 +202,8 @@ def test_a_mesh_file_is_one_object(in_folder) -> None:
 
 
 @pytest.mark.parametrize(("name", "content", "message"), [
-    ("a.obj", "mtllib a.mtl\n" + TRIANGLE, "expected the files that a.obj names, found no a.mtl beside it"),
+    ("a.obj", "mtllib a.mtl\n" + TRIANGLE, "expected the files that a.obj names, found no a.mtl beside it "
+     "(a.obj, line 1: mtllib)"),
     ("a.gltf", '{"asset": {"version": "2.0"}, "buffers": [{"uri": "a.bin"}]}',
      "expected the files that a.gltf names, found no a.bin beside it"),
     ("a.gltf", "{", "expected a .gltf file, got one that cannot be read"),

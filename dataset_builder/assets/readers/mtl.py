@@ -28,6 +28,7 @@ PLAIN = frozenset({"illum", "ka"})
 """Read elsewhere, or without a meaning here: there is no ambient light beside the sky's."""
 NEUTRAL = {"tf": (0.0, 1.0), "aniso": (0.0,), "anisor": (0.0,)}
 """Values that change nothing."""
+BRIGHTNESS = np.array([0.299, 0.587, 0.114])
 Triple = tuple[float, float, float]
 
 
@@ -116,15 +117,21 @@ def _surface(words: _Words, maps: MtlMaps, model: int) -> Material:
     said = words.color("kd")
     kd: Triple = said if said is not None else (1.0,) * 3 if "base_color" in maps.names else (KD,) * 3
     roughness, metallic = words.number("pr"), words.number("pm")
-    exponent, ks = words.number("ns", 0, 1e9), words.color("ks")
+    exponent, ks, index = words.number("ns", 0, 1e9), words.color("ks"), words.number("ni", 0, 10)
     physical = bool({"pr", "pm"} & set(words.said) or {"roughness", "metallic"} & maps.names)
     if roughness is None:
         roughness = _width(exponent) if exponent is not None else ROUGHNESS
         roughness = 1.0 if "roughness" in maps.names else 0.0 if model in MIRRORS and exponent is None else roughness
     made = Material(name=words.entry.name, base_color=kd, roughness=roughness,
                     metallic=metallic if metallic is not None else float("metallic" in maps.names),
-                    specular=0.0 if model in FLAT and not physical else _specular(words, ks, maps))
-    return _mirror(made, ks) if model in MIRRORS and ks and not physical and "specular" not in maps.names else made
+                    specular=0.0 if model in FLAT and not physical else _specular(index, ks, maps))
+    if model not in MIRRORS or ks is None or physical or "specular" in maps.names:
+        if ks is not None and max(ks) - min(ks) > 1e-3:
+            words.left_out.append("the colour of Ks")
+        return made
+    if "base_color" in maps.names:
+        words.left_out.append(f"illum {model} texel by texel: map_Kd tints what is reflected, too")
+    return _mirror(made, ks)
 
 
 def _width(exponent: float) -> float:
@@ -133,12 +140,9 @@ def _width(exponent: float) -> float:
     return float((2 / (exponent + 2)) ** 0.25)
 
 
-def _specular(words: _Words, ks: Triple | None, maps: MtlMaps) -> float:
+def _specular(index: float | None, ks: Triple | None, maps: MtlMaps) -> float:
     """Reflectance at normal incidence: that of Ni, 1.5 unless it is above 1, times twice the mean of Ks, so that Ks 0.5
     is what Ni says, as Blender writes and reads it."""
-    index = words.number("ni", 0, 10)
-    if ks is not None and max(ks) - min(ks) > 1e-3:
-        words.left_out.append("the colour of Ks")
     weight = 2 * (float(np.mean(ks)) if ks is not None else 1.0 if "specular" in maps.names else 0.5)
     return min(weight * (reflectance_at(index) if index is not None and index > 1 else 0.04), MAX_SPECULAR)
 
@@ -147,12 +151,12 @@ def _mirror(material: Material, ks: Triple) -> Material:
     """Models 3, 5 and 8 reflect with Ks as it stands, and scatter Kd: brought to a metallic share as
     KHR_materials_pbrSpecularGlossiness brings its diffuse and specular colours."""
     kd, reflected, dielectric = np.array(material.base_color), np.array(ks), 0.04
-    left, bright, mirrored = 1 - reflected.max(), kd.max(), reflected.max()
-    metallic = 0.0
-    if mirrored >= dielectric:
-        b = bright * left / (1 - dielectric) + mirrored - 2 * dielectric
-        root = max(b * b - 4 * dielectric * (dielectric - mirrored), 0) ** 0.5
-        metallic = float(np.clip((-b + root) / (2 * dielectric), 0, 1))
+    dark, bright = (float(np.sqrt(color * color @ BRIGHTNESS)) for color in (kd, reflected))
+    left, metallic = 1 - reflected.max(), 0.0
+    if bright >= dielectric:
+        b = dark * left / (1 - dielectric) + bright - 2 * dielectric
+        root = max(b * b - 4 * dielectric * (dielectric - bright), 0) ** 0.5
+        metallic = float(np.clip((root - b) / (2 * dielectric), 0, 1))
     scattered = kd * left / (1 - dielectric) / max(1 - metallic, 1e-6)
     reflecting = (reflected - dielectric * (1 - metallic)) / max(metallic, 1e-6)
     red, green, blue = np.clip(scattered + (reflecting - scattered) * metallic**2, 0, 1).tolist()

@@ -70,6 +70,7 @@ def test_kd_multiplies_its_map_and_is_white_without_a_number(tmp_path):
     ("map_Kd -mm 0.1 2 w.png", "-mm of map_Kd"), ("map_Kd -t 1 1 1 w.png", "-t of map_Kd"),
     ("map_Kd -cc on w.png", "-cc of map_Kd"), ("map_Kd -blendu off w.png", "-blendu of map_Kd"),
     ("map_Kd alpha.png", "coverage in the image of map_Kd, which no map_d names"),
+    ("illum 3\nKs 0.5\nmap_Kd w.png", "illum 3 texel by texel: map_Kd tints what is reflected, too"),
     ("bump w.png", "bump, a map of heights"), ("map_Bump w.png\nnorm n.png", "map_Bump"),
     ("illum 6\nmap_d w.png", "map_d")])
 def test_what_is_not_honoured_is_named(tmp_path, text, words):
@@ -82,7 +83,7 @@ def test_what_is_not_honoured_is_named(tmp_path, text, words):
 
 @pytest.mark.parametrize("text", ["Ka 1 1 1\nKd 1\nKs 0.5 0.5 0.5\nNs 96\nNi 1.45\nd 1\nTr 0\nillum 2\nTf 1 1 1\n"
                                   "Ke 0 0 0\naniso 0\nanisor 0", "map_Kd -mm 0 1 -cc off -blendu on -blendv on w.png",
-                                  "map_Kd alpha.png\nmap_d alpha.png", "Kd 0\nKe 1"])
+                                  "map_Kd alpha.png\nmap_d alpha.png", "Kd 0\nKe 1", "illum 1\nNi 1.5\nKs 0.5"])
 def test_nothing_is_named_where_all_is_honoured(tmp_path, text):
     image(tmp_path)
     image(tmp_path, "alpha.png", [[[200, 200, 200, 100]]])
@@ -116,6 +117,7 @@ def test_mirrors_reflect_with_ks(tmp_path):
     for ks in ((0.9, 0.9, 0.9), (1.0, 0.7, 0.3)):
         found = material(tmp_path, "illum 3\nKd 0 0 0\nNs 1000\nKs {} {} {}".format(*ks))
         assert found.metallic == pytest.approx(1) and found.base_color == pytest.approx(ks)
+        assert mtl(tmp_path, "illum 3\nKd 0 0 0\nKs {} {} {}".format(*ks)).left_out == ()
         assert found.roughness == pytest.approx((2 / 1002)**0.25)
     assert material(tmp_path, "illum 3\nKs 0.9").roughness == 0
 

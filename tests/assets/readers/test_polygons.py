@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from dataset_builder.assets.readers.polygons import triangulated
 
@@ -80,6 +82,22 @@ def test_an_outline_that_crosses_itself_is_named():
     square = solid(CASES["square"][0])
     made = triangulated(np.concatenate([square, bow]), np.arange(8), np.array([4, 4]))
     assert made.crossed.tolist() == [1]
+
+
+@settings(max_examples=100, deadline=None, derandomize=True, database=None)
+@given(radii=st.lists(st.floats(0.05, 1), min_size=4, max_size=40), turn=st.integers(0, 3))
+def test_outlines_around_a_point_are_covered_once(radii, turn):
+    """Spiky as they are, the angle grows along them: the area is that of the triangles from the centre."""
+    angles = np.arange(len(radii)) / len(radii) * 2 * np.pi
+    points = np.stack([np.cos(angles) * radii, np.sin(angles) * radii, 0 * angles], axis=1)
+    around = np.roll(points, -1, axis=0)
+    area = (points[:, 0] * around[:, 1] - points[:, 1] * around[:, 0]).sum() / 2
+    rotated = np.roll(points, turn, axis=1) + 3
+    made = triangulated(rotated, np.arange(len(radii)), np.array([len(radii)]))
+    found = areas(rotated, made.corners)
+    assert len(made.corners) == len(radii) - 2 and len(made.crossed) == 0
+    assert np.linalg.norm(found, axis=1).sum() == pytest.approx(area)
+    assert found.sum(axis=0)[(2 + turn) % 3] == pytest.approx(area)
 
 
 def test_nothing_of_nothing():
