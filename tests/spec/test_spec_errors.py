@@ -203,7 +203,8 @@ def test_a_mesh_file_is_one_object(in_folder) -> None:
 
 @pytest.mark.parametrize(("name", "content", "message"), [
     ("a.obj", "mtllib a.mtl\n" + TRIANGLE, "expected the files that a.obj names, found no a.mtl beside it"),
-    ("a.gltf", '{"buffers": [{"uri": "a.bin"}]}', "expected the files that a.gltf names, found no a.bin beside it"),
+    ("a.gltf", '{"asset": {"version": "2.0"}, "buffers": [{"uri": "a.bin"}]}',
+     "expected the files that a.gltf names, found no a.bin beside it"),
     ("a.gltf", "{", "expected a .gltf file, got one that cannot be read"),
     ("a.gltf", "[]", "expected a .gltf file, got one that cannot be read"),
 ])
