@@ -76,7 +76,8 @@ class _Reading:
         used = tuple(self.materials.used.values())
         return FileModel(
             parts=parts, materials=tuple(material.taken for material in used),
-            contains=contents(self.gltf, placed, self.taken, materials=len(used), images=self.materials.images.used),
+            contains=contents(self.gltf, placed, self.taken, materials=len(used),
+                              images=len(self.materials.images.used)),
             left_out=(*placed.left_out, *dict.fromkeys(self.notes), *left_aside(self.gltf, HONOURED)),
             uncertain=self._decided(placed, used))
 

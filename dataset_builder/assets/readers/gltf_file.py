@@ -119,7 +119,8 @@ class GltfFile:
         try:
             rows = meshopt.decode_gltf_buffer(source.tobytes(), count, stride, mode, kind)
         except (ValueError, MemoryError) as error:
-            entry.refuse(f"expected data compressed by meshoptimizer, got: {error}")
+            entry.refuse(f"expected data compressed by meshoptimizer, got: {error}",
+                         "unpack the file with `gltf-transform copy`, or export it again")
         return np.ascontiguousarray(rows).reshape(-1).view(np.uint8)
 
 

@@ -16,20 +16,19 @@ READ_BY_PILLOW = ("EXT_texture_webp", "EXT_texture_avif")
 KTX2 = b"\xabKTX 20\xbb\r\n\x1a\n"
 MOST_TEXELS = 2**27
 """Of an image in KTX2, which says its size before anything is decoded."""
+KEPT = 4
+"""Images that are kept decoded, for materials that share them."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GltfImages:
-    """Texels by texture, each image decoded once for each use."""
+    """Texels by texture."""
 
     gltf: GltfFile
     max_size: int
+    used: set[int] = field(default_factory=set)
+    """Images that were taken so far."""
     _texels: dict[tuple[int, bool], np.ndarray] = field(default_factory=dict)
-
-    @property
-    def used(self) -> int:
-        """How many images were taken so far."""
-        return len({image for image, _ in self._texels})
 
     def texels(self, texture: Entry, *, srgb: bool) -> np.ndarray:
         """(H, W, 4) float32 of a texture, linear, in [0, 1]. Raises UserError for what cannot be read."""
@@ -43,8 +42,11 @@ class GltfImages:
             elif not _is_known(content):
                 entry.refuse("expected a PNG, JPEG, WebP, AVIF or KTX2 image, got one that starts with "
                              f"{content[:8]!r}", "convert it to PNG")
+            if len(self._texels) >= KEPT:
+                del self._texels[next(iter(self._texels))]
             self._texels[image, srgb] = read_texels(ImageFile(name=name, content=content), srgb=srgb,
                                                     max_size=self.max_size)
+            self.used.add(image)
         return self._texels[image, srgb]
 
     def _image_of(self, texture: Entry) -> int:

@@ -38,6 +38,29 @@ def test_names_are_made_unique(tmp_path: Path) -> None:
     assert names == ["wood", "wood_2", "wood_2_2", "material_3"]
 
 
+def test_what_was_decided_about_materials_is_said(tmp_path: Path) -> None:
+    made = quad_of({"name": "m"})
+    assert made.model(tmp_path).uncertain == ("surfaces that the file shows from one side are there from both",)
+    made.header["materials"][0]["doubleSided"] = True
+    made.header["meshes"][0]["primitives"][0]["extensions"] = {"KHR_materials_variants": {"mappings": []}}
+    made.use("KHR_materials_variants", required=True)
+    assert made.model(tmp_path).uncertain == ("of the material variants the default",)
+
+
+def test_textures_in_many_materials_are_all_right(tmp_path: Path) -> None:
+    """More of them than are kept decoded, and each used twice."""
+    made = GltfMaker()
+    for number in range(6):
+        made.texture(one_texel(40 * number, 0, 0))
+    for number in [*range(6), *range(6)]:
+        material = made.add("materials", emissiveFactor=[1, 1, 1], emissiveTexture={"index": number},
+                            normalTexture={"index": number})
+        made.draw(made.primitive(material=material))
+    model = made.model(tmp_path)
+    reds = [float(texture_of(each).emission[0, 0, 0]) for each in model.materials]  # type: ignore[index]
+    assert reds == sorted(set(reds)) * 2 and model.contains.endswith("12 materials, 6 images")
+
+
 def test_materials_that_no_part_has_are_not_read(tmp_path: Path) -> None:
     made = GltfMaker()
     made.texture(b"not an image")

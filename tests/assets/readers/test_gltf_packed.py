@@ -10,6 +10,7 @@ import DracoPy
 import meshopt
 import numpy as np
 import pytest
+from PIL import features
 
 from dataset_builder.errors import UserError
 from tests.assets.gltf_files import COLORS, QUAD, QUAD_FACES, QUAD_UVS, GltfMaker, load, png, quad_of
@@ -95,30 +96,30 @@ def test_damaged_draco(tmp_path: Path) -> None:
         made.model(tmp_path)
 
 
-def meshopt_quad(*, fallback: bool = True, **change: Any) -> GltfMaker:
+def meshopt_quad(*, fallback: bool = True, name: str = MESHOPT, **change: Any) -> GltfMaker:
     """A quad whose positions and indices are compressed views, as gltfpack writes them."""
     made = GltfMaker()
     padded = np.zeros((4, 4), np.int16)
     padded[:, :3] = QUAD * 32767
     streams = [(padded, "ATTRIBUTES", 8), (QUAD_FACES, "TRIANGLES", 2)]
-    made.header["buffers"] = [{}, {"byteLength": 100, "extensions": {MESHOPT: {"fallback": True}} if fallback else {}}]
+    made.header["buffers"] = [{}, {"byteLength": 100, "extensions": {name: {"fallback": True}} if fallback else {}}]
     for values, mode, stride in streams:
         packed = meshopt.encode_gltf_buffer(values, mode)
         made.view(packed)
         where = made.header["bufferViews"].pop() | {"count": len(values), "byteStride": stride, "mode": mode}
         made.add("bufferViews", buffer=1, byteLength=values.nbytes, **({"byteStride": 8} if stride == 8 else {}),
-                 extensions={MESHOPT: where | change})
+                 extensions={name: where | change})
     made.header["buffers"][0] = {"byteLength": len(made.binary)}
     positions = made.add("accessors", bufferView=0, componentType=5122, normalized=True, count=4, type="VEC3")
     made.draw({"attributes": {"POSITION": positions},
                "indices": made.add("accessors", bufferView=1, componentType=5123, count=6, type="SCALAR")})
-    made.use(MESHOPT, "KHR_mesh_quantization", required=True)
+    made.use(name, "KHR_mesh_quantization", required=True)
     return made
 
 
-@pytest.mark.parametrize("fallback", [True, False])
-def test_meshoptimizer(tmp_path: Path, fallback: bool) -> None:
-    part, = meshopt_quad(fallback=fallback).model(tmp_path).parts
+@pytest.mark.parametrize(("fallback", "name"), [(True, MESHOPT), (False, MESHOPT), (True, "KHR_meshopt_compression")])
+def test_meshoptimizer(tmp_path: Path, fallback: bool, name: str) -> None:
+    part, = meshopt_quad(fallback=fallback, name=name).model(tmp_path).parts
     corners = {tuple(sorted(map(tuple, part.positions[face].tolist()))) for face in part.faces}
     assert corners == {((0, 0, 0), (1, 0, 0), (1, 1, 0)), ((0, 0, 0), (0, 1, 0), (1, 1, 0))}
 
@@ -185,11 +186,14 @@ def test_images_in_ktx2_may_lie_beside(tmp_path: Path) -> None:
     assert load(path).materials[0].texture.base_color.shape == (4, 8, 3)  # type: ignore[union-attr]
 
 
-def test_webp_comes_before_its_fallback(tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", ["webp", "avif"])
+def test_webp_and_avif_come_before_their_fallback(tmp_path: Path, kind: str) -> None:
+    if not features.check(kind):
+        pytest.skip(f"Pillow was built without {kind}")
     made = quad_of({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}, [COLORS])
-    other = made.add("images", bufferView=made.view(png(np.full((4, 4, 3), 9, np.uint8), "WEBP", lossless=True)))
-    made.header["textures"][0]["extensions"] = {"EXT_texture_webp": {"source": other}}
-    made.use("EXT_texture_webp", required=True)
+    other = made.add("images", bufferView=made.view(png(np.full((4, 4, 3), 9, np.uint8), kind.upper())))
+    made.header["textures"][0]["extensions"] = {f"EXT_texture_{kind}": {"source": other}}
+    made.use(f"EXT_texture_{kind}", required=True)
     texture = made.model(tmp_path).materials[0].material.texture
     assert texture is not None and texture.base_color.shape == (4, 4, 3)
 
