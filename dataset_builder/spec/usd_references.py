@@ -93,7 +93,7 @@ def open_layer(identifier: str) -> "Sdf.Layer":
     try:
         layer = Sdf.Layer.FindOrOpen(identifier)
     except Tf.ErrorException as error:
-        raise ValueError(said(error)) from error
+        raise ValueError(said(error).replace(identifier, Path(identifier).name)) from error
     if layer is None:
         raise ValueError(f"expected a USD layer, got {inner or Path(outer).name}, which is damaged")
     return layer
