@@ -6,9 +6,13 @@ from pathlib import Path
 import numpy as np
 
 from dataset_builder.assets.file_model import refuse
-from dataset_builder.assets.readers.polygons import Triangles, triangulated
+from dataset_builder.assets.readers.polygons import Triangulation, triangulated
 from dataset_builder.digest import read_regular
 from dataset_builder.spec.file_reference import MOST_BYTES
+
+
+FARTHEST = 1e30
+"""Areas of what is larger overflow."""
 
 
 def content_of(path: Path) -> bytes:
@@ -32,15 +36,18 @@ def numbers_of(text: bytes) -> np.ndarray | None:
 
 
 def checked_triangles(path: Path, positions: np.ndarray, indices: np.ndarray, counts: np.ndarray, *,
-                      at: str = "", kept: np.ndarray | None = None) -> Triangles:
+                      at: str = "", kept: np.ndarray | None = None) -> Triangulation:
     """Triangles of the polygons with these (C,) corners, in runs of (F,) counts; (V, 3) positions.
 
-    kept: which polygons become triangles; all, if not given. Raises UserError for vertices that are not finite, faces
-    of fewer than 3 corners, and indices that are not vertices.
+    kept: which polygons become triangles; all, if not given. Raises UserError for vertices that are not finite or too
+    far away, faces of fewer than 3 corners, and indices that are not vertices.
     """
     bad = np.flatnonzero(~np.isfinite(positions).all(axis=1))
     if len(bad):
         refuse(path, f"expected finite vertices, got {len(bad)} with NaN or Inf, first at vertex {bad[0]}", at=at)
+    far = np.flatnonzero((np.abs(positions) > FARTHEST).any(axis=1))
+    if len(far):
+        refuse(path, f"expected vertices within {FARTHEST:g}, got {len(far)} beyond, first at vertex {far[0]}", at=at)
     few = np.flatnonzero(counts < 3)
     if len(few):
         refuse(path, f"expected faces of 3 or more corners, got {len(few)} with fewer, first at face {few[0]}, which "
@@ -54,10 +61,10 @@ def checked_triangles(path: Path, positions: np.ndarray, indices: np.ndarray, co
         return triangulated(positions, indices, counts)
     corners, faces = np.flatnonzero(np.repeat(kept, counts)), np.flatnonzero(kept)
     found = triangulated(positions, indices[corners], counts[kept])
-    return Triangles(corners=corners[found.corners], owner=faces[found.owner], crossed=faces[found.crossed])
+    return Triangulation(corners=corners[found.corners], owner=faces[found.owner], crossed=faces[found.crossed])
 
 
-def crossing(found: Triangles) -> tuple[str, ...]:
+def crossing(found: Triangulation) -> tuple[str, ...]:
     """What is uncertain about triangles of polygons, in words."""
     many = len(found.crossed)
     return (f"{many} faces whose outline crosses itself, first face {found.crossed[0]}",) if many else ()

@@ -9,7 +9,7 @@ SLIVER = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Triangles:
+class Triangulation:
     """What polygons became."""
 
     corners: np.ndarray
@@ -20,7 +20,7 @@ class Triangles:
     """Polygons whose outline crosses itself, so that no triangles cover just what it encloses; ascending."""
 
 
-def triangulated(positions: np.ndarray, indices: np.ndarray, counts: np.ndarray) -> Triangles:
+def triangulated(positions: np.ndarray, indices: np.ndarray, counts: np.ndarray) -> Triangulation:
     """Triangles of planar polygons, wound as these are; no corner is lost, so that neighbours still meet.
 
     positions: (V, 3), finite. indices: (C,) into them, all corners of the first polygon, then of the next. counts: (F,)
@@ -46,10 +46,11 @@ def triangulated(positions: np.ndarray, indices: np.ndarray, counts: np.ndarray)
             corners.append(rings[face][clipped])
             owner.append(np.full(len(clipped), faces[face]))
             crossed += [int(faces[face])] if crosses else []
-    owners = np.concatenate(owner)
-    order = np.argsort(owners, kind="stable")
-    return Triangles(corners=np.concatenate(corners)[order], owner=owners[order],
-                     crossed=np.array(sorted(crossed), dtype=np.int64))
+    made, owners = np.concatenate(corners), np.concatenate(owner)
+    if (np.diff(owners) < 0).any():
+        order = np.argsort(owners, kind="stable")
+        made, owners = made[order], owners[order]
+    return Triangulation(corners=made, owner=owners, crossed=np.array(sorted(crossed), dtype=np.int64))
 
 
 def _fan_starts(positions: np.ndarray, indices: np.ndarray, rings: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
