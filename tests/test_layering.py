@@ -37,7 +37,7 @@ HOMES = {
     "matplotlib": "report", "pyvista": "report", "trimesh": "assets.readers", "ray": "engine",
     "torch": ("lightnet", "release"), "tensorboard": "lightnet.training", "skimage": "lightnet.results",
     "flip_evaluator": "studies.image_errors", "pyoidn": "rendering.oidn",
-    "pxr": ("assets.readers", "spec.usd_references"),
+    "pxr": ("assets.readers", "spec.usd_references", "spec.usd_trial"),
 }
 """The only folder or module that may import a library."""
 

@@ -10,7 +10,6 @@ from dataset_builder.assets.readers.polygons import Triangulation, triangulated
 from dataset_builder.digest import read_regular
 from dataset_builder.spec.file_reference import MOST_BYTES
 
-
 FARTHEST = 1e30
 """Areas of what is larger overflow."""
 

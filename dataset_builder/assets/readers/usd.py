@@ -56,7 +56,7 @@ def read(path: Path, max_texture: int) -> FileModel:
         with diagnostics():
             return _read(path, max_texture, passed_over)
     except Tf.ErrorException as error:
-        refuse(path, f"expected a readable {path.suffix} file, got: {said(error)}")
+        refuse(path, f"expected a readable {path.suffix} file, got: {said(str(error))}")
     except (OSError, RuntimeError, TypeError, ValueError) as error:
         refuse(path, f"expected a readable {path.suffix} file, got: {error}")
 

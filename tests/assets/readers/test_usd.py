@@ -1,6 +1,7 @@
 """Mesh prims of USD stages come where the stage puts them; what is not taken is named, what is broken refused."""
 
 import os
+import resource
 import sys
 from pathlib import Path
 
@@ -261,10 +262,21 @@ def test_a_real_stage_of_payloads_and_variants():
     assert "modelVariant=Utah" in asset.meta["left_out"]
 
 
+def test_a_length_that_is_wrong_takes_no_memory(tmp_path):
+    path = write(tmp_path, HEAD + mesh(points="(7,0,0), (1,0,0), (1,1,0), (0,1,0)"), "a.usdc")
+    points = np.array([7, 0, 0, 1], "<f4").tobytes()
+    content = path.read_bytes()
+    assert content.count(points) == 1 and content[:content.index(points)].endswith((4).to_bytes(8, "little"))
+    path.write_bytes(content.replace((4).to_bytes(8, "little") + points, (2**28).to_bytes(8, "little") + points))
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    assert "expected a readable .usdc file" in error_of(path)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 2**19, "half a gigabyte, in kilobytes"
+
+
 SOUND = painted("color3f inputs:diffuseColor = (1,0,0)")
 
 
-@settings(max_examples=50, derandomize=True, deadline=None)
+@settings(max_examples=40, derandomize=True, deadline=None)
 @given(at=st.integers(0, 1000), gone=st.integers(0, 20), put=st.text('0129-.,"[]()@<>{}= \nabc', max_size=6),
        suffix=st.sampled_from(["usda", "usdc"]))
 def test_no_bytes_raise_anything_but_a_user_error(tmp_path_factory, at, gone, put, suffix):
