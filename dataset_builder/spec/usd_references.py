@@ -35,6 +35,8 @@ class UsdFiles:
     """Layers and textures."""
     passed_over: tuple[str, ...]
     """Layers in formats that are not read, as they are written."""
+    layer_bytes: int
+    """Size of all layers, each counted once."""
 
 
 def usd_references(path: Path) -> tuple[FileReference, ...]:
@@ -79,7 +81,8 @@ def usd_files(path: Path) -> UsdFiles:
                         image=key != "layer" and not inner))
             if len(seen) > MOST_LAYERS:
                 raise ValueError(f"expected at most {MOST_LAYERS} layers, got more")
-    return UsdFiles(references=tuple(found.values()), passed_over=tuple(dict.fromkeys(passed)))
+    sizes = [os.path.getsize(file) for file in {Ar.SplitPackageRelativePathOuter(layer)[0] for layer in seen}]
+    return UsdFiles(references=tuple(found.values()), passed_over=tuple(dict.fromkeys(passed)), layer_bytes=sum(sizes))
 
 
 def open_layer(identifier: str) -> "Sdf.Layer":

@@ -15,6 +15,7 @@ from dataset_builder.assets.file_model import GREY
 from dataset_builder.assets.mesh_file import load_mesh_file
 from dataset_builder.assets.readers.usd import read
 from dataset_builder.errors import UserError
+from dataset_builder.spec import usd_trial
 from dataset_builder.spec.mesh_source import companions, mesh_source
 from tests.assets.readers.usd_files import API, BOUND, HEAD, ST, material, mesh, painted, texture, write, write_image
 
@@ -273,10 +274,21 @@ def test_a_length_that_is_wrong_takes_no_memory(tmp_path):
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 2**19, "half a gigabyte, in kilobytes"
 
 
+def test_a_stage_without_end_takes_no_memory(tmp_path, monkeypatch):
+    """Ten copies of ten copies: a billion prims of three kilobytes."""
+    levels = "".join(f'def "l{level}" {{\n' + "".join(
+        f'def "c{copy}" (references = </l{level + 1}>) {{}}\n' for copy in range(10)) + "}\n" for level in range(9))
+    path = write(tmp_path, HEAD + levels + mesh("l9"))
+    monkeypatch.setattr(usd_trial, "BASE_BYTES", 2**26)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    assert "bytes of memory" in error_of(path)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 2**19, "half a gigabyte, in kilobytes"
+
+
 SOUND = painted("color3f inputs:diffuseColor = (1,0,0)")
 
 
-@settings(max_examples=40, derandomize=True, deadline=None)
+@settings(max_examples=25, derandomize=True, deadline=None)
 @given(at=st.integers(0, 1000), gone=st.integers(0, 20), put=st.text('0129-.,"[]()@<>{}= \nabc', max_size=6),
        suffix=st.sampled_from(["usda", "usdc"]))
 def test_no_bytes_raise_anything_but_a_user_error(tmp_path_factory, at, gone, put, suffix):
