@@ -39,7 +39,7 @@ HOMES = {
     "opengl_basisu": "assets.readers.gltf_images",
     "torch": ("lightnet", "release"), "tensorboard": "lightnet.training", "skimage": "lightnet.results",
     "flip_evaluator": "studies.image_errors", "pyoidn": "rendering.oidn",
-    "pxr": ("assets.readers", "spec.usd_references"),
+    "pxr": ("assets.readers", "spec.usd_references", "spec.usd_trial"),
 }
 """The only folder or module that may import a library."""
 

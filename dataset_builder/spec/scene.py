@@ -86,7 +86,7 @@ class ObjectSpec(Model):
     params: dict[str, AnyNumber] = {}
     """Parameters of the family that differ from its own distributions."""
     file: str | None = None
-    """Mesh file (.glb .gltf .obj .ply), relative to this spec."""
+    """Mesh file (.glb .gltf .obj .off .ply .stl .usd .usda .usdc .usdz), relative to this spec."""
     materials: dict[str, MaterialSpec] = {}
     """Changes by name of the material; `*` is every material. `dataset-builder families` lists the names of a family.
     An unknown name is an error that lists the known ones."""
@@ -95,9 +95,9 @@ class ObjectSpec(Model):
     licence: Licence = ""
     """SPDX identifier, required with `file`; embedded furniture is CC0-1.0. In the label of every example with it."""
     scale: Annotated[float, Field(gt=0)] = 1.0
-    """Factor from file units to metres."""
+    """Factor from file units to metres; USD files state their units, and it multiplies the metres that they come to."""
     up: Literal["x", "y", "z"] = "y"
-    """Axis of the file that points up; y in glTF."""
+    """Axis of the file that points up; y in glTF. USD files state theirs, too, and come with y up whatever it is."""
 
     @model_validator(mode="after")
     def _one_source(self) -> "ObjectSpec":

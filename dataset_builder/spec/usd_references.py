@@ -12,12 +12,14 @@ from dataset_builder.digest import open_regular
 from dataset_builder.extras import missing_named
 from dataset_builder.spec.file_reference import MOST_BYTES, FileReference, is_inside
 from dataset_builder.spec.problems import shown
+from dataset_builder.spec.usd_trial import trial_problem
 
 if TYPE_CHECKING:
     from pxr import Sdf
 
 USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
-STARTS = {".usd": (b"#usda 1.", b"PXR-USDC"), ".usda": (b"#usda 1.",), ".usdc": (b"PXR-USDC",),
+TEXT = b"#usda 1."
+STARTS = {".usd": (TEXT, b"PXR-USDC"), ".usda": (TEXT,), ".usdc": (b"PXR-USDC",),
           ".usdz": (b"PK\x03\x04",)}
 """What files of each suffix start with; pxr is kept from what is no USD at all."""
 MOST_LAYERS = 1000
@@ -33,6 +35,8 @@ class UsdFiles:
     """Layers and textures."""
     passed_over: tuple[str, ...]
     """Layers in formats that are not read, as they are written."""
+    layer_bytes: int
+    """Size of all layers, each counted once."""
 
 
 def usd_references(path: Path) -> tuple[FileReference, ...]:
@@ -77,7 +81,8 @@ def usd_files(path: Path) -> UsdFiles:
                         image=key != "layer" and not inner))
             if len(seen) > MOST_LAYERS:
                 raise ValueError(f"expected at most {MOST_LAYERS} layers, got more")
-    return UsdFiles(references=tuple(found.values()), passed_over=tuple(dict.fromkeys(passed)))
+    sizes = [os.path.getsize(file) for file in {Ar.SplitPackageRelativePathOuter(layer)[0] for layer in seen}]
+    return UsdFiles(references=tuple(found.values()), passed_over=tuple(dict.fromkeys(passed)), layer_bytes=sum(sizes))
 
 
 def open_layer(identifier: str) -> "Sdf.Layer":
@@ -86,23 +91,25 @@ def open_layer(identifier: str) -> "Sdf.Layer":
 
     outer, inner = Ar.SplitPackageRelativePathOuter(identifier)
     with open_regular(Path(outer), most=MOST_BYTES) as stream:
-        start = stream.read(8)
+        start, status = stream.read(8), os.fstat(stream.fileno())
     if not start.startswith(STARTS[Path(outer).suffix.lower()]):
         raise ValueError(f"expected it to start with {STARTS[Path(outer).suffix.lower()][0].decode('latin-1')}, got "
                          f"{shown(start.decode('latin-1'))}")
+    if not start.startswith(TEXT) and (problem := trial_problem(identifier, status.st_size, status.st_mtime_ns)):
+        raise ValueError(said(problem).replace(identifier, Path(identifier).name))
     try:
         layer = Sdf.Layer.FindOrOpen(identifier)
     except Tf.ErrorException as error:
-        raise ValueError(said(error)) from error
+        raise ValueError(said(str(error)).replace(identifier, Path(identifier).name)) from error
     if layer is None:
         raise ValueError(f"expected a USD layer, got {inner or Path(outer).name}, which is damaged")
     return layer
 
 
-def said(error: Exception) -> str:
-    """What pxr's exception says, without where in its code it was raised."""
-    match = SAID.search(str(error))
-    return (match[1] if match else str(error)).strip()
+def said(text: str) -> str:
+    """What an exception of pxr says, without where in its code it was raised."""
+    match = SAID.search(text)
+    return (match[1] if match else text).strip()
 
 
 @contextmanager

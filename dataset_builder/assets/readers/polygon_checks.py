@@ -10,6 +10,9 @@ from dataset_builder.assets.readers.polygons import Triangulation, triangulated
 from dataset_builder.digest import read_regular
 from dataset_builder.spec.file_reference import MOST_BYTES
 
+FARTHEST = 1e30
+"""Areas of what is larger overflow."""
+
 
 def content_of(path: Path) -> bytes:
     """The bytes of a file. Raises UserError where it cannot be read."""
@@ -35,12 +38,15 @@ def checked_triangles(path: Path, positions: np.ndarray, indices: np.ndarray, co
                       at: str = "", kept: np.ndarray | None = None) -> Triangulation:
     """Triangles of the polygons with these (C,) corners, in runs of (F,) counts; (V, 3) positions.
 
-    kept: which polygons become triangles; all, if not given. Raises UserError for vertices that are not finite, faces
-    of fewer than 3 corners, and indices that are not vertices.
+    kept: which polygons become triangles; all, if not given. Raises UserError for vertices that are not finite or too
+    far away, faces of fewer than 3 corners, and indices that are not vertices.
     """
     bad = np.flatnonzero(~np.isfinite(positions).all(axis=1))
     if len(bad):
         refuse(path, f"expected finite vertices, got {len(bad)} with NaN or Inf, first at vertex {bad[0]}", at=at)
+    far = np.flatnonzero((np.abs(positions) > FARTHEST).any(axis=1))
+    if len(far):
+        refuse(path, f"expected vertices within {FARTHEST:g}, got {len(far)} beyond, first at vertex {far[0]}", at=at)
     few = np.flatnonzero(counts < 3)
     if len(few):
         refuse(path, f"expected faces of 3 or more corners, got {len(few)} with fewer, first at face {few[0]}, which "

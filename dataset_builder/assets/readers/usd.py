@@ -16,7 +16,8 @@ from dataset_builder.assets.readers.usd_inventory import inventory, stage_settin
 from dataset_builder.assets.readers.usd_materials import UsdMaterial, read_preview_surface
 from dataset_builder.assets.readers.usd_meshes import UsdMesh, read_mesh
 from dataset_builder.extras import missing_named
-from dataset_builder.spec.usd_references import diagnostics, open_layer, said, usd_files
+from dataset_builder.spec.usd_references import diagnostics, said, usd_files
+from dataset_builder.spec.usd_trial import trial_problem
 
 if TYPE_CHECKING:
     from pxr import Usd, UsdGeom, UsdShade
@@ -51,13 +52,14 @@ def read(path: Path, max_texture: int) -> FileModel:
     with missing_named():
         from pxr import Tf
     try:
-        passed_over = usd_files(path).passed_over
-        open_layer(str(path))
+        files = usd_files(path)
+        if problem := trial_problem(str(path), files.layer_bytes, path.stat().st_mtime_ns, "stage"):
+            raise ValueError(said(problem))
         with diagnostics():
-            return _read(path, max_texture, passed_over)
+            return _read(path, max_texture, files.passed_over)
     except Tf.ErrorException as error:
-        refuse(path, f"expected a readable {path.suffix} file, got: {said(error)}")
-    except (OSError, RuntimeError, ValueError) as error:
+        refuse(path, f"expected a readable {path.suffix} file, got: {said(str(error))}")
+    except (OSError, RuntimeError, TypeError, ValueError) as error:
         refuse(path, f"expected a readable {path.suffix} file, got: {error}")
 
 

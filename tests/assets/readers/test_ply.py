@@ -215,6 +215,8 @@ def test_counts_of_the_header_are_held_to(tmp_path, how, error):
     ([vertices(), faces((0, 1, 2), (0, 1))], "3 or more corners, got 1 with fewer, first at face 1, which has 2"),
     ([vertices([(0, 0, 0), (np.nan, 0, 0), (0, np.inf, 0)]), faces((0, 1, 2))],
      "got 2 with NaN or Inf, first at vertex 1"),
+    ([vertices([(0, 0, 0), (1, 0, 0), (0, 2e30, 0)]), faces((0, 1, 2))],
+     "within 1e+30, got 1 beyond, first at vertex 2"),
     ([vertices()], "a cloud of 4 points"),
     ([vertices(), faces()], "a cloud of 4 points"),
     ([vertices(SQUARE, (*XYZ, "float f_dc_0", "float scale_0", "float rot_0"), *[[0.0] * 4] * 3)], "4 Gaussian splats"),
