@@ -11,8 +11,8 @@ NAMED = 3
 def repair_text(report: RepairReport, names: Sequence[str]) -> str:
     """What was done to the whole mesh, and to the parts of a file, `names`, to which most was done."""
     whole = (f"{report.welded} vertices welded, {report.degenerate} degenerate and {report.duplicate} duplicate faces "
-             f"dropped, {report.turned} faces and {report.inside_out} closed pieces turned; {report.pieces} pieces "
-             f"kept apart, {report.closed} of them closed")
+             f"dropped, {report.turned} faces and {report.inside_out} closed pieces turned; pieces kept apart: "
+             f"{report.pieces}, of these closed: {report.closed}")
     if len(report.parts) < 2:
         return whole
     ranked = sorted(zip(names, report.parts, strict=True), key=lambda pair: -_done(pair[1]))
@@ -25,12 +25,12 @@ def repair_notes(report: RepairReport) -> list[str]:
     """What a person should look at: shapes that were not as they should be."""
     found = []
     if report.turned:
-        found.append(f"{report.turned:,} faces were wound against their neighbours, and were turned")
+        found.append(f"faces wound against their neighbours, turned: {report.turned:,}")
     if report.inside_out:
-        found.append(f"{report.inside_out:,} closed pieces were inside out, and were turned outwards")
+        found.append(f"closed pieces inside out, turned outwards: {report.inside_out:,}")
     if report.one_sided:
-        found.append(f"{report.one_sided:,} pieces have one side only, like a Moebius strip, and were left so: there "
-                     "normals, and the noise along them, jump")
+        found.append(f"pieces with one side only, like a Moebius strip, left so: {report.one_sided:,} (normals jump "
+                     "there, and noise along them)")
     return found
 
 

@@ -33,7 +33,7 @@ def load(path: Path) -> Asset:
 
 def test_a_sound_file_is_repaired_without_a_word(tmp_path: Path) -> None:
     meta = load(write_obj(tmp_path / "cube.obj", box().faces)).meta
-    assert meta["repair"].endswith("0 faces and 0 closed pieces turned; 1 pieces kept apart, 1 of them closed")
+    assert meta["repair"].endswith("0 faces and 0 closed pieces turned; pieces kept apart: 1, of these closed: 1")
     assert meta["shape"] == ""
 
 
@@ -43,8 +43,8 @@ def test_a_cube_inside_out_is_turned_and_named(tmp_path: Path) -> None:
     asset = load(write_obj(tmp_path / "cube.obj", faces))
     assert asset.mesh.volume == pytest.approx(1)
     assert "1 faces and 1 closed pieces turned" in asset.meta["repair"]
-    assert asset.meta["shape"] == ("1 faces were wound against their neighbours, and were turned; 1 closed pieces were "
-                                   "inside out, and were turned outwards")
+    assert asset.meta["shape"] == ("faces wound against their neighbours, turned: 1; closed pieces inside out, turned "
+                                   "outwards: 1")
 
 
 def test_loose_triangles_are_named(tmp_path: Path) -> None:
@@ -77,6 +77,6 @@ def test_the_parts_to_which_most_was_done_are_told() -> None:
     sizes = [len(mesh.faces) for mesh in boxes]
     _, report = repair(concatenate(boxes), part=np.repeat(np.arange(6), sizes))
     text = repair_text(report, [f"part {n}" for n in range(6)])
-    assert text.endswith("6 of them closed; part 5: 5 duplicate; part 4: 4 duplicate; part 3: 3 duplicate; and 2 more "
-                         "parts") and "15 duplicate faces" in text
+    assert text.endswith("of these closed: 6; part 5: 5 duplicate; part 4: 4 duplicate; part 3: 3 duplicate; and 2 "
+                         "more parts") and "15 duplicate faces" in text
     assert repair_notes(report) == []
