@@ -28,7 +28,7 @@ PLAIN = {int: "whole number", float: "number", str: "text", bool: "true or false
 BY_HAND = {
     (DatasetSpec, "layers"): ("a mapping of layers to `object` or `frame`", "the paper's six, each `object`"),
     (RoughSpec, "sigma"): ("number or distribution, >= 0, or a list of them", "`0.004`"),
-    (RoughSpec, "level"): ("name of a level, or a list of them: `smooth`, `light`, `medium`, `heavy`, `extreme`", "none"),
+    (RoughSpec, "level"): ("`smooth`, `light`, `medium`, `heavy` or `extreme`, or a list of them", "none"),
     (ExampleLabel, "layers"): ("a mapping of layers to mappings, below", ""),
     (RenderPlan, "layers"): ("list of pairs: a layer, and `object` or `frame`", ""),
 }

@@ -175,7 +175,8 @@ class RoughSpec(Model):
     steps: tuple[Step, ...] | None = None
     """Steps in place of `sigma`, one after the other; their lengths are in bounding-sphere radii."""
     edge_length: within(low=1e-4) = 0.04  # type: ignore[valid-type]
-    """Target edge length in metres; levels and steps take their shortest correlation length or width if that is less."""
+    """Target edge length in metres; levels and steps take their shortest correlation length or width where that is
+    less."""
     edge: within(low=1e-3, high=1) | None = None  # type: ignore[valid-type]
     """Target edge length in bounding-sphere radii, in place of `edge_length`."""
     coarsen: bool = True

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
-from dataset_builder.label.example_plan import ExamplePlan, GoalPlan, SppPart
+from dataset_builder.label.example_plan import ExamplePlan, GoalPlan, RoughStep, SppPart
 from dataset_builder.label.scene_plan import MaterialChange, Param
 from dataset_builder.rendering.pass_inputs import all_passes, goals_at, inputs_of, key_of, sky_radiance, steps_of
 from tests.plans import example_plan
@@ -63,6 +63,11 @@ EDITS: dict[str, tuple[Edit, set[str]]] = {
         Param(name="emission.0", value=2.0),)),)), set(PASSES)),
     "noise": (within("rough", sigma=0.02), {"first_hit_rough", "rough"}),
     "level": (within("rough", level=4), {"first_hit_rough", "rough"}),
+    "steps of noise": (within("rough", steps=(RoughStep(kind="smooth", along="isotropic", values=()),)),
+                       {"first_hit_rough", "rough"}),
+    "name of a level": (within("rough", name="heavy"), set()),
+    "triangles of a scan": (within("rough", coarsen=True), {"first_hit_rough", "rough"}),
+    "noise at the support": (within("rough", above_support=True), {"first_hit_rough", "rough"}),
     "spp of the target": (within("render", spp_target=128), {"target"}),
     "spp of the light-free passes": (within("render", spp_first_hit=128), {"first_hit", "first_hit_rough", *LIT}),
     "roulette": (within("render", rr_depth=9), LIT | {"lighting"}),
