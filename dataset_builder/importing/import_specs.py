@@ -10,6 +10,7 @@ from tempfile import TemporaryDirectory
 from dataset_builder.errors import PlanError, Problem, UserError
 from dataset_builder.files import output_errors
 from dataset_builder.importing.find_models import PassedOver
+from dataset_builder.importing.model_licence import FoundLicence
 from dataset_builder.importing.proposal import Proposal, Proposals, propose
 from dataset_builder.importing.spec_texts import spec_texts
 from dataset_builder.planning.plan import Planner
@@ -19,6 +20,8 @@ from dataset_builder.spec.load import load_dataset
 
 SHEET = "models.png"
 """The contact sheet, beside the dataset file."""
+ASKED = "as asked"
+"""Source of a licence that was given."""
 Ask = Callable[[str], str]
 Picture = Callable[[Path, Sequence[Proposal], Path], bool]
 """Draws the contact sheet of a dataset's models into a file; whether it could."""
@@ -63,13 +66,13 @@ def import_models(job: ImportJob, *, ask: Ask | None, picture: Picture | None) -
     proposals = propose(job.paths, job.category)
     if not proposals.made:
         raise UserError(_told(one) for one in proposals.left_out)
-    licences = _licences(proposals.made, job.licence, ask)
+    proposals.made = _licensed(proposals.made, job.licence, ask)
     out = job.out.resolve()
     with output_errors(job.out):
         out.parent.mkdir(parents=True, exist_ok=True)
         with TemporaryDirectory(dir=out.parent, prefix=f".{out.name}-") as folder:
             staging = Path(folder)
-            names = [*_written(job, proposals, licences, staging)]
+            names = [*_written(job, proposals, staging)]
             _refuse_existing(job.out, [*names, *([SHEET] if picture else [])])
             if picture and picture(staging / f"{job.name}.yaml", proposals.made, staging / SHEET):
                 names.append(SHEET)
@@ -102,8 +105,9 @@ def _refuse_existing(out: Path, names: Sequence[str]) -> None:
                                 rule="expected no such file yet, got one; nothing is overwritten") for name in there)
 
 
-def _licences(proposals: Sequence[Proposal], licence: str, ask: Ask | None) -> dict[str, str]:
-    """The licence of each model, by name. Raises UserError that names every model without one."""
+def _licensed(proposals: Sequence[Proposal], licence: str, ask: Ask | None) -> list[Proposal]:
+    """The proposals, those that name no licence under the one that is given. Raises UserError that names every model
+    without one."""
     known = {each.name: each.licence.spdx or licence for each in proposals}
     without = [each for each in proposals if not known[each.name]]
     if without and ask:
@@ -118,17 +122,17 @@ def _licences(proposals: Sequence[Proposal], licence: str, ask: Ask | None) -> d
                                 rule=f"expected a licence, found none{_why(each)}",
                                 hint=f"write it in {each.model.path.stem}.license.json or a LICENSE file beside the "
                                      "model, or give --licence for all that name none") for each in without)
-    return known
+    return [each if each.licence.spdx else replace(each, licence=FoundLicence(spdx=known[each.name], source=ASKED))
+            for each in proposals]
 
 
 def _why(each: Proposal) -> str:
     return f": {each.licence.source}" if each.licence.source else ""
 
 
-def _dataset_licence(job: ImportJob, licences: dict[str, str], names: Sequence[str]) -> str:
+def _dataset_licence(job: ImportJob, parts: dict[str, str]) -> str:
     """What the dataset file has to say: nothing where its licence follows; where all models but free ones have the
     same, that one. Raises UserError where it has to be asked for."""
-    parts = {name: licences[name] for name in names}
     found, why = licence_of(parts)
     asked = set(parts.values()) - {FREE}
     if job.dataset_licence or found:
@@ -140,21 +144,20 @@ def _dataset_licence(job: ImportJob, licences: dict[str, str], names: Sequence[s
                              hint="give the SPDX identifier that it is to have")])
 
 
-def _written(job: ImportJob, proposals: Proposals, licences: dict[str, str], staging: Path) -> dict[str, str]:
+def _written(job: ImportJob, proposals: Proposals, staging: Path) -> dict[str, str]:
     """As `_planned`, with problems of files where they are going to lie."""
     try:
-        return _planned(job, proposals, licences, staging)
+        return _planned(job, proposals, staging)
     except UserError as error:
         raise UserError(replace(problem, where=problem.where.replace(str(staging), str(job.out)))
                         for problem in error.problems) from error
 
 
-def _planned(job: ImportJob, proposals: Proposals, licences: dict[str, str], staging: Path) -> dict[str, str]:
+def _planned(job: ImportJob, proposals: Proposals, staging: Path) -> dict[str, str]:
     """Write the files into `staging`; models of which no view can be planned are left out, the rest written again."""
     while True:
-        licence = _dataset_licence(job, licences, [each.name for each in proposals.made])
-        texts = spec_texts(proposals.made, name=job.name, licence=licence, licences=licences,
-                           parent=job.out.resolve().parent)
+        licence = _dataset_licence(job, {each.name: each.licence.spdx for each in proposals.made})
+        texts = spec_texts(proposals.made, name=job.name, licence=licence, parent=job.out.resolve().parent)
         shutil.rmtree(staging / "objects", ignore_errors=True)
         for name, text in texts.items():
             (staging / name).parent.mkdir(parents=True, exist_ok=True)

@@ -2,7 +2,7 @@
 
 import json
 import posixpath
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from os.path import relpath
 from pathlib import Path
 
@@ -18,11 +18,10 @@ FURNITURE = {"cabinet": "wall", "floor_lamp": "near", "plant": "near"}
 MOST_WIDE, MOST_HIGH = 100.0, 30.0
 
 
-def spec_texts(proposals: Sequence[Proposal], *, name: str, licence: str, licences: Mapping[str, str],
-               parent: Path) -> dict[str, str]:
+def spec_texts(proposals: Sequence[Proposal], *, name: str, licence: str, parent: Path) -> dict[str, str]:
     """Text of every file by its path in the output folder, which lies in `parent`. licence: of the dataset, empty where
-    it follows from its objects; licences: of the models, by name."""
-    texts = {f"objects/{each.name}.yaml": _object(each, licences[each.name], parent) for each in proposals}
+    it follows from its objects."""
+    texts = {f"objects/{each.name}.yaml": _object(each, parent) for each in proposals}
     texts |= {f"furniture/{family}.yaml": f"family: {family}\n" for family in FURNITURE}
     largest, highest = max(max(each.size) for each in proposals), max(each.size[2] for each in proposals)
     texts["rooms/room.yaml"] = _room(largest, highest)
@@ -44,7 +43,7 @@ def split_models(proposals: Sequence[Proposal]) -> dict[str, list[str]]:
     return {split: [name for group in own for name in group] for split, own in splits.items() if own}
 
 
-def _object(proposal: Proposal, licence: str, parent: Path) -> str:
+def _object(proposal: Proposal, parent: Path) -> str:
     """An object file. Its mesh is named from the folder that the output folder lies in."""
     path = proposal.model.path.parent.resolve() / proposal.model.path.name
     mesh = posixpath.join("../..", Path(relpath(path, parent)).as_posix())
@@ -52,7 +51,7 @@ def _object(proposal: Proposal, licence: str, parent: Path) -> str:
              f"not honoured: {proposal.not_honoured}" * bool(proposal.not_honoured)]
     lines = [f"# {printable(line)}" for line in about if line]
     lines += [f"file: {_text(mesh)}", f"category: {_text(proposal.category)}" + _comment(proposal.category_from),
-              f"licence: {licence}" + _comment(proposal.licence.source if proposal.licence.spdx else "as asked")]
+              f"licence: {proposal.licence.spdx}" + _comment(proposal.licence.source)]
     if proposal.scale != 1:
         lines.append(f"scale: {proposal.scale:g}{_comment('proposed; metres per unit of the file')}")
     if proposal.up != "y" or any("`up:" in note for note in proposal.notes):

@@ -36,8 +36,8 @@ def model_table(proposals: Iterable[Proposal]) -> Table:
     table = Table("model", "category", "size", "licence", "scale", "up", "said by", title="Models",
                   title_justify="left")
     for each in proposals:
-        said = [each.category_from, each.licence.source if each.licence.spdx else ""]
-        table.add_row(*map(Text, (each.name, each.category, _size(each), each.licence.spdx or "as asked",
+        said = [each.category_from, each.licence.source]
+        table.add_row(*map(Text, (each.name, each.category, _size(each), each.licence.spdx,
                                   f"{each.scale:g}", each.up, ", ".join(filter(None, said)))),
                       style="yellow" if each.notes else None)
     return table
@@ -62,7 +62,7 @@ def write_model_sheet(dataset: Path, proposals: Sequence[Proposal], target: Path
     for heading, loaded in sides.items():
         for name, picture in _pictures(loaded, backend):
             pictures[name][heading] = picture
-    rows = [SheetRow(lines=_lines(each), panels=pictures[each.name]) for each in proposals]
+    rows = [SheetRow(lines=_lines(each, pictures[each.name]), panels=pictures[each.name]) for each in proposals]
     step = ceil(len(rows) / ceil(len(rows) / ROWS))
     columns = [sheet(rows[start:start + step]) for start in range(0, len(rows), step)]
     page = Image.new("RGB", (sum(column.width for column in columns), max(column.height for column in columns)), PAPER)
@@ -90,11 +90,12 @@ def _pictures(loaded: LoadedSpec, backend: str) -> Iterable[tuple[str, np.ndarra
         yield name, to_8bit(picture, exposure([picture]))
 
 
-def _lines(proposal: Proposal) -> list[str]:
+def _lines(proposal: Proposal, pictures: Iterable[str]) -> list[str]:
     """The label of a row."""
     lines = [proposal.name[:30], proposal.category, _size(proposal)]
     if proposal.scale != 1 or proposal.notes:
         lines.append(f"scale {proposal.scale:g}, {proposal.up} up")
+    lines += [f"no camera sees it {heading}" for heading in SIDES if heading not in pictures]
     return [*lines, *("look: see its spec" for _ in proposal.notes[:1])]
 
 
