@@ -8,11 +8,14 @@ import pytest
 from dataset_builder.assets.asset import (
     Material,
     Texture,
+    coverage_range,
     disperses,
     is_pane,
     is_solid,
     metallic_range,
+    range_of,
     roughness_range,
+    sends,
 )
 from dataset_builder.planning.effects.features import _CALLS
 from dataset_builder.rendering.surface.texels import needs
@@ -50,10 +53,25 @@ def test_the_least_metallic_texel_decides() -> None:
 
 def test_planning_and_rendering_agree_on_all_that_a_material_calls_for() -> None:
     """Everything that rendering needs is planned."""
-    textures = (None, textured(), *(textured(metallic=texels) for texels in ([1.0, 1.0], [1.0, 0.2])))
-    for metallic, transmission, thin, abbe, texture in itertools.product((0.0, 1.0), (0.0, 1.0), (False, True),
-                                                                         (0.0, 30.0), textures):
-        made = material(metallic, transmission=transmission, thin=thin, abbe=abbe, texture=texture)
+    textures = (None, textured(), *(textured(metallic=texels) for texels in ([1.0, 1.0], [1.0, 0.2])),
+                *(textured(**{name: texels}) for name in ("transmission", "alpha", "coat")
+                  for texels in ([0.0, 0.0], [0.0, 1.0], [1.0, 1.0])))
+    for metallic, transmission, thin, abbe, coat, alpha, texture in itertools.product(
+            (0.0, 1.0), (0.0, 1.0), (False, True), (0.0, 30.0), (0.0, 0.5), (0.5, 1.0), textures):
+        made = material(metallic, transmission=transmission, thin=thin, abbe=abbe, coat=coat, alpha=alpha,
+                        texture=texture)
         planned = {feature for feature, (calls, _) in _CALLS.items() if calls(made)}
         assert needs([made]) <= planned
-        assert {"glass", "thin", "dispersion"} & needs([made]) == {"glass", "thin", "dispersion"} & planned
+        assert planned - needs([made]) <= {"specular"}
+
+
+def test_a_map_of_nothing_switches_its_factor_off() -> None:
+    nothing = {name: textured(**{name: [0.0, 0.0]}) for name in ("transmission", "coat", "alpha")}
+    glass = material(0.0, transmission=1.0, texture=nothing["transmission"])
+    assert not is_solid(glass) and is_solid(material(0.0, transmission=1.0, texture=nothing["coat"]))
+    assert range_of(material(coat=0.5, texture=nothing["coat"]), "coat") == (0, 0)
+    assert coverage_range(material(texture=nothing["alpha"])) == (0, 0)
+    tinted = Texture(base_color=np.ones((1, 1, 3), np.float32), emission=np.array([[[1.0, 0.0, 0.5]]], np.float32))
+    assert range_of(material(emission=(2.0, 3.0, 1.0), texture=tinted), "emission") == (0, 2)
+    assert sends(material(emission=(2.0, 3.0, 1.0), texture=tinted))
+    assert not sends(material(emission=(0.0, 3.0, 0.0), texture=tinted))
