@@ -26,7 +26,7 @@ class GltfContainer:
     """A glTF file taken apart."""
 
     header: dict[str, Any]
-    binary: bytes | None
+    binary: memoryview | None
     """The first buffer of a .glb file, if it is in there."""
     left_out: tuple[str, ...] = ()
     """Chunks of unknown kinds, in words."""
@@ -44,7 +44,7 @@ def read_container(path: Path) -> GltfContainer:
     return GltfContainer(header=_header(text), binary=binary, left_out=left_out)
 
 
-def _chunks(data: bytes) -> tuple[bytes, bytes | None, tuple[str, ...]]:
+def _chunks(data: bytes) -> tuple[bytes, memoryview | None, tuple[str, ...]]:
     """JSON, binary data if there are any, and what else a .glb file holds."""
     if len(data) < 20:
         raise ValueError(f"expected at least 20 bytes, got {len(data)}")
@@ -53,20 +53,20 @@ def _chunks(data: bytes) -> tuple[bytes, bytes | None, tuple[str, ...]]:
         raise ValueError(OLD.format("1.0") if version == 1 else f"version {version} of the binary format, expected 2")
     if length > len(data):
         raise ValueError(f"{len(data):,} of the {length:,} bytes that it says it has; it is cut short")
-    chunks: list[tuple[bytes, bytes]] = []
+    chunks: list[tuple[bytes, memoryview]] = []
     start = 12
     while start + 8 <= length:
         size, kind = struct.unpack_from("<I4s", data, start)
         if start + 8 + size > length:
             raise ValueError(f"a chunk {kind!r} of {size:,} bytes where only {length - start - 8:,} are left")
-        chunks.append((kind, data[start + 8:start + 8 + size]))
+        chunks.append((kind, memoryview(data)[start + 8:start + 8 + size]))
         start += 8 + size
     kinds = [kind for kind, _ in chunks]
     if not kinds or kinds[0] != b"JSON" or max(kinds.count(b"JSON"), kinds.count(b"BIN\0")) > 1:
         raise ValueError(f"expected one JSON chunk, then at most one BIN chunk, got {kinds[:8]}")
     unknown = tuple(f"a chunk {kind!r} of {len(content):,} bytes" for kind, content in chunks
                     if kind not in (b"JSON", b"BIN\0"))
-    return chunks[0][1].rstrip(b"\0"), dict(chunks).get(b"BIN\0"), unknown
+    return bytes(chunks[0][1]).rstrip(b"\0"), dict(chunks).get(b"BIN\0"), unknown
 
 
 def _header(text: bytes) -> dict[str, Any]:

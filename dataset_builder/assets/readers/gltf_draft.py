@@ -14,6 +14,8 @@ WRAPS: dict[int, Wrap] = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
 NEAREST, FILTERS = 9728, (9728, 9729)
 UPWARDS = np.array([[1.0, 0, 0], [0, -1, 1], [0, 0, 1]])
 """Texture coordinates with v downwards, as in the file, to ours and back."""
+ROUNDING = 1e-6
+"""Of numbers at the limit of their range, not worth a word."""
 Colour = tuple[float, float, float]
 
 
@@ -54,7 +56,7 @@ class Draft:
         """A number in [0, high]; what is beyond is said and taken as the limit."""
         found = place.number(key, default)
         taken = min(max(found, 0.0), high)
-        if taken != found:
+        if abs(taken - found) > ROUNDING:
             self.left_out.append(f"{key} {found:g}, taken as {taken:g}")
         return taken
 
@@ -62,7 +64,7 @@ class Draft:
         """Three numbers in [0, high], as `share` takes them."""
         found = place.numbers(key, default)
         taken = np.clip(found, 0, high)
-        if (taken != found).any():
+        if (abs(taken - found) > ROUNDING).any():
             self.left_out.append(f"{key} {found.tolist()}, taken as {taken.tolist()}")
         red, green, blue = taken.tolist()
         return red, green, blue

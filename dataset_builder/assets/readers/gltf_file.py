@@ -13,6 +13,7 @@ import numpy as np
 from dataset_builder.assets.file_model import refuse
 from dataset_builder.assets.readers.gltf_values import Entry
 from dataset_builder.digest import read_regular
+from dataset_builder.errors import printable
 from dataset_builder.extras import missing_named
 from dataset_builder.spec.file_reference import MOST_BYTES
 from dataset_builder.spec.gltf_references import GltfContainer, is_data, read_container
@@ -32,7 +33,7 @@ class GltfFile:
     container: GltfContainer
     files: dict[str, Path]
     """External files by the key that names them, such as `images[2].uri`."""
-    _buffers: dict[int, bytes] = field(default_factory=dict)
+    _buffers: dict[int, bytes | memoryview] = field(default_factory=dict)
     _views: dict[int, np.ndarray] = field(default_factory=dict)
 
     @cached_property
@@ -47,7 +48,7 @@ class GltfFile:
             "accessors", "animations", "bufferViews", "buffers", "cameras", "images", "materials", "meshes", "nodes",
             "samplers", "scenes", "skins", "textures")}
 
-    def buffer(self, index: int) -> bytes:
+    def buffer(self, index: int) -> bytes | memoryview:
         """The bytes of a buffer, at least as many as it states."""
         if index not in self._buffers:
             entry = self.lists["buffers"][index]
@@ -57,7 +58,7 @@ class GltfFile:
             self._buffers[index] = data
         return self._buffers[index]
 
-    def _content(self, entry: Entry, index: int) -> bytes:
+    def _content(self, entry: Entry, index: int) -> bytes | memoryview:
         if entry.has("uri"):
             return self.external(entry)
         if index == 0 and self.container.binary is not None:
@@ -157,6 +158,6 @@ def counted(number: int, one: str, many: str = "") -> str:
 
 
 def listed(words: Sequence[str], most: int = 6) -> str:
-    """Words with commas, each once, cut where there are many."""
-    once = list(dict.fromkeys(words))
+    """Words of a file with commas, each once, cut where there are many."""
+    once = list(dict.fromkeys(map(printable, words)))
     return ", ".join(once[:most]) + (f" and {len(once) - most} more" if len(once) > most else "")

@@ -7,7 +7,7 @@ import numpy as np
 from dataset_builder.assets.asset import Material
 from dataset_builder.assets.file_model import FileMaterial
 from dataset_builder.assets.image_maps import make_texture
-from dataset_builder.assets.readers.gltf_draft import Draft
+from dataset_builder.assets.readers.gltf_draft import ROUNDING, Draft
 from dataset_builder.assets.readers.gltf_extensions import add_extensions, make_unlit
 from dataset_builder.assets.readers.gltf_images import GltfImages
 from dataset_builder.assets.readers.gltf_specular import SPECULAR_GLOSSINESS, from_specular_glossiness
@@ -84,8 +84,8 @@ def _metallic_roughness(draft: Draft) -> tuple[float, np.ndarray | None]:
     """Section 3.9.2: factors are linear and default to 1. Returns the base colour's coverage, factor and map."""
     base = draft.entry.entry("pbrMetallicRoughness")
     factor = base.numbers("baseColorFactor", (1, 1, 1, 1))
-    red, green, blue = np.clip(factor[:3], 0, 1).tolist()
-    if ((factor < 0) | (factor > 1)).any():
+    red, green, blue, coverage = np.clip(factor, 0, 1).tolist()
+    if (abs(factor - (red, green, blue, coverage)) > ROUNDING).any():
         draft.left_out.append(f"baseColorFactor {factor.tolist()}, cut to [0, 1]")
     draft.factors |= {"base_color": (red, green, blue), "roughness": draft.share(base, "roughnessFactor", 1),
                       "metallic": draft.share(base, "metallicFactor", 1)}
@@ -95,7 +95,7 @@ def _metallic_roughness(draft: Draft) -> tuple[float, np.ndarray | None]:
     surface = draft.texels(base, "metallicRoughnessTexture")
     if surface is not None:
         draft.maps |= {"roughness": surface[..., 1], "metallic": surface[..., 2]}
-    return float(np.clip(factor[3], 0, 1)), None if texels is None else texels[..., 3]
+    return coverage, None if texels is None else texels[..., 3]
 
 
 def _add_coverage(draft: Draft, factor: float, texels: np.ndarray | None) -> bool:
