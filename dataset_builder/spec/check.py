@@ -4,7 +4,7 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
-from dataset_builder.errors import Problem
+from dataset_builder.errors import Problem, UserError
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.document import Document
 from dataset_builder.spec.families import FAMILIES, Family
@@ -62,6 +62,8 @@ def find_mesh(spec: ObjectSpec, document: Document, folder: Path) -> MeshSource 
             rule = f"expected a readable mesh file, got: {error.strerror}"
         except ValueError as error:
             rule = f"expected a {path.suffix} file, got one that cannot be read: {error}"
+        except UserError as error:
+            rule = "; ".join(problem.rule for problem in error.problems)
     return document.problem(("file",), rule, hint)
 
 

@@ -51,7 +51,7 @@ def usd_files(path: Path) -> UsdFiles:
         from pxr import Ar
     found: dict[tuple[str, str], FileReference] = {}
     passed: list[str] = []
-    top = Path(os.path.realpath(path))
+    top = Path(os.path.abspath(path))
     waiting, seen = [str(top)], {str(top)}
     with diagnostics():
         while waiting:
@@ -74,7 +74,7 @@ def usd_files(path: Path) -> UsdFiles:
                 elif key == "layer":
                     passed.append(written)
                     continue
-                if os.path.realpath(outer) != str(top) and UDIM not in written:
+                if os.path.abspath(outer) != str(top) and UDIM not in written:
                     name = os.path.relpath(outer, top.parent)
                     found.setdefault((file, name), FileReference(
                         by=path if file == str(top) else Path(file), key=key, written=written, name=name,

@@ -56,7 +56,7 @@ def lines(path: Path) -> list[dict[str, str]]:
 
 def test_levels_are_read() -> None:
     assert parse_levels("0,0.002, 4e-3") == (0, 0.002, 0.004)
-    with pytest.raises(UserError, match="expected numbers, or names .* with commas between them, got x"):
+    with pytest.raises(UserError, match=r"expected numbers, or names .* with commas between them, got x"):
         parse_levels("0,x")
 
 
