@@ -29,7 +29,7 @@ def test_paths_are_followed_from_the_file_that_names_them(tiny) -> None:
 
 def test_meshes_are_found_beside_their_spec(tiny) -> None:
     files = {"objects/chair.yaml": "file: parts/a.obj\nscale: 0.01\nlicence: CC0-1.0\n",
-             "objects/parts/a.obj": "mtllib a.mtl\n" + TRIANGLE,
+             "objects/parts/a.obj": "mtllib a.mtl\nusemtl x\n" + TRIANGLE,
              "objects/parts/a.mtl": "newmtl x\nmap_Kd -s 1 1 1 wood.png\n", "objects/parts/wood.png": b"pixels"}
     path = tiny(**files)
     loaded = load_dataset(path)
