@@ -31,7 +31,8 @@ def read(path: Path, max_texture: int) -> FileModel:
     corners = np.concatenate(lines.corners) if lines.corners else np.zeros((0, 3), dtype=np.int32)
     counts = np.concatenate(lines.counts) if lines.counts else np.zeros(0, dtype=np.int64)
     if not len(counts):
-        refuse(path, "expected faces, got a file without any" + "".join(f", with {each}" for each in _others(lines)))
+        others = "".join(f", with {each}" for each in _others(lines))
+        refuse(path, f"expected triangles, got a file without any{others}")
     labels = np.concatenate(lines.labels)
     for kind, size in enumerate(lines.sizes):
         beyond = np.unique(np.repeat(np.arange(len(counts)), counts)[corners[:, kind] >= size])

@@ -121,9 +121,9 @@ def test_lines_are_counted_as_written(tmp_path):
 def test_bytes_that_are_no_text_and_files_without_faces(tmp_path):
     with pytest.raises(UserError, match="a NUL byte in line 2"):
         obj(tmp_path, TRIANGLE[:10] + "\0\0")
-    with pytest.raises(UserError, match="expected faces, got a file without any, with 2 lines of points"):
+    with pytest.raises(UserError, match="expected triangles, got a file without any, with 2 lines of points"):
         obj(tmp_path, TRIANGLE + "p 1\np 2 3\n")
-    with pytest.raises(UserError, match="expected faces, got a file without any"):
+    with pytest.raises(UserError, match="expected triangles, got a file without any"):
         obj(tmp_path, "")
 
 

@@ -64,7 +64,7 @@ def test_a_mesh_file_that_changed_after_planning_is_refused(tmp_path: Path) -> N
 
 @pytest.mark.parametrize("name", ["a.mtl", "wood.png"])
 def test_a_file_that_the_mesh_names_and_that_changed_or_went_is_refused(tmp_path: Path, name: str) -> None:
-    (tmp_path / "a.obj").write_text("mtllib a.mtl\nusemtl m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    (tmp_path / "a.obj").write_text("mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n")
     (tmp_path / "a.mtl").write_text("newmtl m\nmap_Kd wood.png\n")
     Image.new("RGB", (2, 2), "red").save(tmp_path / "wood.png")
     plan = file_plan(tmp_path / "a.obj")
