@@ -60,7 +60,7 @@ def linear_from_srgb(values: np.ndarray) -> np.ndarray:
 def check_image(image: ImageFile) -> tuple[int, int]:
     """(width, height) from the image's header; nothing is decoded. Raises UserError for what is no image of `FORMATS`,
     or larger than `MAX_SIDE` and `MAX_PIXELS` allow."""
-    with _opened(image) as opened:
+    with opened_image(image) as opened:
         return opened.size
 
 
@@ -75,7 +75,7 @@ def read_texels(image: ImageFile, *, srgb: bool, max_size: int, opaque: bool = F
     asks. Raises UserError for what is no image, too large, or has floats that are not in [0, 1].
     """
     def read() -> np.ndarray:
-        with _opened(image) as opened:
+        with opened_image(image) as opened:
             opened.load()
             return _reduced(opened, limited_size(opened.size, max_size), srgb=srgb, opaque=opaque)
 
@@ -94,7 +94,7 @@ def _sha256(image: ImageFile) -> str:
 
 
 @contextmanager
-def _opened(image: ImageFile) -> Iterator[Image.Image]:
+def opened_image(image: ImageFile) -> Iterator[Image.Image]:
     """The image with its header read; whatever goes wrong inside becomes a UserError that names it."""
     try:
         with warnings.catch_warnings(action="ignore"), _unlimited(image) as opened:

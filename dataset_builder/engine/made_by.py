@@ -18,7 +18,7 @@ def versions(backend: str, denoise: bool = False) -> dict[str, str]:
 
     denoise: whether layers are denoised; the denoiser must be installed then.
     """
-    names = ("open3d", "scipy", "trimesh", *((oidn.PACKAGE,) if denoise else ()))
+    names = ("mapbox_earcut", "open3d", "pillow", "scipy", *((oidn.PACKAGE,) if denoise else ()))
     libraries = {name: importlib.metadata.version(name) for name in names}
     code = source.source_digest(source.UNIT, *((source.CALIBRATION,) if denoise else ()))
     return {**writer_versions(), **renderer_versions(backend), **libraries, "source": code}
@@ -26,7 +26,8 @@ def versions(backend: str, denoise: bool = False) -> dict[str, str]:
 
 def pass_versions(backend: str) -> dict[str, str]:
     """Versions of whatever turns a plan into the results of its passes."""
-    libraries = {name: importlib.metadata.version(name) for name in ("mapbox_earcut", "numpy", "open3d", "scipy")}
+    names = ("mapbox_earcut", "numpy", "open3d", "pillow", "scipy")
+    libraries = {name: importlib.metadata.version(name) for name in names}
     return {**renderer_versions(backend), **libraries, "source": source.source_digest(source.PASSES)}
 
 

@@ -110,7 +110,8 @@ class References:
 
 def pixel_versions(backend: str) -> dict[str, str]:
     """Versions of whatever turns a plan into pixels."""
-    libraries = {name: importlib.metadata.version(name) for name in ("mapbox_earcut", "numpy", "open3d", "scipy")}
+    names = ("mapbox_earcut", "numpy", "open3d", "pillow", "scipy")
+    libraries = {name: importlib.metadata.version(name) for name in names}
     return {**renderer_versions(backend), **libraries, "source": source_digest(*PIXELS)}
 
 

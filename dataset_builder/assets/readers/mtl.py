@@ -14,6 +14,7 @@ import numpy as np
 from dataset_builder.assets.asset import Material, reflectance_at
 from dataset_builder.assets.file_model import ROUGHNESS, FileMaterial, refuse
 from dataset_builder.assets.readers.mtl_maps import MtlMaps, mtl_maps
+from dataset_builder.assets.readers.specular_workflow import DIELECTRIC, metallic_roughness
 from dataset_builder.spec.obj_references import READ_MAPS
 from dataset_builder.spec.scene import MAX_SPECULAR
 from dataset_builder.spec.wavefront import MtlEntry, Statement, uncommented
@@ -28,7 +29,6 @@ PLAIN = frozenset({"illum", "ka"})
 """Read elsewhere, or without a meaning here: there is no ambient light beside the sky's."""
 NEUTRAL = {"tf": (0.0, 1.0), "aniso": (0.0,), "anisor": (0.0,)}
 """Values that change nothing."""
-BRIGHTNESS = np.array([0.299, 0.587, 0.114])
 Triple = tuple[float, float, float]
 
 
@@ -148,19 +148,10 @@ def _specular(index: float | None, ks: Triple | None, maps: MtlMaps) -> float:
 
 
 def _mirror(material: Material, ks: Triple) -> Material:
-    """Models 3, 5 and 8 reflect with Ks as it stands, and scatter Kd: brought to a metallic share as
-    KHR_materials_pbrSpecularGlossiness brings its diffuse and specular colours."""
-    kd, reflected, dielectric = np.array(material.base_color), np.array(ks), 0.04
-    dark, bright = (float(np.sqrt(color * color @ BRIGHTNESS)) for color in (kd, reflected))
-    left, metallic = 1 - reflected.max(), 0.0
-    if bright >= dielectric:
-        b = dark * left / (1 - dielectric) + bright - 2 * dielectric
-        root = max(b * b - 4 * dielectric * (dielectric - bright), 0) ** 0.5
-        metallic = float(np.clip((root - b) / (2 * dielectric), 0, 1))
-    scattered = kd * left / (1 - dielectric) / max(1 - metallic, 1e-6)
-    reflecting = (reflected - dielectric * (1 - metallic)) / max(metallic, 1e-6)
-    red, green, blue = np.clip(scattered + (reflecting - scattered) * metallic**2, 0, 1).tolist()
-    return replace(material, base_color=(red, green, blue), metallic=metallic, specular=dielectric)
+    """Models 3, 5 and 8 reflect with Ks as it stands, and scatter Kd."""
+    base_color, metallic = metallic_roughness(np.array(material.base_color), np.array(ks))
+    red, green, blue = base_color.tolist()
+    return replace(material, base_color=(red, green, blue), metallic=float(metallic), specular=DIELECTRIC)
 
 
 def _layers(material: Material, words: _Words, maps: MtlMaps) -> Material:

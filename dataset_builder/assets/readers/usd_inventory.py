@@ -64,6 +64,6 @@ def inventory(prim: "Usd.Prim") -> tuple[bool, list[str], list[str]]:
         lost.append(str(kind))
     if prim.IsA(UsdGeom.Mesh) and prim.HasAPI(UsdSkel.BindingAPI):
         uncertain.append("skinned meshes in the pose of their points")
-    animated = [prim.IsA(UsdGeom.Xformable) and UsdGeom.Xformable(prim).TransformMightBeTimeVarying(),
-                prim.IsA(UsdGeom.Mesh) and UsdGeom.Mesh(prim).GetPointsAttr().ValueMightBeTimeVarying()]
-    return True, lost, [*uncertain, *(["animation at its first time"] if any(animated) else [])]
+    if any(attribute.ValueMightBeTimeVarying() for attribute in prim.GetAttributes()) or prim.HasMetadata("clips"):
+        uncertain.append("animation at its first time")
+    return True, lost, uncertain

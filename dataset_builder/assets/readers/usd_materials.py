@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from PIL import Image
 
 from dataset_builder.assets.asset import Material, Wrap, reflectance_at
 from dataset_builder.assets.file_model import FileMaterial, refuse
-from dataset_builder.assets.image_maps import ImageFile, make_texture, read_texels
+from dataset_builder.assets.image_maps import ImageFile, make_texture, opened_image, read_texels
 from dataset_builder.digest import read_regular
 from dataset_builder.spec.file_reference import MOST_BYTES, is_inside
 from dataset_builder.spec.scene import MAX_SPECULAR
@@ -182,11 +181,8 @@ def _texels(draft: _Draft, name: str, source: "tuple[UsdShade.Shader, str]") -> 
 
 
 def _is_decoded(image: ImageFile) -> bool:
-    try:
-        with Image.open(io.BytesIO(image.content) if isinstance(image.content, bytes) else image.content) as opened:
-            return opened.mode in DECODED
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
-        return True  # read_texels says what is wrong
+    with opened_image(image) as opened:
+        return opened.mode in DECODED
 
 
 def _coordinates(draft: _Draft, shader: "UsdShade.Shader") -> tuple[str, tuple[float, ...]]:

@@ -8,7 +8,7 @@ import pytest
 
 from dataset_builder.assets.asset import Material, Texture
 from dataset_builder.assets.file_model import FileMaterial
-from dataset_builder.assets.readers.gltf_specular import metallic_roughness
+from dataset_builder.assets.readers.specular_workflow import metallic_roughness
 from dataset_builder.errors import UserError
 from tests.assets.gltf_files import COLORS, GltfMaker, one_texel, png, quad_of
 
