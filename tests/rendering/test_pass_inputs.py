@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
-from dataset_builder.label.example_plan import ExamplePlan, GoalPlan, SppPart, RoughStep
+from dataset_builder.label.example_plan import ExamplePlan, GoalPlan, RoughStep, SppPart
 from dataset_builder.rendering.pass_inputs import all_passes, goals_at, inputs_of, key_of, steps_of
 from tests.plans import example_plan
 
