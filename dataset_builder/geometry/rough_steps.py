@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import cKDTree
 
+from dataset_builder.errors import UserError
 from dataset_builder.geometry.edges import crease_mask, edges_of, unit
 from dataset_builder.geometry.mesh import TriangleMesh
 from dataset_builder.geometry.random_fields import GaussianField, gaussian_field
@@ -159,12 +160,14 @@ def _thin(made: RoughBase, step: RoughStep, setting: StepSetting) -> RoughBase:
     lost = thin_faces(mesh, step["thickness"] * setting.radius)
     where = gaussian_field(setting.rng, length=PATCH * step["thickness"]).at(mesh.corners.mean(axis=1) / setting.radius)
     lost &= where[:, 0] <= _quantile(step["share"])
-    if lost.all():
-        return made
-    kept = ~lost
-    colors = None if mesh.colors is None else mesh.colors[kept]
+    # The rim of a board and the end of a rod go with their sides, which are all that they touch
+    touched = np.isin(np.arange(len(mesh.positions)), mesh.faces[lost])
+    kept = ~(lost | touched[mesh.faces].all(axis=1))
+    if not kept.any():
+        raise UserError(f"thin: expected parts thicker than {step['thickness']:g} bounding radii, got none; lower "
+                        "thickness or share")
     rest = TriangleMesh(positions=mesh.positions, faces=mesh.faces[kept], uvs=mesh.uvs[kept],
-                        material=mesh.material[kept], colors=colors)
+                        material=mesh.material[kept], colors=None if mesh.colors is None else mesh.colors[kept])
     return RoughBase(mesh=rest, creases=made.creases)
 
 
