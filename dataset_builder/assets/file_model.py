@@ -58,9 +58,8 @@ class FileModel:
     contains: str
     """What the file holds and what was taken of it, for people: `2 meshes, 3 primitives, 36 triangles, 2 materials`."""
     left_out: tuple[str, ...] = ()
-    """What it holds besides and is not honoured, in words: cameras, animations, points."""
-    uncertain: tuple[str, ...] = ()
-    """What was decided where the file leaves a choice: `morph targets at their stated weights`."""
+    """What it holds besides and is not honoured, in words (cameras, animations, points), and then what was decided
+    where the file leaves a choice: `morph targets at their stated weights`."""
 
 
 def refuse(path: Path, rule: str, hint: str = "", *, at: str = "") -> NoReturn:

@@ -122,7 +122,7 @@ def _colored_or_not(model: FileModel) -> list[bool]:
 
 def _left_out(model: FileModel) -> list[str]:
     return [*(f"{each.material.name}: {', '.join(each.left_out)}" for each in model.materials if each.left_out),
-            *model.left_out, *model.uncertain]
+            *model.left_out]
 
 
 def _check_file(path: Path) -> None:

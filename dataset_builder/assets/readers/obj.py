@@ -50,9 +50,8 @@ def read(path: Path, max_texture: int) -> FileModel:
     contains = (f"{len(lines.objects)} objects or groups, {len(counts):,} faces, {len(triangles.corners):,} triangles, "
                 f"{len(used)} of {len(entries)} materials used")
     return FileModel(parts=parts, materials=materials, contains=contains,
-                     left_out=(*_unknown(lines, known, labels), *_others(lines)),
-                     uncertain=(*doubts, *_clashes(used, entries), *_crossed(triangles),
-                                *_bare(corners, counts, known[labels[:, 0]], materials)))
+                     left_out=(*_unknown(lines, known, labels), *_others(lines), *doubts, *_clashes(used, entries),
+                               *_crossed(triangles), *_bare(corners, counts, known[labels[:, 0]], materials)))
 
 
 def _raise_faults(path: Path, lines: ObjLines) -> None:

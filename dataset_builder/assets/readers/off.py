@@ -47,9 +47,9 @@ def read(path: Path, max_texture: int) -> FileModel:
     lost += ["texture coordinates, for which the format names no texture"] if texture else []
     part = FilePart(name="faces", positions=rows[:, :3], faces=indices[found.corners],
                     colors=None if colors is None else colors[found.corners])
-    return FileModel(parts=(part,), materials=(), left_out=tuple(lost),
-                     contains=f"{vertices} vertices, {faces} faces, {len(found.corners)} triangles",
-                     uncertain=(*(("colours taken as sRGB",) if colors is not None else ()), *crossing(found)))
+    lost += ["colours taken as sRGB"] if colors is not None else []
+    return FileModel(parts=(part,), materials=(), left_out=(*lost, *crossing(found)),
+                     contains=f"{vertices} vertices, {faces} faces, {len(found.corners)} triangles")
 
 
 def _keyword(path: Path, lines: list[Line]) -> tuple[tuple[bool, bool, bool], list[Line]]:

@@ -51,7 +51,7 @@ def read(path: Path, max_texture: int) -> FileModel:
     faces = _faces(path, tables, len(positions))
     found = checked_triangles(path, positions, faces.indices, faces.counts)
     uvs, numbers = _texturing(path, header, vertex, faces)
-    colors, uncertain = _corner_colors(path, vertex, faces)
+    colors, doubts = _corner_colors(path, vertex, faces)
     used = sorted({*np.unique(numbers).tolist()} - {-1})
     lost = ["colours under a texture"] if colors is not None and used else []
     lost += [f"texture {name}, which no face uses" for number, (_, name) in enumerate(header.textures)
@@ -64,10 +64,10 @@ def read(path: Path, max_texture: int) -> FileModel:
                               uvs={} if uvs is None else {0: uvs[corners]},
                               colors=None if colors is None or number >= 0 else colors[corners]))
     contains = f"{len(positions)} vertices, {len(faces.counts)} faces, {len(found.corners)} triangles"
-    return FileModel(parts=tuple(parts), contains=contains, left_out=(*lost, *_others(tables)),
-                     materials=tuple(_material(path, header.textures[number][1], max_texture) for number in used),
-                     uncertain=(*(uncertain if any(part.colors is not None for part in parts) else ()),
-                                *crossing(found)))
+    doubts = doubts if any(part.colors is not None for part in parts) else []
+    return FileModel(parts=tuple(parts), contains=contains,
+                     left_out=(*lost, *_others(tables), *doubts, *crossing(found)),
+                     materials=tuple(_material(path, header.textures[number][1], max_texture) for number in used))
 
 
 def _faces(path: Path, tables: dict[str, Table], vertices: int) -> _Faces:
@@ -111,14 +111,14 @@ def _strip_corners(values: np.ndarray, counts: np.ndarray) -> np.ndarray:
 # Colours
 
 def _corner_colors(path: Path, vertex: Table, faces: _Faces) -> tuple[np.ndarray | None, list[str]]:
-    """(C, 4) linear colours of all corners, those of vertices before those of faces, and what is uncertain of them."""
+    """(C, 4) linear colours of all corners, those of vertices before those of faces, and what is doubtful."""
     if (colors := _colors(path, vertex)) is not None:
-        rgba, uncertain = colors
+        rgba, doubts = colors
         both = ["colours of faces beside those of vertices, not taken"] if _channels(faces.columns) else []
-        return rgba[faces.indices], [*uncertain, *both]
+        return rgba[faces.indices], [*doubts, *both]
     if (colors := _colors(path, faces.columns)) is not None:
-        rgba, uncertain = colors
-        return np.repeat(rgba, faces.counts, axis=0), uncertain
+        rgba, doubts = colors
+        return np.repeat(rgba, faces.counts, axis=0), doubts
     return None, []
 
 
@@ -133,7 +133,7 @@ def _channels(table: Table) -> list[np.ndarray]:
 
 
 def _colors(path: Path, table: Table) -> tuple[np.ndarray, list[str]] | None:
-    """(N, 4) linear colours and coverage of a table's rows, and what is uncertain of them."""
+    """(N, 4) linear colours and coverage of a table's rows, and what is doubtful about them."""
     channels = _channels(table)
     if not channels:
         return None

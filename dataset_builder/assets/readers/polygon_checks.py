@@ -64,6 +64,6 @@ def checked_triangles(path: Path, positions: np.ndarray, indices: np.ndarray, co
 
 
 def crossing(found: Triangulation) -> tuple[str, ...]:
-    """What is uncertain about triangles of polygons, in words."""
+    """What is doubtful about the triangles of polygons, in words."""
     many = len(found.crossed)
     return (f"{many} faces whose outline crosses itself, first face {found.crossed[0]}",) if many else ()

@@ -35,7 +35,7 @@ def read(path: Path, max_texture: int) -> FileModel:
     if not parts:
         refuse(path, "expected triangles, got none")
     contains = f"{len(solids)} solids, {sum(len(part.faces) for part in parts)} triangles"
-    return FileModel(parts=parts, materials=(), contains=contains, left_out=left_out, uncertain=(NO_UNIT,))
+    return FileModel(parts=parts, materials=(), contains=contains, left_out=(*left_out, NO_UNIT))
 
 
 def _part(path: Path, name: str, corners: np.ndarray) -> FilePart:

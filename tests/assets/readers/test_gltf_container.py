@@ -64,7 +64,7 @@ def test_other_chunks_are_named(tmp_path: Path) -> None:
     data = bytearray(glb(made.finished(), made.binary) + struct.pack("<I4s", 4, b"ACME") + bytes(4))
     data[8:12] = struct.pack("<I", len(data))
     (tmp_path / "a.glb").write_bytes(data)
-    assert read(tmp_path / "a.glb").left_out == ("a chunk b'ACME' of 4 bytes",)
+    assert read(tmp_path / "a.glb").left_out == ("a chunk b'ACME' of 4 bytes", "1 primitive without a material")
 
 
 @pytest.mark.parametrize(("change", "rule"), [
@@ -180,6 +180,6 @@ def test_the_inventory_tells_what_was_taken_of_what_there_is(tmp_path: Path) -> 
     made.add("materials", name="unused")
     model = made.model(tmp_path)
     assert model.contains == "2 meshes, 3 primitives, 6 triangles of 8, 1 material, 1 image"
-    assert model.uncertain == ("1 primitive without a material",)
+    assert model.left_out[-1] == "1 primitive without a material"
     assert [part.name for part in model.parts] == [
         "nodes[0], meshes[0].primitives[0]", "nodes[1], meshes[1].primitives[0]", "nodes[1], meshes[1].primitives[1]"]
