@@ -22,7 +22,7 @@ from dataset_builder.assets.texel_memory import shared_texels
 from dataset_builder.digest import digest, sha256_bytes, sha256_file
 from dataset_builder.errors import Problem, UserError
 
-FORMATS = ("PNG", "JPEG", "WEBP", "TGA", "BMP", "TIFF", "GIF", "DDS")
+FORMATS = ("PNG", "JPEG", "WEBP", "TGA", "BMP", "TIFF", "GIF", "DDS", "AVIF")
 """What is read, as Pillow calls it. Others of its decoders start programs, or are not meant for textures."""
 MAX_SIDE, MAX_PIXELS = 16384, 1 << 28
 """The largest image that is decoded."""
@@ -32,7 +32,8 @@ STRIP = 1 << 21
 """Pixels that are made linear at a time."""
 MOST_PIXELS_PER_BYTE = 8 * 1032
 """Of a file that is as good as its header: deflate makes at most 1032 bytes of one (its author's technical page), of
-8 pixels each; others stay below, but for WebP and some TIFFs, which have no limit."""
+8 pixels each; others stay below, but for those of `ENDLESS`, which have no limit."""
+ENDLESS = ("WEBP", "AVIF", "TIFF")
 BARELY = 1e-9
 """Weight of a colour without coverage: it counts only where there is no other."""
 WIDE = ("I;16", "I;16L", "I;16B", "I;16N")
@@ -55,6 +56,14 @@ class ImageFile:
 def linear_from_srgb(values: np.ndarray) -> np.ndarray:
     """Linear light in [0, 1] of sRGB-encoded values in [0, 1] (IEC 61966-2-1)."""
     return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
+
+
+def linear_rgba(colors: np.ndarray) -> np.ndarray:
+    """(N, 4) float32 linear colours and coverage, 1 without any, of (N, 3 or 4) sRGB ones in [0, 1]."""
+    rgba = np.ones((len(colors), 4), np.float32)
+    rgba[:, :colors.shape[1]] = colors
+    rgba[:, :3] = linear_from_srgb(rgba[:, :3])
+    return rgba
 
 
 def check_image(image: ImageFile) -> tuple[int, int]:
@@ -102,7 +111,7 @@ def opened_image(image: ImageFile) -> Iterator[Image.Image]:
                 raise _refused(image, f"expected an image of at most {MAX_SIDE} pixels a side, got one of "
                                f"{opened.width} x {opened.height}", "save it smaller")
             size = len(image.content) if isinstance(image.content, bytes) else image.content.stat().st_size
-            if opened.format not in ("WEBP", "TIFF") and opened.width * opened.height > MOST_PIXELS_PER_BYTE * size:
+            if opened.format not in ENDLESS and opened.width * opened.height > MOST_PIXELS_PER_BYTE * size:
                 raise _refused(image, f"expected the pixels of an image of {opened.width} x {opened.height}, got "
                                f"{size} bytes, which cannot hold them", "the file was cut short; copy it again")
             yield opened

@@ -168,7 +168,7 @@ def test_what_is_no_image_is_refused(tmp_path, content):
 
 
 SAMPLES = [image(np.random.default_rng(7).integers(0, 256, (9, 7, 3), dtype=np.uint8), kind).content
-           for kind in ("PNG", "JPEG", "WEBP", "TGA", "BMP", "TIFF", "GIF", "DDS")]
+           for kind in ("PNG", "JPEG", "WEBP", "TGA", "BMP", "TIFF", "GIF", "DDS", "AVIF")]
 
 
 @settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.too_slow])

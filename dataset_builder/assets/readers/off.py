@@ -10,7 +10,7 @@ from typing import NoReturn
 import numpy as np
 
 from dataset_builder.assets.file_model import GREY, FileModel, FilePart, refuse
-from dataset_builder.assets.image_maps import linear_from_srgb
+from dataset_builder.assets.image_maps import linear_rgba
 from dataset_builder.assets.readers.polygon_checks import checked_triangles, content_of, crossing, numbers_of
 from dataset_builder.spec.problems import shown
 
@@ -119,10 +119,7 @@ def _linear(path: Path, colors: np.ndarray) -> np.ndarray:
     """(N, 4) float32 linear colours and coverage of (N, 3 or 4) sRGB ones."""
     if not ((colors >= 0) & (colors <= 1)).all():
         refuse(path, "expected colours in [0, 1], with decimal points, or whole numbers in [0, 255], got others")
-    rgba = np.ones((len(colors), 4), np.float32)
-    rgba[:, :colors.shape[1]] = colors
-    rgba[:, :3] = linear_from_srgb(rgba[:, :3])
-    return rgba
+    return linear_rgba(colors)
 
 
 def _refuse_line(path: Path, line: Line, rule: str) -> NoReturn:
