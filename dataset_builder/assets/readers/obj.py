@@ -10,6 +10,7 @@ from dataset_builder.assets.file_model import FileMaterial, FileModel, FilePart,
 from dataset_builder.assets.image_maps import linear_from_srgb
 from dataset_builder.assets.readers.mtl import file_material
 from dataset_builder.assets.readers.obj_lines import ObjLines, read_lines
+from dataset_builder.assets.readers.polygon_checks import crossing
 from dataset_builder.assets.readers.polygons import Triangulation, triangulated
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.spec.obj_references import defined_entries, obj_libraries, used_entries
@@ -51,7 +52,7 @@ def read(path: Path, max_texture: int) -> FileModel:
                 f"{len(used)} of {len(entries)} materials used")
     return FileModel(parts=parts, materials=materials, contains=contains,
                      left_out=(*_unknown(lines, known, labels), *_others(lines), *doubts, *_clashes(used, entries),
-                               *_crossed(triangles), *_bare(corners, counts, known[labels[:, 0]], materials)))
+                               *crossing(triangles), *_bare(corners, counts, known[labels[:, 0]], materials)))
 
 
 def _raise_faults(path: Path, lines: ObjLines) -> None:
@@ -125,8 +126,3 @@ def _bare(corners: np.ndarray, counts: np.ndarray, used: np.ndarray, materials: 
     return [f"{each.name}: {count:,} faces have no texture coordinates, and take one texel"
             for each, count in zip((found.material for found in materials), bare.tolist(), strict=True)
             if count and each.texture is not None]
-
-
-def _crossed(triangles: Triangulation) -> list[str]:
-    count = len(triangles.crossed)
-    return [f"{count:,} polygons whose outline crosses itself"] if count else []

@@ -22,14 +22,14 @@ def content_of(path: Path) -> bytes:
         refuse(path, f"expected a readable file, got: {error.strerror}")
 
 
-def numbers_of(text: bytes) -> np.ndarray | None:
-    """(N,) float64 numbers of a text with blanks between them; None where something else stands in it."""
+def numbers_of(text: bytes, dtype: type = np.float64) -> np.ndarray | None:
+    """(N,) numbers of a text with blanks between them; None where something else stands in it."""
     if not text.strip():
-        return np.zeros(0)
+        return np.zeros(0, dtype)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            return np.fromstring(text, dtype=np.float64, sep=" ")
+            return np.fromstring(text, dtype=dtype, sep=" ")
     except (ValueError, DeprecationWarning):
         return None
 
