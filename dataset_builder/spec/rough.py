@@ -180,8 +180,8 @@ class RoughSpec(Model):
     edge: within(low=1e-3, high=1) | None = None  # type: ignore[valid-type]
     """Target edge length in bounding-sphere radii, in place of `edge_length`."""
     coarsen: bool = True
-    """Whether scans finer than that are decimated to it before white noise, which would shred them. Not below 0.08
-    bounding-sphere radii."""
+    """Whether scans finer than that are decimated to it before white noise, which would shred them; not beyond 0.08
+    bounding-sphere radii, nor where the surface would stray by more than 0.002."""
     triangles: PositiveInt = 4_000_000
     """Maximum number of triangles; more are refused."""
     rounds: Annotated[int, Field(ge=0, le=6)] = 1
