@@ -65,3 +65,12 @@ class FileModel:
 def refuse(path: Path, rule: str, hint: str = "", *, at: str = "") -> NoReturn:
     """Raise UserError about a file; `at`: where in it, such as `line 12` or `materials[2]`."""
     raise UserError([Problem(where=str(path), path=at, rule=rule, hint=hint)])
+
+
+def counted(number: int, one: str, many: str = "") -> str:
+    """A number and what it counts.
+
+    >>> counted(1, "mesh", "meshes"), counted(0, "image"), counted(1234, "triangle")
+    ('1 mesh', '0 images', '1,234 triangles')
+    """
+    return f"{number:,} {one if number == 1 else many or one + 's'}"

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from dataset_builder.assets.file_model import FileModel, FilePart, refuse
+from dataset_builder.assets.file_model import FileModel, FilePart, counted, refuse
 from dataset_builder.assets.readers.gltf_extensions import PREFIX, TAKEN
-from dataset_builder.assets.readers.gltf_file import MESHOPT, GltfFile, counted, listed, open_gltf
+from dataset_builder.assets.readers.gltf_file import MESHOPT, GltfFile, listed, open_gltf
 from dataset_builder.assets.readers.gltf_images import BASIS, READ_BY_PILLOW, GltfImages
 from dataset_builder.assets.readers.gltf_inventory import contents, left_aside
 from dataset_builder.assets.readers.gltf_materials import GltfMaterial, GltfMaterials

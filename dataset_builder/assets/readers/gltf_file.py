@@ -149,15 +149,6 @@ def _decoded(entry: Entry, uri: str) -> bytes:
         return entry.refuse(f"expected base64, got: {error}", key="uri")
 
 
-def counted(number: int, one: str, many: str = "") -> str:
-    """A number and what it counts.
-
-    >>> counted(1, "mesh", "meshes"), counted(0, "image"), counted(1234, "triangle")
-    ('1 mesh', '0 images', '1,234 triangles')
-    """
-    return f"{number:,} {one if number == 1 else many or one + 's'}"
-
-
 def listed(words: Sequence[str], most: int = 6) -> str:
     """Words of a file with commas, each once, cut where there are many."""
     once = list(dict.fromkeys(map(printable, words)))

@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dataset_builder.assets.file_model import counted
 from dataset_builder.assets.readers.gltf_accessors import read_numbers
-from dataset_builder.assets.readers.gltf_file import GltfFile, counted
+from dataset_builder.assets.readers.gltf_file import GltfFile
 from dataset_builder.assets.readers.gltf_values import Entry
 
 INSTANCING = "EXT_mesh_gpu_instancing"

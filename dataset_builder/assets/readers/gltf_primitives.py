@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from dataset_builder.assets.file_model import counted
 from dataset_builder.assets.readers.gltf_accessors import (
     WIDTHS,
     component_type,
@@ -15,7 +16,7 @@ from dataset_builder.assets.readers.gltf_accessors import (
     read_integers,
     read_numbers,
 )
-from dataset_builder.assets.readers.gltf_file import GltfFile, counted
+from dataset_builder.assets.readers.gltf_file import GltfFile
 from dataset_builder.assets.readers.gltf_values import Entry
 from dataset_builder.extras import missing_named
 

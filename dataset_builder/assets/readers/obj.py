@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dataset_builder.assets.file_model import FileMaterial, FileModel, FilePart, refuse
+from dataset_builder.assets.file_model import FileMaterial, FileModel, FilePart, counted, refuse
 from dataset_builder.assets.image_maps import linear_from_srgb
 from dataset_builder.assets.readers.mtl import file_material
 from dataset_builder.assets.readers.obj_lines import ObjLines, read_lines
@@ -48,8 +48,8 @@ def read(path: Path, max_texture: int) -> FileModel:
     colors, doubts = _colors(vertices[:, 3:])
     parts = tuple(_parts(lines, triangles, labels, (vertices[:, :3], colors, known, corners)))
     materials = tuple(file_material(entry, path, max_texture) for entry in used.values())
-    contains = (f"{len(lines.objects)} objects or groups, {len(counts):,} faces, {len(triangles.corners):,} triangles, "
-                f"{len(used)} of {len(entries)} materials used")
+    contains = ", ".join((f"{len(lines.objects)} objects or groups", counted(len(counts), "face"),
+                          counted(len(triangles.corners), "triangle"), f"{len(used)} of {len(entries)} materials used"))
     return FileModel(parts=parts, materials=materials, contains=contains,
                      left_out=(*_unknown(lines, known, labels), *_others(lines), *doubts, *_clashes(used, entries),
                                *crossing(triangles), *_bare(corners, counts, known[labels[:, 0]], materials)))

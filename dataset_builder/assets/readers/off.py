@@ -11,7 +11,13 @@ import numpy as np
 
 from dataset_builder.assets.file_model import GREY, FileModel, FilePart, refuse
 from dataset_builder.assets.image_maps import linear_rgba
-from dataset_builder.assets.readers.polygon_checks import checked_triangles, content_of, crossing, numbers_of
+from dataset_builder.assets.readers.polygon_checks import (
+    checked_triangles,
+    content_of,
+    crossing,
+    numbers_of,
+    polygon_counts,
+)
 from dataset_builder.spec.problems import shown
 
 KEYWORD = re.compile(rb"(ST)?(C)?(N)?(4)?(n)?OFF\s*(BINARY)?\s*")
@@ -49,7 +55,7 @@ def read(path: Path, max_texture: int) -> FileModel:
                     colors=None if colors is None else colors[found.corners])
     lost += ["colours taken as sRGB"] if colors is not None else []
     return FileModel(parts=(part,), materials=(), left_out=(*lost, *crossing(found)),
-                     contains=f"{vertices} vertices, {faces} faces, {len(found.corners)} triangles")
+                     contains=polygon_counts(vertices, faces, found))
 
 
 def _keyword(path: Path, lines: list[Line]) -> tuple[tuple[bool, bool, bool], list[Line]]:

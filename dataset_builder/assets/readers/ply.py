@@ -12,7 +12,7 @@ from dataset_builder.assets.asset import Material
 from dataset_builder.assets.file_model import ROUGHNESS, FileMaterial, FileModel, FilePart, refuse
 from dataset_builder.assets.image_maps import ImageFile, linear_rgba, make_texture, read_texels
 from dataset_builder.assets.readers.ply_tables import Lists, Table, ply_tables
-from dataset_builder.assets.readers.polygon_checks import checked_triangles, content_of, crossing
+from dataset_builder.assets.readers.polygon_checks import checked_triangles, content_of, crossing, polygon_counts
 from dataset_builder.spec.file_reference import is_inside
 from dataset_builder.spec.ply_references import PlyHeader, ply_header
 
@@ -63,9 +63,8 @@ def read(path: Path, max_texture: int) -> FileModel:
                               faces=faces.indices[corners], material=used.index(number) if number >= 0 else -1,
                               uvs={} if uvs is None else {0: uvs[corners]},
                               colors=None if colors is None or number >= 0 else colors[corners]))
-    contains = f"{len(positions)} vertices, {len(faces.counts)} faces, {len(found.corners)} triangles"
     doubts = doubts if any(part.colors is not None for part in parts) else []
-    return FileModel(parts=tuple(parts), contains=contains,
+    return FileModel(parts=tuple(parts), contains=polygon_counts(len(positions), len(faces.counts), found),
                      left_out=(*lost, *_others(tables), *doubts, *crossing(found)),
                      materials=tuple(_material(path, header.textures[number][1], max_texture) for number in used))
 

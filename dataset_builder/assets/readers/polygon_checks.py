@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dataset_builder.assets.file_model import refuse
+from dataset_builder.assets.file_model import counted, refuse
 from dataset_builder.assets.readers.polygons import Triangulation, triangulated
 from dataset_builder.digest import read_regular
 from dataset_builder.spec.file_reference import MOST_BYTES
@@ -66,4 +66,10 @@ def checked_triangles(path: Path, positions: np.ndarray, indices: np.ndarray, co
 def crossing(found: Triangulation) -> tuple[str, ...]:
     """What is doubtful about the triangles of polygons, in words."""
     many = len(found.crossed)
-    return (f"{many} faces whose outline crosses itself, first face {found.crossed[0]}",) if many else ()
+    return (f"{counted(many, 'face')} whose outline crosses itself, first face {found.crossed[0]}",) if many else ()
+
+
+def polygon_counts(vertices: int, faces: int, found: Triangulation) -> str:
+    """What a file of polygons holds, in words."""
+    return ", ".join((counted(vertices, "vertex", "vertices"), counted(faces, "face"),
+                      counted(len(found.corners), "triangle")))

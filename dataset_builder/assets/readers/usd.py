@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dataset_builder.assets.file_model import FileModel, FilePart, refuse
+from dataset_builder.assets.file_model import FileModel, FilePart, counted, refuse
 from dataset_builder.assets.readers.usd_inventory import inventory, stage_settings
 from dataset_builder.assets.readers.usd_materials import UsdMaterial, read_preview_surface
 from dataset_builder.assets.readers.usd_meshes import UsdMesh, read_mesh
@@ -82,7 +82,8 @@ def _read(path: Path, max_texture: int, passed_over: tuple[str, ...]) -> FileMod
         decided.append(f"meshes of {len(taken.roots)} root prims, whatever defaultPrim says")
     return FileModel(
         parts=tuple(taken.parts), materials=tuple(each.file for each in taken.materials),
-        contains=f"{taken.prims} mesh prims, {taken.triangles} triangles, {len(taken.materials)} materials",
+        contains=", ".join((counted(taken.prims, "mesh prim"), counted(taken.triangles, "triangle"),
+                            counted(len(taken.materials), "material"))),
         left_out=(*lost, *(f"reference to {name}" for name in passed_over), *decided, *taken.decided))
 
 

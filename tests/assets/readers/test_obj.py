@@ -161,7 +161,7 @@ def test_repeated_corners_and_crossing_outlines(tmp_path):
     square = vertices([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
     assert area(obj(tmp_path, square + "f 1 1 2 3 3 4\n")) == pytest.approx(1)
     bow = vertices([(0, 0, 0), (2, 2, 0), (2, 0, 0), (0, 1, 0)])
-    assert obj(tmp_path, bow + "f 1 2 3 4\n").left_out == ("1 faces whose outline crosses itself, first face 0",)
+    assert obj(tmp_path, bow + "f 1 2 3 4\n").left_out == ("1 face whose outline crosses itself, first face 0",)
 
 
 # What else it holds

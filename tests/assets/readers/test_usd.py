@@ -56,7 +56,7 @@ def test_units_and_axis_of_the_file_are_honoured(tmp_path, head, size):
 def test_text_and_binary_hold_the_same(tmp_path, name):
     model = read(write(tmp_path, HEAD + mesh(more=ST), name), 64)
     assert (area(model.parts[0]), model.parts[0].name) == (1, "/square")
-    assert model.contains == "1 mesh prims, 2 triangles, 0 materials"
+    assert model.contains == "1 mesh prim, 2 triangles, 0 materials"
     assert model.left_out == ()
 
 
@@ -260,7 +260,7 @@ def test_without_openusd_the_line_to_type_is_said(tmp_path, monkeypatch):
 def test_a_real_stage_of_payloads_and_variants():
     asset = load(ASSETS / "usd_teapot" / "Teapot.usd")
     np.testing.assert_allclose(asset.mesh.bounds[1] - asset.mesh.bounds[0], (0.31, 0.49, 0.23), atol=0.005)
-    assert asset.meta["contains"] == "1 mesh prims, 2472 triangles, 1 materials"
+    assert asset.meta["contains"] == "1 mesh prim, 2,472 triangles, 1 material"
     assert "modelVariant=Utah" in asset.meta["left_out"]
 
 
