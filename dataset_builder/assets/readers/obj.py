@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from dataset_builder.assets.file_model import FileMaterial, FileModel, FilePart, counted, refuse
-from dataset_builder.assets.image_maps import linear_from_srgb
+from dataset_builder.assets.linear_texels import linear_from_srgb
 from dataset_builder.assets.readers.mtl import file_material
 from dataset_builder.assets.readers.obj_lines import ObjLines, read_lines
 from dataset_builder.assets.readers.polygon_checks import crossing

@@ -10,7 +10,7 @@ from typing import NoReturn
 import numpy as np
 
 from dataset_builder.assets.file_model import GREY, FileModel, FilePart, refuse
-from dataset_builder.assets.image_maps import linear_rgba
+from dataset_builder.assets.linear_texels import linear_rgba
 from dataset_builder.assets.readers.polygon_checks import (
     checked_triangles,
     content_of,

@@ -10,7 +10,8 @@ import numpy as np
 
 from dataset_builder.assets.asset import Material
 from dataset_builder.assets.file_model import ROUGHNESS, FileMaterial, FileModel, FilePart, refuse
-from dataset_builder.assets.image_maps import ImageFile, linear_rgba, make_texture, read_texels
+from dataset_builder.assets.image_maps import ImageFile, make_texture, read_texels
+from dataset_builder.assets.linear_texels import linear_rgba
 from dataset_builder.assets.readers.ply_tables import Lists, Table, ply_tables
 from dataset_builder.assets.readers.polygon_checks import checked_triangles, content_of, crossing, polygon_counts
 from dataset_builder.spec.file_reference import is_inside

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from dataset_builder.assets.image_maps import linear_from_srgb
+from dataset_builder.assets.linear_texels import linear_from_srgb
 from dataset_builder.assets.mesh_file import load_mesh_file
 from dataset_builder.assets.readers.ply import read
 from dataset_builder.errors import UserError
