@@ -8,6 +8,7 @@ import numpy as np
 
 from dataset_builder.assets.file_model import FileMaterial, FileModel, FilePart, refuse
 from dataset_builder.assets.image_maps import linear_from_srgb
+from dataset_builder.assets.readers.color_scale import as_shares
 from dataset_builder.assets.readers.mtl import file_material
 from dataset_builder.assets.readers.obj_lines import ObjLines, read_lines
 from dataset_builder.assets.readers.polygons import Triangulation, triangulated
@@ -89,10 +90,8 @@ def _colors(said: np.ndarray) -> tuple[np.ndarray | None, list[str]]:
     """(V, 4) linear colours and coverage of (V, 4) sRGB ones, white where there are none, and what is doubtful."""
     if not np.isfinite(said).any():
         return None, []
-    doubts, highest = [], np.nanmax(np.where(np.isfinite(said), said, np.nan))
-    if highest > 1:
-        doubts, said = ["vertex colours above 1 read as counted up to 255"], said / 255
-    said = np.clip(np.nan_to_num(said, nan=1, posinf=1, neginf=0), 0, 1)
+    said, doubts = as_shares(said)
+    said = np.nan_to_num(said, nan=1)
     return np.concatenate([linear_from_srgb(said[:, :3]), said[:, 3:]], axis=1).astype(np.float32), doubts
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from dataset_builder.assets.asset import Material
 from dataset_builder.assets.file_model import ROUGHNESS, FileMaterial, FileModel, FilePart, refuse
 from dataset_builder.assets.image_maps import ImageFile, linear_from_srgb, make_texture, read_texels
+from dataset_builder.assets.readers.color_scale import as_shares
 from dataset_builder.assets.readers.ply_tables import Lists, Table, ply_tables
 from dataset_builder.assets.readers.polygon_checks import checked_triangles, content_of, crossing
 from dataset_builder.spec.file_reference import is_inside
@@ -139,13 +140,13 @@ def _colors(path: Path, table: Table) -> tuple[np.ndarray, list[str]] | None:
         return None
     if bad := sum(int((~np.isfinite(channel)).sum()) for channel in channels):
         refuse(path, f"expected colours, got {bad} NaN or Inf among them")
-    large = any(channel.dtype.kind == "f" and channel.max(initial=0) > 1 for channel in channels)
+    decimal = [number for number, channel in enumerate(channels) if channel.dtype.kind == "f"]
     rgba = np.ones((len(channels[0]), 4), np.float32)
     for number, channel in enumerate(channels):
-        most = np.iinfo(channel.dtype).max if channel.dtype.kind in "iu" else 255 if large else 1
-        rgba[:, number] = np.clip(channel / most, 0, 1)
+        rgba[:, number] = channel if number in decimal else np.clip(channel / np.iinfo(channel.dtype).max, 0, 1)
+    rgba[:, decimal], doubts = as_shares(rgba[:, decimal])
     rgba[:, :3] = linear_from_srgb(rgba[:, :3])
-    return rgba, ["colours taken as sRGB", *(["colours above 1 taken as shares of 255"] if large else [])]
+    return rgba, ["colours taken as sRGB", *doubts]
 
 
 # Textures
