@@ -117,6 +117,8 @@ def _take(taken: _Taken, prim: "UsdGeom.Mesh", matrix: np.ndarray) -> None:
     bound: dict[int, list[np.ndarray]] = {}
     for shade, faces in mesh.subsets:
         bound.setdefault(_material(taken, shade), []).append(faces)
+    read = {"displayColor", *(taken.materials[index].colors for index in bound if index >= 0)}
+    taken.left_out.update(f"colours {name}, which no material reads" for name in mesh.color_names() if name not in read)
     for index, sets in bound.items():
         chosen = np.isin(mesh.owner, np.concatenate(sets))
         if chosen.any():

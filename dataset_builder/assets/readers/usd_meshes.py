@@ -48,6 +48,13 @@ class UsdMesh:
         rgba[:, :3] = np.clip(values[:, :3], 0, 1)
         return rgba
 
+    def color_names(self) -> list[str]:
+        """Names of all colours of the mesh that have values."""
+        from pxr import Sdf, UsdGeom
+
+        return [str(primvar.GetPrimvarName()) for primvar in UsdGeom.PrimvarsAPI(self.prim).GetPrimvarsWithValues()
+                if primvar.GetTypeName().role == Sdf.ValueRoleNames.Color]
+
     def display_colors(self) -> np.ndarray | None:
         """(C, 4) linear displayColor with displayOpacity as coverage; None where there is neither."""
         rgba, opacity = self.colors("displayColor"), self._primvar("displayOpacity")

@@ -64,6 +64,7 @@ def test_kd_multiplies_its_map_and_is_white_without_a_number(tmp_path):
     ("Kd 0 0 0\nmap_Kd w.png", "all black by its Kd 0 0 0 under map_Kd, as the file says"),
     ("map_Kd black.png", "all black under map_Kd, as the file says"), ("d 0", "invisible, as the file says"),
     ("aniso 0.5", "aniso"), ("anisor 0.1", "anisor"), ("Tf 0.5 1 1", "Tf"), ("disp w.png", "disp"),
+    ("Pr 0.1\nTf 1 1 1", "Tf"),
     ("decal w.png", "decal"), ("refl -type sphere w.png", "refl"), ("map_Ns gone.png", "map_Ns"),
     ("map_Ka gone.png", "map_Ka"), ("sharpness 60", "sharpness"), ("d 0.5\nTr 0.3", "Tr, which contradicts d 0.5"),
     ("d -halo 0.5", "-halo of d"), ("Ks 0.1 0.5 0.5", "the colour of Ks"), ("foo 1", "foo"), ("map_Kd", "map_Kd"),

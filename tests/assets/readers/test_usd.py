@@ -227,6 +227,13 @@ def test_display_colour_is_linear_and_opacity_coverage(tmp_path, how, colors):
     np.testing.assert_allclose(opaque.parts[0].colors, np.broadcast_to((GREY, GREY, GREY, 0.5), (2, 3, 4)), rtol=1e-6)
 
 
+def test_colours_that_nothing_reads_are_named(tmp_path):
+    colors = 'color3f[] primvars:{} = [(0.1, 0.2, 0.3)] ( interpolation = "constant" )'
+    model = read(write(tmp_path, HEAD + mesh(more=colors.format("Col"))), 64)
+    assert model.parts[0].colors is None and model.left_out == ("colours Col, which no material reads",)
+    assert read(write(tmp_path, HEAD + mesh(more=colors.format("displayColor"))), 64).left_out == ()
+
+
 def test_a_mesh_of_loose_edges_beside_others_is_named(tmp_path):
     model = read(write(tmp_path, HEAD + mesh() + mesh("edges", counts="", indices="")), 64)
     assert [part.name for part in model.parts] == ["/square"]
