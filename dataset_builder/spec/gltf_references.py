@@ -135,6 +135,6 @@ def _local_name(folder: Path, uri: str, key: str) -> str:
     file = folder / name
     if not os.path.isfile(file) and os.path.isdir(file.parent):
         for there in sorted(os.listdir(file.parent)):
-            if there.casefold() == file.name.casefold():
+            if there != file.name and there.casefold() == file.name.casefold():
                 raise ValueError(f"{key}: expected {file.name}, found {there} (rename it: upper and lower case differ)")
     return name
