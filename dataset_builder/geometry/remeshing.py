@@ -21,6 +21,11 @@ from dataset_builder.geometry.subdivision import EQUILATERAL
 
 MAX_CELLS = 64_000_000
 """Cells of a grid, 256 MB of distances."""
+INSIDE = 0.02
+"""How far towards the middle of its face a corner is looked up, as a share of the way."""
+AGREED = 0.5
+"""Difference of two texture coordinates, in units of that between corner and middle, up to which they are of one chart:
+the old faces of a seam are seldom so near to each other."""
 
 
 def typical_edge(mesh: TriangleMesh) -> float:
@@ -115,8 +120,10 @@ def dressed(positions: np.ndarray, faces: np.ndarray, old: TriangleMesh, *, comp
     """A mesh of new triangles with the materials, uvs and colours of an old one.
 
     A face takes the material of the old face nearest to its centroid, and continues that face's uvs and colours over
-    its own corners, so that no face runs across a seam. Faces with a repeated corner are left out, and vertices that no
-    face uses, too, if `compacted`. Raises UserError where no face is left.
+    its own corners, so that no face runs across a seam. A corner has the uvs of the old face nearest to itself where
+    these are about the same: small old faces that are a little askew lead astray over many times their size. Faces
+    with a repeated corner are left out, and vertices that no face uses, too, if `compacted`. Raises UserError where no
+    face is left.
     """
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
     if not len(faces):
@@ -127,14 +134,27 @@ def dressed(positions: np.ndarray, faces: np.ndarray, old: TriangleMesh, *, comp
     o3d = open3d()
     scene = _scene(o3d, old)
     corners = positions[faces]
-    found = scene.compute_closest_points(o3d.core.Tensor(corners.mean(axis=1).astype(np.float32)))
-    source = found["primitive_ids"].numpy().astype(np.int64)
+    middles = corners.mean(axis=1)
+
+    def nearest(points: np.ndarray) -> np.ndarray:
+        found = scene.compute_closest_points(o3d.core.Tensor(points.astype(np.float32)))
+        return found["primitive_ids"].numpy().astype(np.int64)
+
+    source = nearest(middles)
     weights = barycentric(corners, old.corners[source])
+    uvs = np.einsum("fcw,fwn->fcn", weights, old.uvs[source])
+    spans = np.linalg.norm(uvs - uvs.mean(axis=1, keepdims=True), axis=2)
+    for corner in range(3):
+        # A little inside, where the face on this side of a seam is the nearest
+        own = nearest(corners[:, corner] + INSIDE * (middles - corners[:, corner]))
+        said = np.einsum("fcw,fwn->fcn", barycentric(corners[:, [corner]], old.corners[own]), old.uvs[own])[:, 0]
+        off = np.linalg.norm(said - uvs[:, corner], axis=1)
+        agrees = (old.material[own] == old.material[source]) & (off <= AGREED * spans[:, corner])
+        uvs[agrees, corner] = said[agrees]
     colors = None
     if old.colors is not None:
         colors = np.clip(np.einsum("fcw,fwn->fcn", weights, old.colors[source]), 0, 1)
-    return TriangleMesh(positions=positions, faces=faces, uvs=np.einsum("fcw,fwn->fcn", weights, old.uvs[source]),
-                        material=old.material[source], colors=colors)
+    return TriangleMesh(positions=positions, faces=faces, uvs=uvs, material=old.material[source], colors=colors)
 
 
 def barycentric(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:

@@ -32,6 +32,16 @@ def test_meta_records_what_was_done(tmp_path):
     assert meta["moved"].startswith("-0.5 m, ")
 
 
+@pytest.mark.parametrize("turned", ["f 4 3 2 1", "f 1 2 3 4"])
+def test_a_sheet_lies_a_hair_above_the_floor(tmp_path, turned):
+    (tmp_path / "rug.obj").write_text(f"v 0 0 0\nv 1 0 0\nv 1 0 2\nv 0 0 2\n{turned}\n")
+    rug = load(tmp_path / "rug.obj")
+    np.testing.assert_allclose(rug.mesh.bounds[:, 2], 1e-4)
+    assert "lies flat on what it stands on: raised by 0.1 mm" in rug.meta["shape"]
+    upright = load(tmp_path / "rug.obj", up="z")
+    assert upright.mesh.bounds[0, 2] == 0 and "raised" not in upright.meta["shape"]
+
+
 def test_no_such_file_and_unsupported(tmp_path):
     with pytest.raises(UserError, match=r"none\.glb: expected an existing file, got none"):
         load(tmp_path / "none.glb")

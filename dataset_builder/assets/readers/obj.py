@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from dataset_builder.assets.file_model import FileMaterial, FileModel, FilePart, counted, refuse
-from dataset_builder.assets.linear_texels import linear_from_srgb
+from dataset_builder.assets.linear_texels import linear_rgba
+from dataset_builder.assets.readers.color_scale import as_shares
 from dataset_builder.assets.readers.mtl import file_material
 from dataset_builder.assets.readers.obj_lines import ObjLines, read_lines
 from dataset_builder.assets.readers.polygon_checks import crossing
@@ -89,11 +90,8 @@ def _colors(said: np.ndarray) -> tuple[np.ndarray | None, list[str]]:
     """(V, 4) linear colours and coverage of (V, 4) sRGB ones, white where there are none, and what is doubtful."""
     if not np.isfinite(said).any():
         return None, []
-    doubts, highest = [], np.nanmax(np.where(np.isfinite(said), said, np.nan))
-    if highest > 1:
-        doubts, said = ["vertex colours above 1 read as counted up to 255"], said / 255
-    said = np.clip(np.nan_to_num(said, nan=1, posinf=1, neginf=0), 0, 1)
-    return np.concatenate([linear_from_srgb(said[:, :3]), said[:, 3:]], axis=1).astype(np.float32), doubts
+    said, doubts = as_shares(said)
+    return linear_rgba(np.nan_to_num(said, nan=1)), doubts
 
 
 # What is left out, or doubtful

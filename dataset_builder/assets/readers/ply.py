@@ -12,6 +12,7 @@ from dataset_builder.assets.asset import Material
 from dataset_builder.assets.file_model import ROUGHNESS, FileMaterial, FileModel, FilePart, refuse
 from dataset_builder.assets.image_maps import ImageFile, make_texture, read_texels
 from dataset_builder.assets.linear_texels import linear_rgba
+from dataset_builder.assets.readers.color_scale import as_shares
 from dataset_builder.assets.readers.ply_tables import Lists, Table, ply_tables
 from dataset_builder.assets.readers.polygon_checks import checked_triangles, content_of, crossing, polygon_counts
 from dataset_builder.spec.file_reference import is_inside
@@ -139,11 +140,11 @@ def _colors(path: Path, table: Table) -> tuple[np.ndarray, list[str]] | None:
         return None
     if bad := sum(int((~np.isfinite(channel)).sum()) for channel in channels):
         refuse(path, f"expected colours, got {bad} NaN or Inf among them")
-    large = any(channel.dtype.kind == "f" and channel.max(initial=0) > 1 for channel in channels)
-    shares = [channel / (np.iinfo(channel.dtype).max if channel.dtype.kind in "iu" else 255 if large else 1)
-              for channel in channels]
-    doubts = ["colours taken as sRGB", *(["colours above 1 taken as shares of 255"] if large else [])]
-    return linear_rgba(np.clip(np.stack(shares, axis=1), 0, 1)), doubts
+    decimal = [number for number, channel in enumerate(channels) if channel.dtype.kind == "f"]
+    shares = np.stack([channel if number in decimal else np.clip(channel / np.iinfo(channel.dtype).max, 0, 1)
+                       for number, channel in enumerate(channels)], axis=1)
+    shares[:, decimal], doubts = as_shares(shares[:, decimal])
+    return linear_rgba(shares), ["colours taken as sRGB", *doubts]
 
 
 # Textures

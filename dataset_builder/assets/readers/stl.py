@@ -51,7 +51,8 @@ def _binary(data: bytes, count: int) -> tuple[list[tuple[str, np.ndarray]], tupl
     coloured = int(np.count_nonzero(records["attribute"]))
     lost = [f"attributes of {coloured} triangles, which are colours in some programs"] if coloured else []
     lost += [f"{key[:-1].decode().lower()} in the header" for key in (b"COLOR=", b"MATERIAL=") if key in data[:HEADER]]
-    return [("solid", records["corners"].astype(np.float64))], tuple(lost)
+    with np.errstate(invalid="ignore"):  # NaN that signals; it is refused later
+        return [("solid", records["corners"].astype(np.float64))], tuple(lost)
 
 
 def _text(path: Path, data: bytes) -> list[tuple[str, np.ndarray]]:

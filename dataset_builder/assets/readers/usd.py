@@ -14,7 +14,7 @@ import numpy as np
 from dataset_builder.assets.file_model import FileModel, FilePart, counted, refuse
 from dataset_builder.assets.readers.usd_inventory import inventory, stage_settings
 from dataset_builder.assets.readers.usd_materials import UsdMaterial, read_preview_surface
-from dataset_builder.assets.readers.usd_meshes import UsdMesh, read_mesh
+from dataset_builder.assets.readers.usd_meshes import UsdMesh, has_faces, read_mesh
 from dataset_builder.extras import missing_named
 from dataset_builder.spec.usd_references import diagnostics, said, usd_files
 from dataset_builder.spec.usd_trial import trial_problem
@@ -102,7 +102,11 @@ def _meshes(stage: "Usd.Stage", taken: _Taken) -> Iterator["UsdGeom.Mesh"]:
         if not kept:
             walk.PruneChildren()
         elif prim.IsA(UsdGeom.Mesh):
-            yield UsdGeom.Mesh(prim)
+            mesh = UsdGeom.Mesh(prim)
+            if has_faces(mesh):
+                yield mesh
+            else:
+                taken.left_out[f"mesh {prim.GetPath()}, which has no faces"] += 1
 
 
 def _take(taken: _Taken, prim: "UsdGeom.Mesh", matrix: np.ndarray) -> None:
@@ -114,6 +118,8 @@ def _take(taken: _Taken, prim: "UsdGeom.Mesh", matrix: np.ndarray) -> None:
     bound: dict[int, list[np.ndarray]] = {}
     for shade, faces in mesh.subsets:
         bound.setdefault(_material(taken, shade), []).append(faces)
+    read = {"displayColor", *(taken.materials[index].colors for index in bound if index >= 0)}
+    taken.left_out.update(f"colours {name}, which no material reads" for name in mesh.color_names() if name not in read)
     for index, sets in bound.items():
         chosen = np.isin(mesh.owner, np.concatenate(sets))
         if chosen.any():

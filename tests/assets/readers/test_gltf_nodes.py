@@ -173,3 +173,10 @@ def test_what_moves_looks_and_lights_is_named(tmp_path: Path) -> None:
                       cameras=[{"type": "perspective"}], extensions=lights)
     made.use("KHR_lights_punctual", "ACME_sound")
     assert made.model(tmp_path).left_out[:-1] == ("2 animations", "1 camera", "1 light", "the extensions ACME_sound")
+
+
+def test_extensions_that_the_file_does_not_declare_are_named(tmp_path):
+    made = GltfMaker()
+    made.draw(made.primitive(extensions={"ACME_tessellation": {}}), extensions={"ACME_lod": {}})
+    made.header["extensions"] = {"ACME_sound": {}}
+    assert "the extensions ACME_sound, ACME_tessellation, ACME_lod" in made.model(tmp_path).left_out

@@ -214,6 +214,9 @@ def test_vertex_colours_are_srgb_and_belong_to_vertices(tmp_path):
     bytes_ = obj(tmp_path, text.replace("1 0 0.5", "255 0 128"), l="newmtl m\n")
     np.testing.assert_allclose(bytes_.parts[0].colors[0, 0], (1, 0, 0.2158605, 1), rtol=1e-5)
     assert "vertex colours above 1 read as counted up to 255" in bytes_.left_out
+    over = obj(tmp_path, text.replace("1 0 0.5", "1.02 -0.1 0.5"), l="newmtl m\n")
+    np.testing.assert_allclose(over.parts[0].colors[0, 0], (1, 0, 0.2140411, 1), rtol=1e-5)
+    assert over.left_out == ("2 values of vertex colours beyond 0 to 1, clipped",)
 
 
 def test_blanks_and_continued_lines(tmp_path):

@@ -133,6 +133,18 @@ def test_colours_of_vertices_are_srgb_and_alpha_is_not(tmp_path, names, kind, mo
     assert model.left_out == ("colours taken as sRGB",)
 
 
+@pytest.mark.parametrize(("values", "share", "doubt"), [
+    ((1.02, 0.5, 0.0), 1.0, "4 values of vertex colours beyond 0 to 1, clipped"),
+    ((51.0, 255.0, 0.0), 0.2, "vertex colours above 1 read as counted up to 255"),
+    ((25.5, 0.0, 0.0), 0.1, "vertex colours above 1 read as counted up to 255")])
+def test_decimal_colours_above_1_are_shares_unless_they_count_to_255(tmp_path, values, share, doubt):
+    columns = [[value] * 4 for value in values]
+    body = [vertices(SQUARE, (*XYZ, "float red", "float green", "float blue"), *columns), faces((0, 1, 3))]
+    model = read(write(tmp_path, "ascii", body), 64)
+    np.testing.assert_allclose(model.parts[0].colors[..., 0], linear_from_srgb(share), rtol=1e-5)
+    assert model.uncertain == ("colours taken as sRGB", doubt)
+
+
 def test_colours_of_faces_reach_all_of_their_corners(tmp_path):
     table = ("face", (*FACE, "uchar red", "uchar green", "uchar blue"),
              [[[0, 1, 2, 3], 255, 0, 0], [[0, 1, 2], 0, 0, 255]])

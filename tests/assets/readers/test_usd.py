@@ -228,11 +228,24 @@ def test_display_colour_is_linear_and_opacity_coverage(tmp_path, how, colors):
     np.testing.assert_allclose(opaque.parts[0].colors, np.broadcast_to((GREY, GREY, GREY, 0.5), (2, 3, 4)), rtol=1e-6)
 
 
+def test_colours_that_nothing_reads_are_named(tmp_path):
+    colors = 'color3f[] primvars:{} = [(0.1, 0.2, 0.3)] ( interpolation = "constant" )'
+    model = read(write(tmp_path, HEAD + mesh(more=colors.format("Col"))), 64)
+    assert model.parts[0].colors is None and model.left_out == ("colours Col, which no material reads",)
+    assert read(write(tmp_path, HEAD + mesh(more=colors.format("displayColor"))), 64).left_out == ()
+
+
+def test_a_mesh_of_loose_edges_beside_others_is_named(tmp_path):
+    model = read(write(tmp_path, HEAD + mesh() + mesh("edges", counts="", indices="")), 64)
+    assert [part.name for part in model.parts] == ["/square"]
+    assert model.left_out == ("mesh /edges, which has no faces",)
+
+
 @pytest.mark.parametrize(("text", "error"), [
     (HEAD + mesh(counts="4, 3"), "/square: expected faceVertexCounts that sum to the 4 faceVertexIndices, got 7"),
     (HEAD + mesh(indices="0, 1, 2, 9"), "/square: expected indices in [0, 4), got 1 faces with others"),
     (HEAD + mesh(counts="2, 2"), "got 2 with fewer, first at face 0"),
-    (HEAD + mesh(counts="", indices=""), "/square: expected faces, got a mesh of 4 points without any"),
+    (HEAD + mesh(counts="", indices=""), "expected mesh prims, got mesh /square, which has no faces"),
     (HEAD + mesh(points="(0,0,0), (nan,0,0), (1,1,0), (0,1,0)"), "got 1 with NaN or Inf, first at vertex 1"),
     (HEAD, "expected mesh prims, got none"),
     (HEAD.replace("metersPerUnit = 1", "metersPerUnit = -1") + mesh(), "expected metersPerUnit > 0, got -1"),
