@@ -10,6 +10,7 @@ from dataset_builder.errors import UserError
 from dataset_builder.geometry.edges import crease_mask, edges_of, unit
 from dataset_builder.geometry.mesh import TriangleMesh
 from dataset_builder.geometry.random_fields import GaussianField, gaussian_field
+from dataset_builder.geometry.raycast import RayScene
 from dataset_builder.geometry.remeshing import (
     decimated,
     smoothed,
@@ -27,6 +28,8 @@ FINER = 0.5
 """A scan is coarsened where its typical edge is shorter than this share of what it should be."""
 COARSEST = 0.08
 """Longest edge in bounding radii that coarsening aims at."""
+STRAY = 0.002
+"""Root mean square distance in bounding radii that coarsening may move the surface by: half of the default noise."""
 TYPICAL = 0.5
 """Typical edge of a mesh in units of the longest, after midpoint splits."""
 OUTLINE = 4.0
@@ -52,13 +55,24 @@ def base_of(clean: TriangleMesh, *, edge_length: float, rounds: int, crease_angl
     """The rough base of a 3DM; a scan is decimated first where `coarsen` asks for it.
 
     A mesh is a scan where it would still be more than twice as fine as a split CAD model after subdivision. Edges are
-    never made longer than 0.08 bounding radii. Raises UserError as `rough_base` does.
+    never made longer than 0.08 bounding radii, and shorter where the surface would stray. Raises UserError as
+    `rough_base` does.
     """
     if coarsen:
-        wanted = min(edge_length, COARSEST * bounding_radius(clean)) * TYPICAL * 2**rounds
-        if typical_edge(clean) < FINER * wanted:
-            clean = decimated(clean, wanted)
+        clean = _coarsened(clean, min(edge_length, COARSEST * bounding_radius(clean)) * TYPICAL * 2**rounds)
     return rough_base(clean, edge_length=edge_length, rounds=rounds, crease_angle=crease_angle, max_faces=triangles)
+
+
+def _coarsened(clean: TriangleMesh, wanted: float) -> TriangleMesh:
+    """A scan with typical edges of `wanted` metres, or of half, a quarter ... of it where its shape needs them."""
+    points = clean.positions[np.unique(clean.faces)]
+    while typical_edge(clean) < FINER * wanted:
+        coarse = decimated(clean, wanted)
+        distance = RayScene([(coarse.positions, coarse.faces, 1)]).distance(points)
+        if np.sqrt(np.mean(distance**2)) <= STRAY * bounding_radius(clean):
+            return coarse
+        wanted /= 2
+    return clean
 
 
 def needed_rounds(clean: TriangleMesh, *, edge_length: float, rounds: int) -> int:

@@ -39,6 +39,7 @@ class WhiteStep(Model):
     """Gaussian noise that every vertex has for itself, as in the paper. It tilts the more, the shorter edges are."""
 
     kind: Literal["white"]
+    """Which step this is."""
     sigma: Sigma = 0.004
     """Standard deviation."""
     along: Along = "isotropic"
@@ -49,6 +50,7 @@ class FieldStep(Model):
     """A Gaussian random field, sampled at vertices: neighbours move alike, whatever the mesh looks like."""
 
     kind: Literal["field"]
+    """Which step this is."""
     sigma: Sigma = 0.006
     """Standard deviation."""
     length: Positive = 0.06  # type: ignore[valid-type]
@@ -65,6 +67,7 @@ class ScanlinesStep(Model):
     """A field that is alike along the lines of a scanner and differs between them, moving vertices along normals."""
 
     kind: Literal["scanlines"]
+    """Which step this is."""
     sigma: Sigma = 0.003
     """Standard deviation."""
     length: Positive = 0.04  # type: ignore[valid-type]
@@ -77,6 +80,7 @@ class BumpsStep(Model):
     """Outliers: single bumps and dents with a Gaussian outline, at points drawn by area on the clean surface."""
 
     kind: Literal["bumps"]
+    """Which step this is."""
     count: within(low=0, high=10000) = 30.0  # type: ignore[valid-type]
     """How many; a drawn number is rounded."""
     height: Sigma = 0.03
@@ -92,6 +96,7 @@ class LikeStep(Model):
     docs/rough-meshes.md for the figures."""
 
     kind: Literal["like"]
+    """Which step this is."""
     of: Literal["field", "smooth_field"]
     """Level sets of density, as of a NeRF, or of signed distance, as of NeuS."""
 
@@ -101,6 +106,7 @@ class SmoothStep(Model):
     SIGGRAPH 1995)."""
 
     kind: Literal["smooth"]
+    """Which step this is."""
     rounds: Annotated[int, Field(ge=1, le=1000)] = 10
     """Rounds of one step inwards and one outwards."""
 
@@ -109,6 +115,7 @@ class DecimateStep(Model):
     """Edges collapsed by quadric error until triangles are about as large as equilateral ones of an edge length."""
 
     kind: Literal["decimate"]
+    """Which step this is."""
     edge: Positive = 0.1  # type: ignore[valid-type]
     """That edge length. A mesh that is coarser already stays."""
 
@@ -117,6 +124,7 @@ class VoxelsStep(Model):
     """The surface remade on a grid, as reconstructions do: thin gaps close, sharp edges go. Sheets become shells."""
 
     kind: Literal["voxels"]
+    """Which step this is."""
     size: within(low=0.005, high=1) = 0.03  # type: ignore[valid-type]
     """Side of a cell."""
 
@@ -125,6 +133,7 @@ class ThinStep(Model):
     """Parts thinner than a thickness are lost, as in reconstructions; what is left is open where they were."""
 
     kind: Literal["thin"]
+    """Which step this is."""
     thickness: Positive = 0.05  # type: ignore[valid-type]
     """Length of a ray into the body, from the middle of a face to where it leaves."""
     share: Share = 1.0  # type: ignore[valid-type]
@@ -135,6 +144,7 @@ class CloseHolesStep(Model):
     """Holes closed by a fan about the middle of their boundary."""
 
     kind: Literal["close_holes"]
+    """Which step this is."""
     radius: Positive = 0.1  # type: ignore[valid-type]
     """Largest hole that is closed, as the radius of a circle as long as its boundary."""
 
@@ -180,8 +190,8 @@ class RoughSpec(Model):
     edge: within(low=1e-3, high=1) | None = None  # type: ignore[valid-type]
     """Target edge length in bounding-sphere radii, in place of `edge_length`."""
     coarsen: bool = True
-    """Whether scans finer than that are decimated to it before white noise, which would shred them. Not below 0.08
-    bounding-sphere radii."""
+    """Whether scans finer than that are decimated to it before white noise, which would shred them; not beyond 0.08
+    bounding-sphere radii, nor where the surface would stray by more than 0.002."""
     triangles: PositiveInt = 4_000_000
     """Maximum number of triangles; more are refused."""
     rounds: Annotated[int, Field(ge=0, le=6)] = 1

@@ -9,6 +9,7 @@ import pytest
 
 from dataset_builder.errors import UserError
 from dataset_builder.geometry.edges import edges_of, unit
+from dataset_builder.geometry.raycast import RayScene
 from dataset_builder.geometry.remeshing import (
     barycentric,
     decimated,
@@ -154,6 +155,16 @@ def test_a_scan_is_brought_to_the_edge_length_before_plain_noise():
     assert watertight(edges_of(base.faces)) and abs(base.volume / scan().volume - 1) < 0.01
     np.testing.assert_allclose(np.ptp(base.bounds, axis=0), np.ptp(scan().bounds, axis=0), rtol=0.02)
     assert 0.25 < typical_edge(base) / (0.08 * radius) < 0.75
+
+
+def test_coarsening_stops_where_the_surface_would_stray():
+    """A rod of 3 cm across, whose roundness edges of 4 cm would take away."""
+    rod = split_long_edges(cylinder(0.015, 0.8, 48), 0.004)
+    base = based(rod).mesh
+    distance = RayScene([(base.positions, base.faces, 1)]).distance(rod.positions)
+    assert np.sqrt(np.mean(distance**2)) < 0.0025 * bounding_radius(rod)
+    assert len(decimated(rod, 0.04).faces) < len(base.faces) / 4 < len(rod.faces) / 2
+    assert base.volume == pytest.approx(rod.volume, rel=0.05) and watertight(edges_of(base.faces))
 
 
 def test_a_field_is_the_same_on_two_tessellations():

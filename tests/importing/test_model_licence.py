@@ -39,8 +39,10 @@ def test_licences_by_their_texts(text: str, found: list[str]) -> None:
     ("oak-chair/LICENSE", "CC-BY-4.0", "LICENSE"), ("LICENCE.txt", "CC BY 4.0", "LICENCE.txt"),
     ("README.md", "# Chairs\n\nLicense: CC-BY-4.0\n", "README.md"),
     ("model_info.json", '[{"model_id": "x"}, {"model_id": "oak-chair", "licence": "CC-BY-4.0"}]', "model_info.json"),
-    ("oak-chair/raw_model.gltf", '{"asset": {"version": "2.0", "extras": {"license": "CC-BY-4.0 (http://cc)"}}}', "raw_model.gltf"),
-    ("oak-chair/raw_model.gltf", '{"asset": {"version": "2.0", "copyright": "2020 A. Maker, CC BY 4.0"}}', "raw_model.gltf"),
+    ("oak-chair/raw_model.gltf",
+     '{"asset": {"version": "2.0", "extras": {"license": "CC-BY-4.0 (http://cc)"}}}', "raw_model.gltf"),
+    ("oak-chair/raw_model.gltf",
+     '{"asset": {"version": "2.0", "copyright": "2020 A. Maker, CC BY 4.0"}}', "raw_model.gltf"),
 ])
 def test_where_a_licence_is_looked_for(model: FoundModel, name: str, text: str, source: str) -> None:
     (model.root / name).write_text(text)
