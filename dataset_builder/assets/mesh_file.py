@@ -17,6 +17,7 @@ from dataset_builder.errors import Problem, UserError
 from dataset_builder.geometry.mesh import TriangleMesh, concatenate, transform
 from dataset_builder.geometry.repair import repair
 from dataset_builder.geometry.shape_faults import shape_faults
+from dataset_builder.geometry.support import NEAR, near_support
 from dataset_builder.spec.file_reference import FileReference
 from dataset_builder.spec.mesh_source import broken_suffix_rule, references
 from dataset_builder.spec.problems import name_alike
@@ -26,6 +27,8 @@ READERS: dict[str, Callable[[Path, int], FileModel]] = {
     ".glb": gltf.read, ".gltf": gltf.read, ".obj": obj.read, ".off": off.read, ".ply": ply.read, ".stl": stl.read,
     **dict.fromkeys(USD_SUFFIXES, usd.read)}
 """What reads a file by its suffix: functions of its path and the longest side of a texture."""
+GAP = 1e-4
+"""Metres between the floor and a sheet that lies on it."""
 Up = Literal["x", "y", "z"]
 WORLD_FROM_FILE: dict[Up, np.ndarray] = {
     "x": np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]]),
@@ -140,9 +143,13 @@ def _world_from_file(scale: float, up: Up) -> np.ndarray:
 
 
 def _stand(mesh: TriangleMesh) -> tuple[TriangleMesh, np.ndarray]:
-    """The mesh centred over the origin and standing on z = 0, and the (3,) metres it was moved."""
+    """The mesh centred over the origin and standing on z = 0, and the (3,) metres it was moved.
+
+    What lies on the floor as a sheet lies `GAP` above it, since nothing says which of two surfaces in one plane is seen.
+    """
     low, high = mesh.bounds
-    moved = np.array([*-(low + high)[:2] / 2, -low[2]])
+    gap = GAP if near_support(mesh, GAP) > NEAR else 0.0
+    moved = np.array([*-(low + high)[:2] / 2, gap - low[2]])
     matrix = np.eye(4)
     matrix[:3, 3] = moved
     return transform(mesh, matrix), moved

@@ -9,15 +9,15 @@ NAMED = 3
 DONE = {"welded": "vertices welded", "degenerate": "degenerate faces dropped", "duplicate": "duplicate faces dropped",
         "turned": "faces turned that wound against their neighbours", "inside_out": "closed pieces turned outwards"}
 """What may be done to a mesh, by the field that counts it."""
-SHORT = {"welded": "welded", "degenerate": "degenerate", "duplicate": "duplicate", "turned": "turned",
-         "inside_out": "inside out"}
+SHORT = {"degenerate": "degenerate", "duplicate": "duplicate", "turned": "turned", "inside_out": "inside out"}
+"""What is told of parts; every exporter leaves vertices to be welded."""
 
 
 def repair_text(report: RepairReport, names: Sequence[str]) -> str:
-    """What was done to the whole mesh, and to the parts of a file, `names`, to which most was done; empty where nothing
-    was."""
+    """What was done to the whole mesh, and to the parts of a file, `names`, to which most was done but welding; empty
+    where nothing was."""
     whole = _counted(report, DONE)
-    if not whole or len(report.parts) < 2:
+    if len(report.parts) < 2:
         return whole
     ranked = [(name, part) for name, part in zip(names, report.parts, strict=True) if _done(part)]
     ranked.sort(key=lambda pair: -_done(pair[1]))
@@ -43,7 +43,7 @@ def repair_notes(report: RepairReport) -> list[str]:
 
 
 def _done(part: PartRepair) -> int:
-    return sum(getattr(part, field) for field in DONE)
+    return sum(getattr(part, field) for field in SHORT)
 
 
 def _counted(part: PartRepair, words: dict[str, str]) -> str:

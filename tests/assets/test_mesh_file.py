@@ -32,6 +32,21 @@ def test_meta_records_what_was_done(tmp_path):
     assert meta["moved"].startswith("-0.5 m, ")
 
 
+@pytest.mark.parametrize(("relief", "gap"), [(0, 1e-4), (0.001, 1e-4), (0.3, 1e-4)])
+def test_a_sheet_on_the_floor_lies_above_it(tmp_path, relief, gap):
+    """A rug of one layer, flat or with one corner up; in one plane with the floor, half of its pixels would be floor."""
+    (tmp_path / "rug.obj").write_text(f"v 0 0 0\nv 1 0 0\nv 1 0 1\nv 0 {relief} 1\nf 1 3 2\nf 1 4 3\n")
+    asset = load(tmp_path / "rug.obj")
+    assert asset.mesh.bounds[0, 2] == pytest.approx(gap)
+    assert asset.mesh.bounds[1, 2] == pytest.approx(gap + relief)
+    assert asset.meta["moved"].endswith("0.0001 m")
+
+
+def test_what_has_a_bottom_stands_on_the_floor(tmp_path):
+    (tmp_path / "box.stl").write_bytes(trimesh.creation.box(extents=(1, 1, 1)).export(file_type="stl"))
+    assert load(tmp_path / "box.stl").mesh.bounds[0, 2] == pytest.approx(0)
+
+
 def test_no_such_file_and_unsupported(tmp_path):
     with pytest.raises(UserError, match=r"none\.glb: expected an existing file, got none"):
         load(tmp_path / "none.glb")
@@ -79,7 +94,7 @@ def test_real_models_survive_the_whole_way(path):
     if path is None:
         pytest.skip("no real models: set THREEDF_ASSETS to a folder of .gltf and .obj files")
     asset = load(path, max_texture=64)
-    assert asset.mesh.bounds[0, 2] == 0 and 0.1 < np.ptp(asset.mesh.bounds, axis=0).max() < 3
+    assert asset.mesh.bounds[0, 2] in (0, 1e-4) and 0.1 < np.ptp(asset.mesh.bounds, axis=0).max() < 3
     np.testing.assert_allclose(asset.mesh.bounds.mean(axis=0)[:2], 0, atol=1e-9)
     assert all(material.texture is not None for material in asset.materials)
     base = rough_base(asset.mesh, edge_length=0.08, rounds=1, crease_angle=30)

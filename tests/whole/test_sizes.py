@@ -115,7 +115,7 @@ def test_all_that_is_wrong_with_mesh_files_is_told_at_once(write: Write, capsys:
     path = write({"a.ply": (b"ply\nformat ascii 1.0\nend_header\n", ""),
                   "b.obj": (b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3", ""),
                   "huge.ply": (box(1000, 1, 1), "category: sofa\n"), "good.ply": (box(1, 1, 1), ""),
-                  "furniture.ply": (b"ply\n", ""),
+                  "furniture.ply": (b"ply\nformat ascii 1.0\nelement vertex 1\nend_header\n", ""),
                   "furniture2.ply": (box(1, 1, 1), "materials: {oak: {roughness: 1}}\n")},
                  scene="room: room.yaml\nfurniture:\n  - {object: furniture.yaml}\n  - {object: furniture2.yaml}\n")
     build = ["build", str(path), "--out", str(path.parent / "out"), "--backend", "llvm"]
