@@ -72,3 +72,16 @@ def test_of_several_licences_the_models_own_line_counts(model: FoundModel) -> No
     assert licence_of_model(model) == FoundLicence(spdx="CC0-1.0", source="LICENSES.md")
     (model.root / "LICENSES.md").write_text(table.replace("oak-chair", "oak-chair-2"))
     assert licence_of_model(model) == FoundLicence(source="LICENSES.md names several: CC0-1.0, MIT-0")
+
+
+@pytest.mark.parametrize(("line", "found"), [
+    ("- oak-chair.glb by A. Maker: CC0", "CC0-1.0"), ("`models/oak-chair/raw_model.gltf`\tCC0-1.0", "CC0-1.0"),
+    ("| elm, oak-chair | CC0 |", "CC0-1.0"), ("the oak-chair and its like are CC0", ""), ("a chair, CC0", ""),
+])
+def test_a_line_is_about_what_it_lists(model: FoundModel, line: str, found: str) -> None:
+    """A folder called `a` is no reason to take a sentence that has the word."""
+    below = model.path.parent / "a" / model.path.name
+    below.parent.mkdir()
+    below.write_bytes(model.path.read_bytes())
+    (model.root / "LICENSES.md").write_text(f"{line}\nelm-chair: MIT-0\n")
+    assert licence_of_model(FoundModel(path=below, root=model.root)).spdx == found

@@ -89,7 +89,7 @@ class _Reading:
         if self.plain:
             decided.append(f"{counted(self.plain, 'primitive')} without a material")
         if not all(material.two_sided for material in used):
-            decided.append("surfaces that the file shows from one side are there from both")
+            decided.append("one-sided surfaces are seen from both sides")
         if any(mesh.has("primitives") and any(primitive.extension("KHR_materials_variants") for primitive in
                                               mesh.entries("primitives")) for mesh in self.gltf.lists["meshes"]):
             decided.append("of the material variants the default")

@@ -71,7 +71,7 @@ def scene_features(use: SceneUse, fog: FogPlan, lights: Sequence[LightPlan], tex
     decisions = [_said(feature, found, len(use.materials)) for feature, found in calling.items()
                  if feature not in ("textures", "dispersion")]
     return features, (_textures(calling["textures"], texture_size), *decisions, _dispersion(calling["dispersion"]),
-                      _fog(fog), *_nowhere(use), *_caustics(use.materials, lights), _normals(use), *_left_out(use))
+                      _fog(fog), *_nowhere(use), *_caustics(use.materials, lights), _normals(use), *_files(use))
 
 
 def _calls(feature: Feature, use: MaterialUse) -> bool:
@@ -156,6 +156,5 @@ def _normals(use: SceneUse) -> Decision:
     return Decision(effect="normals", choice="smooth", reason=f"curved: {names(use.smooth)}{flat}")
 
 
-def _left_out(use: SceneUse) -> list[Decision]:
-    return [Decision(effect="mesh file", choice=choice, reason=about)
-            for choice, about in (*(("left out", about) for about in use.left_out), *use.shapes)]
+def _files(use: SceneUse) -> list[Decision]:
+    return [Decision(effect="mesh file", choice=choice, reason=about) for choice, about in use.files]

@@ -40,7 +40,7 @@ def test_names_are_made_unique(tmp_path: Path) -> None:
 
 def test_what_was_decided_about_materials_is_said(tmp_path: Path) -> None:
     made = quad_of({"name": "m"})
-    assert made.model(tmp_path).left_out == ("surfaces that the file shows from one side are there from both",)
+    assert made.model(tmp_path).left_out == ("one-sided surfaces are seen from both sides",)
     made.header["materials"][0]["doubleSided"] = True
     made.header["meshes"][0]["primitives"][0]["extensions"] = {"KHR_materials_variants": {"mappings": []}}
     made.use("KHR_materials_variants", required=True)

@@ -142,7 +142,7 @@ def test_decimal_colours_above_1_are_shares_unless_they_count_to_255(tmp_path, v
     body = [vertices(SQUARE, (*XYZ, "float red", "float green", "float blue"), *columns), faces((0, 1, 3))]
     model = read(write(tmp_path, "ascii", body), 64)
     np.testing.assert_allclose(model.parts[0].colors[..., 0], linear_from_srgb(share), rtol=1e-5)
-    assert model.uncertain == ("colours taken as sRGB", doubt)
+    assert model.left_out == ("colours taken as sRGB", doubt)
 
 
 def test_colours_of_faces_reach_all_of_their_corners(tmp_path):
