@@ -123,7 +123,7 @@ def test_unlit_surfaces_send_their_colour_out_and_reflect_nothing(tmp_path: Path
 def test_what_is_not_taken_is_named(tmp_path: Path, extension: str, value: dict[str, Any], said: str | None) -> None:
     made = quad_of(entry(**{extension: value}), [COLORS])
     assert made.model(tmp_path).materials[0].left_out == ((said,) if said else ())
-    assert made.asset(tmp_path).meta["left_out"].startswith(f"m: {said}" if said else "surfaces")
+    assert made.asset(tmp_path).meta["left_out"].startswith(f"m: {said}" if said else "one-sided surfaces")
 
 
 def test_materials_are_told_apart_by_their_index(tmp_path: Path) -> None:
