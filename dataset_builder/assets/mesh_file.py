@@ -12,7 +12,7 @@ from dataset_builder.assets.asset import Asset, Material
 from dataset_builder.assets.file_model import GREY, ROUGHNESS, FileModel, FilePart, refuse
 from dataset_builder.assets.image_maps import ImageFile, check_image
 from dataset_builder.assets.readers import gltf, obj, off, ply, stl, usd
-from dataset_builder.assets.repair_text import repair_notes, repair_text
+from dataset_builder.assets.repair_text import pieces_text, repair_notes, repair_text
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.geometry.mesh import TriangleMesh, concatenate, transform
 from dataset_builder.geometry.repair import repair
@@ -73,8 +73,9 @@ def load_mesh_file(path: Path, *, name: str, category: str, licence: str, scale:
 
     scale: metres per file unit. up: axis of the file that points up. max_texture: longest side of a texture in texels.
     The mesh is welded and mended, centred over the origin and stood on z = 0, a sheet 0.1 mm above it; `meta` says how
-    far it was moved, what was mended of which part, what is wrong with its shape, and what of its materials was left
-    out. Raises UserError: no such file, another format, unreadable, a texture that is missing, no faces, NaN or Inf.
+    far it was moved, what the file contains, what of it was left out, what was mended of which part, and what is wrong
+    with its shape. Raises UserError: no such file, another format, unreadable, a texture that is missing, no faces, NaN
+    or Inf.
     """
     path = Path(path)
     _check_file(path)
@@ -91,7 +92,7 @@ def load_mesh_file(path: Path, *, name: str, category: str, licence: str, scale:
         raise UserError([replace(problem, where=problem.where or str(path)) for problem in error.problems]) from error
     placed, moved, flat = _stand(mesh)
     meta = {"licence": licence, "source": path.name, "moved": ", ".join(f"{step:.6g} m" for step in moved),
-            "contains": model.contains, "left_out": "; ".join(_left_out(model)),
+            "contains": f"{model.contains}; {pieces_text(mended)}", "left_out": "; ".join(_left_out(model)),
             "repair": repair_text(mended, [part.name for part in model.parts]),
             "shape": "; ".join([*repair_notes(mended), *shape_faults(mesh).notes, *flat])}
     return Asset(name=name, category=category, mesh=placed, materials=_materials(model), meta=meta)
@@ -127,7 +128,7 @@ def _colored_or_not(model: FileModel) -> list[bool]:
 
 def _left_out(model: FileModel) -> list[str]:
     return [*(f"{each.material.name}: {', '.join(each.left_out)}" for each in model.materials if each.left_out),
-            *model.left_out, *model.uncertain]
+            *model.left_out]
 
 
 def _check_file(path: Path) -> None:

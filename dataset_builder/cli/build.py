@@ -42,7 +42,7 @@ def _plan(options: argparse.Namespace) -> int:
     from dataset_builder.planning.precheck import meshes_named
     from dataset_builder.rendering.scene.image_check import check_images
     from dataset_builder.report.against_table import against_table
-    from dataset_builder.report.console import decisions_table, estimate_table
+    from dataset_builder.report.console import decisions_table, estimate_table, files_table
     from dataset_builder.spec.load import load_dataset
 
     loaded = load_dataset(options.spec, options.overrides)
@@ -56,7 +56,10 @@ def _plan(options: argparse.Namespace) -> int:
                           cache_size=options.cache_size)
         plain_console().print(against_table(against(planner, options.against, job)))
     elif not options.example:
-        plain_console().print(estimate_table(estimate(planner, views=options.views, cores=cores()), cores()))
+        cost = estimate(planner, views=options.views, cores=cores())
+        plain_console().print(estimate_table(cost, cores()))
+        if cost.files:
+            plain_console().print(files_table(cost.files))
         if first := first_plan(planner):
             plain_console().print(decisions_table(first))
     return 0

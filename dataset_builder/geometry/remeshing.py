@@ -15,7 +15,7 @@ from scipy.sparse.csgraph import connected_components
 
 from dataset_builder.errors import UserError
 from dataset_builder.geometry.edges import edges_of, unit
-from dataset_builder.geometry.mesh import TriangleMesh
+from dataset_builder.geometry.mesh import TriangleMesh, joined_colors
 from dataset_builder.geometry.raycast import open3d
 from dataset_builder.geometry.subdivision import EQUILATERAL
 
@@ -90,9 +90,7 @@ def without_holes(mesh: TriangleMesh, radius: float) -> TriangleMesh:
 
 def join(mesh: TriangleMesh, more: TriangleMesh) -> TriangleMesh:
     """The faces of two meshes that share their vertices."""
-    colors = None
-    if mesh.colors is not None and more.colors is not None:
-        colors = np.concatenate([mesh.colors, more.colors])
+    colors = joined_colors([(len(each.faces), each.colors) for each in (mesh, more)])
     return TriangleMesh(positions=mesh.positions, faces=np.concatenate([mesh.faces, more.faces]),
                         uvs=np.concatenate([mesh.uvs, more.uvs]),
                         material=np.concatenate([mesh.material, more.material]), colors=colors)
@@ -106,8 +104,7 @@ def voxelised(mesh: TriangleMesh, size: float) -> TriangleMesh:
     counts = np.ceil((high - low) / size).astype(int) + 1
     if np.prod(counts.astype(float)) > MAX_CELLS:
         raise UserError(f"voxels: expected at most {MAX_CELLS} cells, got {' x '.join(map(str, counts))}; raise size")
-    scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-    scene.add_triangles(_tensor_mesh(o3d, mesh.positions, mesh.faces))
+    scene = _scene(o3d, mesh)
     axes = [np.float32(low[axis]) + np.float32(size) * np.arange(counts[axis], dtype=np.float32) for axis in range(3)]
     points = np.stack(np.meshgrid(*axes[::-1], indexing="ij")[::-1], axis=-1)
     open_edges = (edges_of(mesh.faces).face_count == 1).any()
@@ -135,8 +132,7 @@ def dressed(positions: np.ndarray, faces: np.ndarray, old: TriangleMesh, *, comp
         used, compact = np.unique(faces, return_inverse=True)
         positions, faces = positions[used], compact.reshape(-1, 3)
     o3d = open3d()
-    scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-    scene.add_triangles(_tensor_mesh(o3d, old.positions, old.faces))
+    scene = _scene(o3d, old)
     corners = positions[faces]
     middles = corners.mean(axis=1)
 
@@ -180,8 +176,7 @@ def barycentric(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 def thin_faces(mesh: TriangleMesh, thickness: float) -> np.ndarray:
     """(F,) bool: a ray from the middle of the face into the body leaves it within `thickness` metres."""
     o3d = open3d()
-    scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-    scene.add_triangles(_tensor_mesh(o3d, mesh.positions, mesh.faces))
+    scene = _scene(o3d, mesh)
     inwards = -unit(mesh.area_normals)
     start = mesh.corners.mean(axis=1) + 1e-3 * thickness * inwards
     rays = np.concatenate([start, inwards], axis=1).astype(np.float32)
@@ -195,6 +190,9 @@ def _legacy(mesh: TriangleMesh) -> Any:
                                      o3d.utility.Vector3iVector(np.array(mesh.faces)))
 
 
-def _tensor_mesh(o3d: ModuleType, positions: np.ndarray, faces: np.ndarray) -> Any:
-    return o3d.t.geometry.TriangleMesh(o3d.core.Tensor(np.array(positions, dtype=np.float32, order="C")),
-                                       o3d.core.Tensor(np.array(faces, dtype=np.int32, order="C")))
+def _scene(o3d: ModuleType, mesh: TriangleMesh) -> Any:
+    scene = o3d.t.geometry.RaycastingScene(nthreads=1)
+    scene.add_triangles(o3d.t.geometry.TriangleMesh(
+        o3d.core.Tensor(np.array(mesh.positions, dtype=np.float32, order="C")),
+        o3d.core.Tensor(np.array(mesh.faces, dtype=np.int32, order="C"))))
+    return scene

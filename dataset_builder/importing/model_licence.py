@@ -12,6 +12,8 @@ from dataset_builder.importing.find_models import FoundModel
 from dataset_builder.spec.gltf_references import read_container
 
 MOST_BYTES = 2**22
+SHORTEST = 4
+"""Letters of a first word that may name a model."""
 NAMES = ("license", "licence", "copying", "readme")
 """How names of text files that may tell begin, whatever their capitals."""
 KEYS = ("license", "licence", "spdx", "spdx_id", "spdx-id", "copyright")
@@ -103,9 +105,19 @@ def _of_text(path: Path, model: FoundModel, folder: Path) -> list[str]:
         text = "\n".join(line for line in text.splitlines() if re.search("licen[cs]e|spdx", line, re.IGNORECASE))
     if len(licences_in(text)) > 1:
         own = {model.path.stem, model.title, *(part.name for part in model.folders if part != folder)}
-        lines = [line for line in text.splitlines() if own & set(re.findall(r"[\w.-]+", line))]
+        lines = [line for line in text.splitlines() if own & set(_entries(line))]
         text = "\n".join(lines) if licences_in("\n".join(lines)) else text
     return [text]
+
+
+def _entries(line: str) -> Iterator[str]:
+    """What a line of a list or a table may be about: its cells, their first words, and the parts of paths in these. A
+    word within a sentence is none, as folders have names such as `a`, too."""
+    for cell in re.split(r"[|,;:`\"'*()\[\]\t]", line):
+        name = cell.strip(" -+/")
+        first = name.partition(" ")[0]
+        for path in (Path(name), Path(first if len(first) >= SHORTEST else name)):
+            yield from (*path.parts, path.stem)
 
 
 def _of_gltf(path: Path) -> list[str]:

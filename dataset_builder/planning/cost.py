@@ -1,7 +1,7 @@
 """What a dataset will cost: passes, pixels, paths, seconds and bytes, by arithmetic on plans; nothing is rendered."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import astuple, dataclass, fields
+from dataclasses import astuple, dataclass, field, fields
 from math import sqrt
 
 import numpy as np
@@ -90,6 +90,8 @@ class CostEstimate:
     """Launches of each pass for the examples themselves."""
     warnings: tuple[str, ...] = ()
     """What a dataset is better without, one sentence each."""
+    files: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
+    """Of every mesh file, pairs of a word and a sentence: what it contains, and what became of it."""
 
 
 def stored_bytes(layers: Iterable[tuple[str, Extent]], frame: int, coverage: float, dtype: str, rates: Rates,
@@ -211,7 +213,7 @@ def estimate(planner: Planner, views: int = 24, rates: Rates | None = None, core
     passed over and counted. Raises PlanError where splits share an object or a scene, with all that is wrong with mesh
     files, and where none of the views tried in a split can be planned.
     """
-    spec, sizes = planner.loaded.dataset, read_meshes(planner)
+    spec, files = planner.loaded.dataset, read_meshes(planner)
     total, variance, tried, planned, runs = np.zeros(5), np.zeros(5), 0, list[ExamplePlan](), dict.fromkeys(RUNS, 0)
     all_views = [views_of(spec, split) for split in spec.splits]
     count = sum(map(len, all_views))
@@ -225,4 +227,4 @@ def estimate(planner: Planner, views: int = 24, rates: Rates | None = None, core
             runs[name] += times * len(own)
     return CostEstimate(total=Cost.of(total + astuple(calibration_cost(planner, rates or Rates(), cores))), views=count,
                         error=Cost.of(np.sqrt(variance)), examples=count_examples(spec), tried=tried, runs=runs,
-                        planned=len(planned), warnings=(*sizes, *narrow_views(planned)))
+                        planned=len(planned), warnings=(*files.warnings, *narrow_views(planned)), files=files.told)

@@ -2,10 +2,13 @@
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 
 from dataset_builder.errors import PlanError, Problem, UserError
 from dataset_builder.label.scene_plan import ObjectPlan
+from dataset_builder.planning.effects.materials_used import told_of
 from dataset_builder.planning.plan import Planner
+from dataset_builder.planning.scene.assets_of_plan import asset_of
 from dataset_builder.planning.scene.contents import SplitContents, place_of
 from dataset_builder.planning.scene.object_size import size_problem
 
@@ -32,15 +35,27 @@ def probe(planner: Planner) -> None:
             raise problems[0]
 
 
-def read_meshes(planner: Planner) -> tuple[str, ...]:
-    """Read every mesh file of the spec, of objects and of furniture; what is unusual about sizes, one sentence each.
+@dataclass(frozen=True, kw_only=True)
+class MeshFiles:
+    """What was found in all mesh files of a spec."""
+
+    warnings: tuple[str, ...]
+    """What is unusual about sizes, one sentence each."""
+    told: dict[str, tuple[tuple[str, str], ...]]
+    """Pairs of a word and a sentence, of every file: what it contains, and what became of it."""
+
+
+def read_meshes(planner: Planner) -> MeshFiles:
+    """Read every mesh file of the spec, of objects and of furniture.
 
     Raises PlanError with everything that is wrong with any of them, each problem with the line of the spec that names
     the file: what cannot be read, changes of materials that it does not have, and sizes that cannot be meant.
     """
     problems, warnings, loaded = list[Problem](), list[str](), planner.loaded
+    told = dict[str, tuple[tuple[str, str], ...]]()
     for plan in _mesh_objects(planner.contents.values()):
         try:
+            told[plan.source] = tuple(told_of(asset_of(plan, loaded.path.parent)))
             found = size_problem(plan, loaded)
             if found and found[1]:
                 problems.append(found[0])
@@ -51,7 +66,7 @@ def read_meshes(planner: Planner) -> tuple[str, ...]:
             problems += [_at(place, problem) for problem in error.problems]
     if problems:
         raise PlanError(dict.fromkeys(problems))
-    return tuple(dict.fromkeys(warnings))
+    return MeshFiles(warnings=tuple(dict.fromkeys(warnings)), told=told)
 
 
 @contextmanager

@@ -1,7 +1,7 @@
 """What the terminal shows: progress with rate and time left, tables, trainings, and hard cases as they are done."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import chain, islice
 from math import isfinite
 from pathlib import Path
@@ -77,6 +77,19 @@ def estimate_table(estimate: CostEstimate, cores: int) -> Table:
     spread = f" ± {duration(error.seconds)}" if error.seconds else ""
     table.add_row(f"time on {cores} cores", f"{duration(total.seconds)}{spread}")
     table.add_row("size", f"{total.bytes / MIB:,.1f} MiB{_plus_minus(error.bytes / MIB, ' MiB')}")
+    return table
+
+
+def files_table(files: Mapping[str, Sequence[tuple[str, str]]]) -> Table:
+    """What every mesh file contains, and what became of it. Files of which the same is told share a row."""
+    table = Table("file", "what it contains, and what became of it", title="Mesh files", title_justify="left",
+                  show_lines=True)
+    rows = dict[str, list[str]]()
+    for name, told in files.items():
+        lines = [said if word == "contains" else f"{word}: {said}" for word, said in told]
+        rows.setdefault("\n".join(lines), []).append(name)
+    for text, names in rows.items():
+        table.add_row(Text("\n".join(names), overflow="fold"), Text(text))
     return table
 
 

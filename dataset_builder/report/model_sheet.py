@@ -45,10 +45,19 @@ def model_table(proposals: Iterable[Proposal]) -> Table:
 
 def model_lines(proposals: Sequence[Proposal], left_out: Iterable[PassedOver]) -> list[str]:
     """What to look at, what is not honoured of each model, what was mended, and what was left out and why."""
-    lines = [f"look at {each.name}: {note}" for each in proposals for note in each.notes]
-    lines += [f"not honoured of {each.name}: {each.not_honoured}" for each in proposals if each.not_honoured]
-    lines += [f"repaired {each.name}: {each.mended}" for each in proposals if each.mended]
-    return [*lines, *(f"left out {one.path}: {one.reason}" for one in left_out)]
+    return [*_shared("look at", ((each.name, note) for each in proposals for note in each.notes)),
+            *_shared("not honoured of", ((each.name, each.not_honoured) for each in proposals)),
+            *_shared("repaired", ((each.name, each.mended) for each in proposals)),
+            *_shared("left out", ((str(one.path), one.reason) for one in left_out))]
+
+
+def _shared(verb: str, told: Iterable[tuple[str, str]]) -> list[str]:
+    """A line for each thing that is told, with the names of all that it is told of."""
+    names = dict[str, list[str]]()
+    for name, text in told:
+        if text:
+            names.setdefault(text, []).append(name)
+    return [f"{verb} {', '.join(of)}: {text}" for text, of in names.items()]
 
 
 def write_model_sheet(dataset: Path, proposals: Sequence[Proposal], target: Path, *, backend: str = "auto") -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from dataset_builder.assets.asset import Asset
 from dataset_builder.assets.mesh_file import load_mesh_file
-from dataset_builder.assets.repair_text import repair_notes, repair_text
+from dataset_builder.assets.repair_text import pieces_text, repair_notes, repair_text
 from dataset_builder.geometry.mesh import concatenate
 from dataset_builder.geometry.repair import repair
 from dataset_builder.label.scene_plan import FogPlan, PlacedObject
@@ -33,8 +33,8 @@ def load(path: Path) -> Asset:
 
 def test_a_sound_file_is_repaired_without_a_word(tmp_path: Path) -> None:
     meta = load(write_obj(tmp_path / "cube.obj", box().faces)).meta
-    assert meta["repair"].endswith("0 faces and 0 closed pieces turned; pieces kept apart: 1, of these closed: 1")
-    assert meta["shape"] == ""
+    assert meta["repair"] == "28 vertices welded" and meta["shape"] == ""
+    assert meta["contains"].endswith("; 1 piece, closed: 1")
 
 
 def test_a_cube_inside_out_is_turned_and_named(tmp_path: Path) -> None:
@@ -42,9 +42,8 @@ def test_a_cube_inside_out_is_turned_and_named(tmp_path: Path) -> None:
     faces[4] = faces[4, ::-1]
     asset = load(write_obj(tmp_path / "cube.obj", faces))
     assert asset.mesh.volume == pytest.approx(1)
-    assert "1 faces and 1 closed pieces turned" in asset.meta["repair"]
-    assert asset.meta["shape"] == ("faces wound against their neighbours, turned: 1; closed pieces inside out, turned "
-                                   "outwards: 1")
+    assert asset.meta["repair"].endswith("1 faces turned that wound against their neighbours, 1 closed pieces turned "
+                                         "outwards") and asset.meta["shape"] == ""
 
 
 def test_loose_triangles_are_named(tmp_path: Path) -> None:
@@ -59,15 +58,17 @@ def test_loose_triangles_are_named(tmp_path: Path) -> None:
 
 
 def test_the_plan_has_the_words(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Under the object's name, whether it is repaired or faulty."""
-    cube = Asset(name="cube", category="chair", mesh=box(), materials=(), meta={"repair": "3 welded", "shape": "odd"})
+    """Under the object's name; what there is nothing to say of is left out."""
+    cube = Asset(name="cube", category="chair", mesh=box(), materials=(),
+                 meta={"contains": "6 faces", "left_out": "", "repair": "3 welded", "shape": "odd"})
     monkeypatch.setattr(materials_used, "asset_of", lambda *_: cube)
     facts = materials_used._Facts(materials=(), figures=(), smooth=False)
     monkeypatch.setattr(materials_used, "_facts", lambda _: facts)
     plan = example_plan()
     use = scene_use(plan.room, [PlacedObject(object=plan.target.object, instance=1, position=(0, 0, 0), yaw=0)], Path())
     told = [(one.choice, one.reason) for one in scene_features(use, FogPlan(), (), 64)[1] if one.effect == "mesh file"]
-    assert told == [("repair", "train-stool-00: 3 welded"), ("shape", "train-stool-00: odd")]
+    assert told == [("contains", "train-stool-00: 6 faces"), ("repair", "train-stool-00: 3 welded"),
+                    ("shape", "train-stool-00: odd")]
 
 
 def test_the_parts_to_which_most_was_done_are_told() -> None:
@@ -77,6 +78,6 @@ def test_the_parts_to_which_most_was_done_are_told() -> None:
     sizes = [len(mesh.faces) for mesh in boxes]
     _, report = repair(concatenate(boxes), part=np.repeat(np.arange(6), sizes))
     text = repair_text(report, [f"part {n}" for n in range(6)])
-    assert text.endswith("of these closed: 6; part 5: 5 duplicate; part 4: 4 duplicate; part 3: 3 duplicate; and 2 "
-                         "more parts") and "15 duplicate faces" in text
-    assert repair_notes(report) == []
+    assert text == ("15 duplicate faces dropped; part 5: 5 duplicate; part 4: 4 duplicate; part 3: 3 duplicate; and 2 "
+                    "more parts")
+    assert repair_notes(report) == [] and pieces_text(report) == "6 pieces, closed: 6"

@@ -64,7 +64,7 @@ def test_a_folder_becomes_a_dataset_that_plans(models: Path, run: Import, tmp_pa
                                                capsys: pytest.CaptureFixture[str]) -> None:
     assert run(models, "--out", "out", "--licence", "CC-BY-4.0") == 1
     said = capsys.readouterr().out
-    for name, reason in (("broken.ply", ""), ("lost.obj", "mtllib: expected an existing file, got gone.mtl"),
+    for name, reason in (("broken.ply", ""), ("lost.obj", "line 1: mtllib: expected an existing file, got gone.mtl"),
                          ("copy.glb", f"the same as {models}/chair one.glb")):
         assert f"left out {models / name}: {reason}" in said
     assert "look at 7f3a: expected a table of 0.25 m to 5 m" in said

@@ -39,8 +39,10 @@ def test_licences_by_their_texts(text: str, found: list[str]) -> None:
     ("oak-chair/LICENSE", "CC-BY-4.0", "LICENSE"), ("LICENCE.txt", "CC BY 4.0", "LICENCE.txt"),
     ("README.md", "# Chairs\n\nLicense: CC-BY-4.0\n", "README.md"),
     ("model_info.json", '[{"model_id": "x"}, {"model_id": "oak-chair", "licence": "CC-BY-4.0"}]', "model_info.json"),
-    ("oak-chair/raw_model.gltf", '{"asset": {"extras": {"license": "CC-BY-4.0 (http://cc)"}}}', "raw_model.gltf"),
-    ("oak-chair/raw_model.gltf", '{"asset": {"copyright": "2020 A. Maker, CC BY 4.0"}}', "raw_model.gltf"),
+    ("oak-chair/raw_model.gltf",
+     '{"asset": {"version": "2.0", "extras": {"license": "CC-BY-4.0 (http://cc)"}}}', "raw_model.gltf"),
+    ("oak-chair/raw_model.gltf",
+     '{"asset": {"version": "2.0", "copyright": "2020 A. Maker, CC BY 4.0"}}', "raw_model.gltf"),
 ])
 def test_where_a_licence_is_looked_for(model: FoundModel, name: str, text: str, source: str) -> None:
     (model.root / name).write_text(text)
@@ -70,3 +72,16 @@ def test_of_several_licences_the_models_own_line_counts(model: FoundModel) -> No
     assert licence_of_model(model) == FoundLicence(spdx="CC0-1.0", source="LICENSES.md")
     (model.root / "LICENSES.md").write_text(table.replace("oak-chair", "oak-chair-2"))
     assert licence_of_model(model) == FoundLicence(source="LICENSES.md names several: CC0-1.0, MIT-0")
+
+
+@pytest.mark.parametrize(("line", "found"), [
+    ("- oak-chair.glb by A. Maker: CC0", "CC0-1.0"), ("`models/oak-chair/raw_model.gltf`\tCC0-1.0", "CC0-1.0"),
+    ("| elm, oak-chair | CC0 |", "CC0-1.0"), ("the oak-chair and its like are CC0", ""), ("a chair, CC0", ""),
+])
+def test_a_line_is_about_what_it_lists(model: FoundModel, line: str, found: str) -> None:
+    """A folder called `a` is no reason to take a sentence that has the word."""
+    below = model.path.parent / "a" / model.path.name
+    below.parent.mkdir()
+    below.write_bytes(model.path.read_bytes())
+    (model.root / "LICENSES.md").write_text(f"{line}\nelm-chair: MIT-0\n")
+    assert licence_of_model(FoundModel(path=below, root=model.root)).spdx == found

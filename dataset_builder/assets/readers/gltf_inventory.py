@@ -3,7 +3,8 @@
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 
-from dataset_builder.assets.readers.gltf_file import GltfFile, counted, listed
+from dataset_builder.assets.file_model import counted
+from dataset_builder.assets.readers.gltf_file import GltfFile, listed
 from dataset_builder.assets.readers.gltf_nodes import Placed
 from dataset_builder.assets.readers.gltf_primitives import corner_count, mode_of, triangle_count
 from dataset_builder.assets.readers.gltf_values import Entry

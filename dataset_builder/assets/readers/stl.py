@@ -6,7 +6,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from dataset_builder.assets.file_model import FileModel, FilePart, refuse
+from dataset_builder.assets.file_model import FileModel, FilePart, counted, refuse
 from dataset_builder.assets.readers.polygon_checks import checked_triangles, content_of, numbers_of
 from dataset_builder.spec.problems import shown
 
@@ -34,8 +34,8 @@ def read(path: Path, max_texture: int) -> FileModel:
     parts = tuple(_part(path, name, corners) for name, corners in solids if len(corners))
     if not parts:
         refuse(path, "expected triangles, got none")
-    contains = f"{len(solids)} solids, {sum(len(part.faces) for part in parts)} triangles"
-    return FileModel(parts=parts, materials=(), contains=contains, left_out=left_out, uncertain=(NO_UNIT,))
+    contains = f"{counted(len(solids), 'solid')}, {counted(sum(len(part.faces) for part in parts), 'triangle')}"
+    return FileModel(parts=parts, materials=(), contains=contains, left_out=(*left_out, NO_UNIT))
 
 
 def _part(path: Path, name: str, corners: np.ndarray) -> FilePart:

@@ -32,7 +32,8 @@ class UsdMesh:
     """(T,) which polygon each is from."""
     subsets: tuple[tuple["Usd.Prim", np.ndarray], ...]
     """Prims that materials are bound to, with their polygons; every polygon once."""
-    uncertain: tuple[str, ...]
+    decided: tuple[str, ...]
+    """What was chosen where the prim leaves a choice, in words."""
 
     def coordinates(self, name: str) -> np.ndarray | None:
         """(C, 2) texture coordinates of that name, or None."""
@@ -139,7 +140,7 @@ def read_mesh(path: Path, prim: "UsdGeom.Mesh", matrix: np.ndarray, *, most: int
     cage = [] if scheme == "none" else [f"subdivision surfaces ({scheme}) taken as their control cages"]
     return UsdMesh(path=path, prim=prim, name=name, positions=positions, indices=indices, counts=counts,
                    corners=found.corners[:, ::-1] if turned else found.corners, owner=found.owner,
-                   subsets=_subsets(path, prim, len(counts)), uncertain=(*cage, *crossing(found)))
+                   subsets=_subsets(path, prim, len(counts)), decided=(*cage, *crossing(found)))
 
 
 def _subsets(path: Path, prim: "UsdGeom.Mesh", faces: int) -> tuple[tuple["Usd.Prim", np.ndarray], ...]:

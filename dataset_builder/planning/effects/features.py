@@ -10,7 +10,6 @@ from dataset_builder.assets.asset import (
     is_mapped,
     is_pane,
     is_solid,
-    metallic_range,
     range_of,
     sends,
 )
@@ -72,7 +71,7 @@ def scene_features(use: SceneUse, fog: FogPlan, lights: Sequence[LightPlan], tex
     decisions = [_said(feature, found, len(use.materials)) for feature, found in calling.items()
                  if feature not in ("textures", "dispersion")]
     return features, (_textures(calling["textures"], texture_size), *decisions, _dispersion(calling["dispersion"]),
-                      _fog(fog), *_nowhere(use), *_caustics(use.materials, lights), _normals(use), *_left_out(use))
+                      _fog(fog), *_nowhere(use), *_caustics(use.materials, lights), _normals(use), *_files(use))
 
 
 def _calls(feature: Feature, use: MaterialUse) -> bool:
@@ -129,7 +128,7 @@ def _fog(fog: FogPlan) -> Decision:
 def _caustics(materials: Sequence[MaterialUse], lights: Sequence[LightPlan]) -> list[Decision]:
     """What becomes of light that solid glass and mirrors gather on other surfaces. Panes only pass it on."""
     glass = [each for each in materials if is_solid(each.material)]
-    mirrors = [each for each in materials if metallic_range(each.material)[1] > 0.5 and each.smoothest <= MIRROR]
+    mirrors = [each for each in materials if range_of(each.material, "metallic")[1] > 0.5 and each.smoothest <= MIRROR]
     if not glass and not mirrors:
         return [Decision(effect="caustics", choice="none", reason="no solid glass and no mirror is in the scene")]
     kinds = {light.kind for light in lights if any(light.radiance)}
@@ -157,6 +156,5 @@ def _normals(use: SceneUse) -> Decision:
     return Decision(effect="normals", choice="smooth", reason=f"curved: {names(use.smooth)}{flat}")
 
 
-def _left_out(use: SceneUse) -> list[Decision]:
-    return [Decision(effect="mesh file", choice=choice, reason=about)
-            for choice, about in (*(("left out", about) for about in use.left_out), *use.shapes)]
+def _files(use: SceneUse) -> list[Decision]:
+    return [Decision(effect="mesh file", choice=choice, reason=about) for choice, about in use.files]

@@ -13,9 +13,7 @@ from dataset_builder.assets.asset import (
     Material,
     Texture,
     coverage_range,
-    metallic_range,
     range_of,
-    roughness_range,
     vertex_alphas,
 )
 from dataset_builder.geometry.edges import CREASE_ANGLE, consistent, dihedral_angles, edges_of
@@ -28,6 +26,8 @@ COAT_F0 = 0.04
 STEPS = 256
 SMOOTH = 0.0316
 """Roughness below which glass sends light in single directions: GGX alpha of 1e-3, as rendering has it."""
+TOLD = {"contains": "contains", "left_out": "left out", "repair": "repair", "shape": "shape"}
+"""Choices of decisions about mesh files, by the key of the asset's `meta`."""
 FLAT = 0.01
 """Degrees below which two faces are in one plane."""
 
@@ -58,7 +58,7 @@ def scattered_share(material: Material) -> float:
 
     In [0, 1]. What goes into glass or back inside it is not in it: that goes on as it came and counts as crossings.
     """
-    base, (low, high) = np.asarray(material.base_color) * _brightest(material.texture), metallic_range(material)
+    base, (low, high) = np.asarray(material.base_color) * _brightest(material.texture), range_of(material, "metallic")
     # What is opaque scatters most at one of them: 1 - that is a product of two lines
     opaque = np.maximum(_opaque(material, base, low), _opaque(material, base, high))
     least, most = range_of(material, "transmission")
@@ -139,10 +139,14 @@ class SceneUse:
     """Names of things whose shading normals are smooth."""
     flat: tuple[str, ...]
     """Names of all others."""
-    left_out: tuple[str, ...]
-    """What their files say and no effect here simulates."""
-    shapes: tuple[tuple[str, str], ...] = ()
-    """Pairs of a word and a sentence: how the shapes in their files were repaired, and what is wrong with them."""
+    files: tuple[tuple[str, str], ...] = ()
+    """Pairs of a word and a sentence, of every mesh file: see `told_of`."""
+
+
+def told_of(asset: Asset) -> list[tuple[str, str]]:
+    """Of a mesh file, pairs of a word and a sentence: what it contains, and where there is something to say, what of
+    that was left out, what was mended, and what is wrong with its shape."""
+    return [(word, asset.meta[key]) for key, word in TOLD.items() if asset.meta.get(key)]
 
 
 _known: WeakKeyDictionary[Asset, _Facts] = WeakKeyDictionary()
@@ -161,7 +165,7 @@ def _facts(asset: Asset) -> _Facts:
 
 def _figures(material: Material, vertices: tuple[float, float] | None) -> dict[str, Any]:
     """vertices: least and largest alpha of its coloured vertices, if it has any."""
-    smoothest, roughest = roughness_range(material)
+    smoothest, roughest = range_of(material, "roughness")
     return {"scattered": scattered_share(material), "smoothest": smoothest, "roughest": roughest,
             "coverage": coverage_range(material, vertices or (1.0, 1.0)), "coloured": vertices is not None}
 
@@ -182,6 +186,5 @@ def scene_use(room: RoomPlan, objects: Iterable[PlacedObject], mesh_root: Path) 
     return SceneUse(materials=tuple(uses),
                     smooth=tuple(owner for owner, _, asset in things if _facts(asset).smooth),
                     flat=tuple(owner for owner, _, asset in things if not _facts(asset).smooth),
-                    left_out=tuple(asset.meta["left_out"] for _, _, asset in things if asset.meta.get("left_out")),
-                    shapes=tuple((key, f"{owner}: {asset.meta[key]}") for owner, _, asset in things
-                                 for key in ("repair", "shape") if asset.meta.get(key)))
+                    files=tuple((word, f"{owner}: {said}") for owner, _, asset in things
+                                for word, said in told_of(asset)))

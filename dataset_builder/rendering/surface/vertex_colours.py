@@ -49,10 +49,12 @@ class VertexColours:
         first = 3 * si.prim_index
         a, b, c = (dr.gather(mi.Point3f, self.positions, first + corner, active) for corner in range(3))
         along_b, along_c, to = b - a, c - a, si.p - a
-        bb, bc, cc = dr.squared_norm(along_b), dr.dot(along_b, along_c), dr.squared_norm(along_c)
-        to_b, to_c = dr.dot(to, along_b), dr.dot(to, along_c)
-        inverse = dr.rcp(bb * cc - bc * bc)
-        v, w = (cc * to_b - bc * to_c) * inverse, (bb * to_c - bc * to_b) * inverse
-        u, v, w = (dr.clip(weight, 0, 1) for weight in (1 - v - w, v, w))
+        across = dr.cross(along_b, along_c)
+        area = dr.squared_norm(across)
+        # Slivers of scans may have none in single precision: they show their first corner
+        v, w = (dr.select(area > 0, dr.clip(dr.dot(part, across) / area, 0, 1), 0)
+                for part in (dr.cross(to, along_c), dr.cross(along_b, to)))
+        w = dr.minimum(w, 1 - v)
+        u = 1 - v - w
         corners = (dr.gather(mi.Vector4f, self.colours, first + corner, active) for corner in range(3))
         return sum((weight * corner for weight, corner in zip((u, v, w), corners, strict=True)), mi.Vector4f(0))

@@ -56,8 +56,8 @@ def test_units_and_axis_of_the_file_are_honoured(tmp_path, head, size):
 def test_text_and_binary_hold_the_same(tmp_path, name):
     model = read(write(tmp_path, HEAD + mesh(more=ST), name), 64)
     assert (area(model.parts[0]), model.parts[0].name) == (1, "/square")
-    assert model.contains == "1 mesh prims, 2 triangles, 0 materials"
-    assert (model.left_out, model.uncertain) == ((), ())
+    assert model.contains == "1 mesh prim, 2 triangles, 0 materials"
+    assert model.left_out == ()
 
 
 def test_a_package_holds_its_textures(tmp_path):
@@ -152,7 +152,8 @@ def test_what_is_not_drawn_is_named(tmp_path):
     assert [part.name for part in model.parts] == ["/square", "/render"]
     assert set(model.left_out) == {
         "invisible Mesh /hidden", "Mesh /proxy of purpose proxy", "Mesh /guide of purpose guide", "Sphere", "Points",
-        "BasisCurves", "light of SphereLight", "Camera", "PointInstancer", "Skeleton"}
+        "BasisCurves", "light of SphereLight", "Camera", "PointInstancer", "Skeleton",
+        "meshes of 2 root prims, whatever defaultPrim says"}
     assert "expected mesh prims, got Sphere" in error_of(write(tmp_path, HEAD + 'def Sphere "ball" {}', "b.usda"))
 
 
@@ -171,7 +172,7 @@ def test_variants_animation_and_subdivision_are_said(tmp_path):
         }}"""
     model = read(write(tmp_path, text), 64)
     assert model.parts[0].positions[:, 0].min() == 5
-    assert model.uncertain == ("variants as selected: /chair size=large", "animation at its first time",
+    assert model.left_out == ("variants as selected: /chair size=large", "animation at its first time",
                                "subdivision surfaces (catmullClark) taken as their control cages")
 
 
@@ -272,7 +273,7 @@ def test_without_openusd_the_line_to_type_is_said(tmp_path, monkeypatch):
 def test_a_real_stage_of_payloads_and_variants():
     asset = load(ASSETS / "usd_teapot" / "Teapot.usd")
     np.testing.assert_allclose(asset.mesh.bounds[1] - asset.mesh.bounds[0], (0.31, 0.49, 0.23), atol=0.005)
-    assert asset.meta["contains"] == "1 mesh prims, 2472 triangles, 1 materials"
+    assert asset.meta["contains"] == "1 mesh prim, 2,472 triangles, 1 material"
     assert "modelVariant=Utah" in asset.meta["left_out"]
 
 

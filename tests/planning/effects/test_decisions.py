@@ -141,7 +141,7 @@ def test_vertices_and_maps_call_for_their_switches() -> None:
 
     def features(**more: Any) -> set[str]:
         use = MaterialUse(owner="tree", part="furniture", material=leaf, scattered=0.5, smoothest=1, roughest=1, **more)
-        scene = SceneUse(materials=(use,), smooth=(), flat=(), left_out=())
+        scene = SceneUse(materials=(use,), smooth=(), flat=())
         return set(scene_features(scene, FogPlan(), (lamp("area"),), 64)[0])
 
     assert features() == {"textures", "maps", "specular"}
@@ -273,7 +273,7 @@ def test_glass_that_is_smooth_in_one_texel_and_rough_in_another_loses_caustics_a
     metal = Material(name="foil", base_color=(1, 1, 1), metallic=1.0, texture=texels)
     uses = tuple(MaterialUse(owner="vase", part="furniture", material=each, scattered=0.5, smoothest=0, roughest=1)
                  for each in (glass, metal))
-    use = SceneUse(materials=uses, smooth=(), flat=(), left_out=())
+    use = SceneUse(materials=uses, smooth=(), flat=())
     told = {decision.choice: decision.reason for decision in scene_features(use, FogPlan(), (lamp("point"),), 64)[1]
             if decision.effect == "caustics"}
     assert told.keys() == {"noisy", "not simulated"}

@@ -128,6 +128,20 @@ def test_colours_of_corners_are_interpolated():
     assert vertices.needs == {"colours", "coverage"}
 
 
+@pytest.mark.parametrize("width", (0.0, 1e-9, 1e-5, 1e-3))
+def test_a_sliver_has_colours_between_those_of_its_corners(width):
+    """Of a scan; in single precision the narrow ones have no area at all."""
+    corners = np.float32([[0, 0, 0], [0.3, 0.4, 0.5], [0.1501, 0.2 + width, 0.25]])
+    white_ones = np.ones((1, 3, 4), np.float32)
+    colors = white_ones * np.float32([[[0.2], [0.4], [0.6]]])
+    vertices = VertexColours.of([RICH], np.array([0]), colors, owned(mi.Float, corners))
+    si = interaction(1.0, 64)
+    weights = np.random.default_rng(0).dirichlet((1, 1, 1), 64)
+    si.prim_index, si.p = mi.UInt32([0] * 64), mi.Point3f(*(weights @ corners).T)
+    found = np.array(vertices.at(si, mi.Bool(True)))
+    assert np.isfinite(found).all() and found.min() >= 0.2 - 1e-6 and found.max() <= 0.6 + 1e-6
+
+
 def test_colours_stay_with_their_triangles():
     plain, painted = sheet(RICH, 0, 1), sheet(RICH, 1, 1, colors=COLORS)
     both = merge([plain, painted, plain])
