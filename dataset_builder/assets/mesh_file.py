@@ -145,7 +145,7 @@ def _world_from_file(scale: float, up: Up) -> np.ndarray:
 def _stand(mesh: TriangleMesh) -> tuple[TriangleMesh, np.ndarray]:
     """The mesh centred over the origin and standing on z = 0, and the (3,) metres it was moved.
 
-    What lies on the floor as a sheet lies `GAP` above it, since nothing says which of two surfaces in one plane is seen.
+    What lies on the floor as a sheet lies `GAP` above it, since nothing says which of two surfaces in a plane is seen.
     """
     low, high = mesh.bounds
     gap = GAP if near_support(mesh, GAP) > NEAR else 0.0

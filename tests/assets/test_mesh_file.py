@@ -34,7 +34,7 @@ def test_meta_records_what_was_done(tmp_path):
 
 @pytest.mark.parametrize(("relief", "gap"), [(0, 1e-4), (0.001, 1e-4), (0.3, 1e-4)])
 def test_a_sheet_on_the_floor_lies_above_it(tmp_path, relief, gap):
-    """A rug of one layer, flat or with one corner up; in one plane with the floor, half of its pixels would be floor."""
+    """A rug of one layer, flat or with a corner up; in the plane of the floor, half of its pixels would be floor."""
     (tmp_path / "rug.obj").write_text(f"v 0 0 0\nv 1 0 0\nv 1 0 1\nv 0 {relief} 1\nf 1 3 2\nf 1 4 3\n")
     asset = load(tmp_path / "rug.obj")
     assert asset.mesh.bounds[0, 2] == pytest.approx(gap)
