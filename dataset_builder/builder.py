@@ -1,7 +1,6 @@
 """Build a dataset: decide keep or build per shard, run the missing views, publish each shard when its examples are
 there."""
 
-from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -14,11 +13,12 @@ from dataset_builder.engine.byte_store import CACHE_SIZE, require_store
 from dataset_builder.engine.calibration import calibrate
 from dataset_builder.engine.made_by import versions
 from dataset_builder.engine.outcomes import Rejections, Timings
+from dataset_builder.engine.shard_tasks import ShardTask, decide, shard_tasks, split_digests
 from dataset_builder.engine.unit import BuildJob, Outcome, run_unit
 from dataset_builder.errors import PlanError, Problem, UserError
 from dataset_builder.files import require_space
 from dataset_builder.label.example_label import Denoised
-from dataset_builder.planning.catalogue import ExampleRef, shard_size, units
+from dataset_builder.planning.catalogue import ExampleRef, units
 from dataset_builder.planning.cost import expected_bytes
 from dataset_builder.planning.plan import Planner, layers_asked
 from dataset_builder.planning.precheck import probe
@@ -28,7 +28,7 @@ from dataset_builder.rendering import oidn
 from dataset_builder.rendering.backend import choose
 from dataset_builder.rendering.scene.image_check import check_images
 from dataset_builder.shards.folder import Claim, build_lock, require_ours
-from dataset_builder.shards.manifest import Manifest, Rejected, make_manifest, shard_slot
+from dataset_builder.shards.manifest import Manifest, Rejected, make_manifest
 from dataset_builder.shards.publish import publish_dataset, whole_shards
 from dataset_builder.shards.shard_index import ShardIndex
 from dataset_builder.shards.staging import Staging
@@ -38,19 +38,6 @@ from dataset_builder.spec.resolve import LoadedSpec
 
 MAX_REASONS = 5
 """Reasons that are told where every example of a split was rejected."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ShardTask:
-    """One shard, and what the plan wants in it."""
-
-    slot: str
-    split: str
-    examples: tuple[ExampleRef, ...]
-    spec_digest: str
-    """Of what the examples of its split depend on."""
-    keep: ShardIndex | None
-    """The one that is there, where it is whole, from this spec and by these versions."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,34 +69,6 @@ class _Progress:
 
     def settled(self, task: ShardTask) -> bool:
         return all(ref.key in self.digests or ref.key in self.rejected for ref in task.examples)
-
-
-def split_digests(examples: Sequence[ExampleRef], loaded: LoadedSpec) -> dict[str, str]:
-    """Digest of what the examples of each split depend on."""
-    first = {ref.view.pair.split: ref.index for ref in reversed(examples)}
-    return {split.name: loaded.split_digest(split, first[split.name]) for split in loaded.dataset.splits}
-
-
-def shard_tasks(examples: Sequence[ExampleRef], spec: DatasetSpec, digests: Mapping[str, str]) -> list[ShardTask]:
-    """Fixed numbers of neighbouring examples per shard and split, see `shard_size`; digests: of the splits."""
-    by_split: dict[str, list[ExampleRef]] = defaultdict(list)
-    for ref in examples:
-        by_split[ref.view.pair.split].append(ref)
-    sizes = {split: shard_size(spec, len(refs)) for split, refs in by_split.items()}
-    return [ShardTask(slot=shard_slot(spec, split, first // sizes[split]), split=split, keep=None,
-                      spec_digest=digests[split], examples=tuple(refs[first:first + sizes[split]]))
-            for split, refs in by_split.items() for first in range(0, len(refs), sizes[split])]
-
-
-def decide(tasks: Sequence[ShardTask], whole: Sequence[ShardIndex], made_by: dict[str, str],
-           rejected: Mapping[str, Rejected]) -> list[ShardTask]:
-    """Which of the whole shards stay: same spec, same versions, and every example in it or known to be rejected."""
-    def fits(task: ShardTask, index: ShardIndex) -> bool:
-        there = {example.key for example in index.examples}
-        return (index.shard.slot, index.spec_digest, index.versions) == (task.slot, task.spec_digest, made_by) \
-            and all(ref.key in there or ref.key in rejected for ref in task.examples)
-
-    return [replace(task, keep=next((index for index in whole if fits(task, index)), None)) for task in tasks]
 
 
 def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: int | None = None,

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from dataset_builder.builder import ShardTask, decide, shard_tasks
 from dataset_builder.builder import build as build_dataset
 from dataset_builder.digest import digest
+from dataset_builder.engine.shard_tasks import ShardTask, decide, shard_tasks
 from dataset_builder.errors import UserError
 from dataset_builder.planning.catalogue import ExampleRef, PairRef, ViewRef
 from dataset_builder.planning.cost import expected_bytes

@@ -20,7 +20,7 @@ ORDER = (
     ("planning",), ("planning.effects", "planning.view"), ("planning.scene",),
     ("planning.catalogue",),
     ("assets.procedural",), ("assets",), ("assets.readers",), ("assets.file_model", "assets.image_maps"),
-    ("assets.asset", "assets.texel_memory"), ("geometry",), ("label",), ("spec",),
+    ("assets.asset", "assets.linear_texels", "assets.texel_memory"), ("geometry",), ("label",), ("spec",),
     ("lock",), ("extras", "files", "layers", "light_kinds", "processes", "spread", "tonemap"),
     ("seeding", "digest", "errors"), ("",),
 )

@@ -12,6 +12,8 @@ WHOLE = 0.99
 FLAT = 5e-3
 """Standard deviation of albedo below which a picture has nothing to correlate."""
 LEAST_OVERLAP, LEAST_CORRELATION = 0.97, 0.95
+ROUNDING = 1e-6
+"""Share of the longest side below which a side is none."""
 MOST_OFF = 0.03
 """Relative, for the ratio of albedo; absolute, for its mean difference; relative, for extents."""
 
@@ -63,8 +65,8 @@ def compare(model: str, ours: Picture, theirs: Picture, notes: str = "") -> Like
     """Figures of two pictures of one size."""
     inside = (ours.mask >= WHOLE) & (theirs.mask >= WHOLE)
     union = float(np.maximum(ours.mask, theirs.mask).sum())
-    sides = ours.extents / np.where(theirs.extents > 1e-9 * theirs.extents.max(), theirs.extents, np.inf)
-    sides = np.where(sides > 0, sides, 1)
+    thick = [side.extents > ROUNDING * side.extents.max() for side in (ours, theirs)]
+    sides = np.where(thick[0] & thick[1], ours.extents / np.where(thick[1], theirs.extents, 1), 1)
     overlap = float(np.minimum(ours.mask, theirs.mask).sum()) / union if union else 0.0
     extent = float(sides[np.argmax(np.abs(np.log(sides)))])
     if not inside.any():

@@ -117,16 +117,6 @@ def range_of(material: Material, name: str) -> tuple[float, float]:
     return _range(getattr(material, name), None if material.texture is None else getattr(material.texture, name))
 
 
-def metallic_range(material: Material) -> tuple[float, float]:
-    """Least and largest metallic value over the texels."""
-    return range_of(material, "metallic")
-
-
-def roughness_range(material: Material) -> tuple[float, float]:
-    """Perceptual roughness where a material is smoothest and where it is roughest."""
-    return range_of(material, "roughness")
-
-
 def coverage_range(material: Material, vertices: tuple[float, float] = (1.0, 1.0)) -> tuple[float, float]:
     """Least and largest share of a surface that is there, over its texels. vertices: least and largest alpha of the
     vertices of its faces."""
@@ -179,7 +169,7 @@ def disperses(material: Material) -> bool:
 def _transmits(material: Material) -> bool:
     """Metal lets nothing through. glTF's metallic factor is 1 unless a file says otherwise, so that with a metallic map
     the texels alone tell."""
-    return range_of(material, "transmission")[1] > 0 and metallic_range(material)[0] < 1
+    return range_of(material, "transmission")[1] > 0 and range_of(material, "metallic")[0] < 1
 
 
 def _range(factor: float | tuple[float, ...], texels: np.ndarray | None) -> tuple[float, float]:

@@ -58,11 +58,19 @@ class FileModel:
     contains: str
     """What the file holds and what was taken of it, for people: `2 meshes, 3 primitives, 36 triangles, 2 materials`."""
     left_out: tuple[str, ...] = ()
-    """What it holds besides and is not honoured, in words: cameras, animations, points."""
-    uncertain: tuple[str, ...] = ()
-    """What was decided where the file leaves a choice: `morph targets at their stated weights`."""
+    """What it holds besides and is not honoured, in words (cameras, animations, points), and then what was decided
+    where the file leaves a choice: `morph targets at their stated weights`."""
 
 
 def refuse(path: Path, rule: str, hint: str = "", *, at: str = "") -> NoReturn:
     """Raise UserError about a file; `at`: where in it, such as `line 12` or `materials[2]`."""
     raise UserError([Problem(where=str(path), path=at, rule=rule, hint=hint)])
+
+
+def counted(number: int, one: str, many: str = "") -> str:
+    """A number and what it counts.
+
+    >>> counted(1, "mesh", "meshes"), counted(0, "image"), counted(1234, "triangle")
+    ('1 mesh', '0 images', '1,234 triangles')
+    """
+    return f"{number:,} {one if number == 1 else many or one + 's'}"

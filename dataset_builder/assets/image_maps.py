@@ -18,25 +18,21 @@ import numpy as np
 from PIL import Image
 
 from dataset_builder.assets.asset import Texture, Wrap
+from dataset_builder.assets.linear_texels import reduced
 from dataset_builder.assets.texel_memory import shared_texels
 from dataset_builder.digest import digest, sha256_bytes, sha256_file
 from dataset_builder.errors import Problem, UserError
 
-FORMATS = ("PNG", "JPEG", "WEBP", "TGA", "BMP", "TIFF", "GIF", "DDS")
+FORMATS = ("PNG", "JPEG", "WEBP", "TGA", "BMP", "TIFF", "GIF", "DDS", "AVIF")
 """What is read, as Pillow calls it. Others of its decoders start programs, or are not meant for textures."""
 MAX_SIDE, MAX_PIXELS = 16384, 1 << 28
 """The largest image that is decoded."""
 LARGE = 1 << 22
 """Pixels from which the processes of a build share what one has read."""
-STRIP = 1 << 21
-"""Pixels that are made linear at a time."""
 MOST_PIXELS_PER_BYTE = 8 * 1032
 """Of a file that is as good as its header: deflate makes at most 1032 bytes of one (its author's technical page), of
-8 pixels each; others stay below, but for WebP and some TIFFs, which have no limit."""
-BARELY = 1e-9
-"""Weight of a colour without coverage: it counts only where there is no other."""
-WIDE = ("I;16", "I;16L", "I;16B", "I;16N")
-"""Modes of 16 bits."""
+8 pixels each; others stay below, but for those of `ENDLESS`, which have no limit."""
+ENDLESS = ("WEBP", "AVIF", "TIFF")
 BROKEN = (OSError, ValueError, SyntaxError, LookupError, TypeError, AttributeError, ArithmeticError, RuntimeError,
           EOFError, MemoryError, AssertionError, struct.error, zlib.error)
 """What Pillow's decoders raise for damaged files."""
@@ -50,11 +46,6 @@ class ImageFile:
     name: str
     """What messages call it: its path, or `images[3] of chair.glb`."""
     content: bytes | Path
-
-
-def linear_from_srgb(values: np.ndarray) -> np.ndarray:
-    """Linear light in [0, 1] of sRGB-encoded values in [0, 1] (IEC 61966-2-1)."""
-    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
 
 
 def check_image(image: ImageFile) -> tuple[int, int]:
@@ -77,7 +68,7 @@ def read_texels(image: ImageFile, *, srgb: bool, max_size: int, opaque: bool = F
     def read() -> np.ndarray:
         with opened_image(image) as opened:
             opened.load()
-            return _reduced(opened, limited_size(opened.size, max_size), srgb=srgb, opaque=opaque)
+            return reduced(opened, limited_size(opened.size, max_size), srgb=srgb, opaque=opaque)
 
     width, height = check_image(image)
     if width * height < LARGE:
@@ -102,7 +93,7 @@ def opened_image(image: ImageFile) -> Iterator[Image.Image]:
                 raise _refused(image, f"expected an image of at most {MAX_SIDE} pixels a side, got one of "
                                f"{opened.width} x {opened.height}", "save it smaller")
             size = len(image.content) if isinstance(image.content, bytes) else image.content.stat().st_size
-            if opened.format not in ("WEBP", "TIFF") and opened.width * opened.height > MOST_PIXELS_PER_BYTE * size:
+            if opened.format not in ENDLESS and opened.width * opened.height > MOST_PIXELS_PER_BYTE * size:
                 raise _refused(image, f"expected the pixels of an image of {opened.width} x {opened.height}, got "
                                f"{size} bytes, which cannot hold them", "the file was cut short; copy it again")
             yield opened
@@ -163,74 +154,6 @@ def resized(texels: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     channels = [np.asarray(Image.fromarray(channel.astype(np.float32)).resize(size, method))
                 for channel in np.moveaxis(texels, 2, 0)]
     return np.stack(channels, axis=2)
-
-
-def _reduced(image: Image.Image, size: tuple[int, int], *, srgb: bool, opaque: bool) -> np.ndarray:
-    """(H, W, 4) float32 of a decoded image at (width, height) `size`, made linear and averaged strip by strip."""
-    covered = image.has_transparency_data and not opaque
-    if (image.mode in (*WIDE, "F") and covered) or image.mode == "I":
-        raise ValueError(f"pixels of kind {image.mode}{' with transparency' * covered}, which are not read")
-    weighted = covered and srgb
-    levels = np.arange(65536 if image.mode in WIDE else 256)
-    table = levels / levels[-1]
-    table = (linear_from_srgb(table) if srgb else table).astype(np.float32)
-    rows, columns = _edges(image.height, size[1]), _edges(image.width, size[0])
-    step = max(1, STRIP * size[1] // (image.width * image.height))
-    strips = []
-    for top in range(0, size[1], step):
-        chosen = rows[top:top + step + 1]
-        first = int(chosen[0])
-        strip = _linear(image.crop((0, first, image.width, int(np.ceil(chosen[-1])))), table, covered)
-        if weighted:
-            strip[..., :3] *= strip[..., 3:] + BARELY
-        strips.append(_area_means(_area_means(strip, chosen - first, 0), columns, 1))
-    texels = np.concatenate(strips)
-    if weighted:
-        texels[..., :3] /= texels[..., 3:] + BARELY
-    whole = np.ones((size[1], size[0], 4), dtype=np.float32)
-    whole[..., :4 if covered else 3] = np.clip(texels, 0, 1)
-    return whole
-
-
-def _linear(strip: Image.Image, table: np.ndarray, covered: bool) -> np.ndarray:
-    """(H, W, 1, 3 or 4) float32 of some rows; colours by `table`, coverage as it is. Raises ValueError for floats that
-    are not in [0, 1]."""
-    if strip.mode == "F":
-        values = np.asarray(strip)[..., None]
-        wrong = values[~((values >= 0) & (values <= 1))]
-        if len(wrong):
-            raise ValueError(f"the value {wrong[0]:g}, where floats are to be in [0, 1]")
-        return values
-    if strip.mode in WIDE:
-        return np.take(table, np.asarray(strip))[..., None]
-    mode = "RGBA" if covered else "L" if strip.mode in ("1", "L") else "RGB"
-    values = np.asarray(strip if strip.mode == mode else strip.convert(mode))
-    colours = np.take(table, np.atleast_3d(values)[..., :3])
-    return np.concatenate([colours, values[..., 3:] / np.float32(255)], axis=2) if covered else colours
-
-
-def _edges(pixels: int, texels: int) -> np.ndarray:
-    """(texels + 1,) float64: where texels begin and end, in pixels."""
-    return np.arange(texels + 1) * pixels / texels
-
-
-def _area_means(values: np.ndarray, edges: np.ndarray, axis: int) -> np.ndarray:
-    """Means between neighbouring `edges` along an axis, at least a pixel apart; pixels that one divides count in
-    part."""
-    if len(edges) == values.shape[axis] + 1:
-        return values
-    shape = [-1 if each == axis else 1 for each in range(values.ndim)]
-    whole = np.floor(edges).astype(np.intp)
-    part = (edges - whole).astype(np.float32)
-    inside, step = values[(slice(None),) * axis + (slice(whole[-1]),)], whole[1] - whole[0]
-    if not part.any() and (np.diff(whole) == step).all():
-        # Ten times as fast
-        sums = inside.reshape(*values.shape[:axis], -1, step, *values.shape[axis + 1:]).sum(axis=axis + 1)
-    else:
-        sums = np.add.reduceat(inside, whole[:-1], axis)
-        cut = values.take(np.minimum(whole, values.shape[axis] - 1), axis) * part.reshape(shape)
-        sums += np.diff(cut, axis=axis)
-    return sums / np.diff(edges).astype(np.float32).reshape(shape)
 
 
 def _unit_vectors(texels: np.ndarray) -> np.ndarray:

@@ -27,8 +27,8 @@ READERS: dict[str, Callable[[Path, int], FileModel]] = {
     ".glb": gltf.read, ".gltf": gltf.read, ".obj": obj.read, ".off": off.read, ".ply": ply.read, ".stl": stl.read,
     **dict.fromkeys(USD_SUFFIXES, usd.read)}
 """What reads a file by its suffix: functions of its path and the longest side of a texture."""
-GAP = 1e-4
-"""Metres between the floor and a sheet that lies on it."""
+RAISED = 1e-4
+"""Metres that a sheet lies above what it stands on; in one plane, half of its pixels would be the floor's."""
 Up = Literal["x", "y", "z"]
 WORLD_FROM_FILE: dict[Up, np.ndarray] = {
     "x": np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]]),
@@ -72,9 +72,10 @@ def load_mesh_file(path: Path, *, name: str, category: str, licence: str, scale:
     """The whole scene of a mesh file as one asset, every node where its transforms put it.
 
     scale: metres per file unit. up: axis of the file that points up. max_texture: longest side of a texture in texels.
-    The mesh is welded and mended, centred over the origin and stood on z = 0; `meta` says how far it was moved, what
-    the file contains, what of it was left out, what was mended of which part, and what is wrong with its shape. Raises
-    UserError: no such file, another format, unreadable, a texture that is missing, no faces, NaN or Inf.
+    The mesh is welded and mended, centred over the origin and stood on z = 0, a sheet 0.1 mm above it; `meta` says how
+    far it was moved, what the file contains, what of it was left out, what was mended of which part, and what is wrong
+    with its shape. Raises UserError: no such file, another format, unreadable, a texture that is missing, no faces, NaN
+    or Inf.
     """
     path = Path(path)
     _check_file(path)
@@ -83,24 +84,26 @@ def load_mesh_file(path: Path, *, name: str, category: str, licence: str, scale:
         model = READERS[path.suffix.lower()](path, max_texture)
         if not model.parts:
             refuse(path, "expected triangles, got a file without any")
-        whole = transform(concatenate([_mesh(part, model) for part in model.parts]), _world_from_file(scale, up))
+        plain = _colored_or_not(model)
+        whole = transform(concatenate([_mesh(part, model, plain) for part in model.parts]), _world_from_file(scale, up))
         sizes = [len(part.faces) for part in model.parts]
         mesh, mended = repair(whole, part=np.repeat(np.arange(len(sizes)), sizes))
     except UserError as error:
         raise UserError([replace(problem, where=problem.where or str(path)) for problem in error.problems]) from error
-    placed, moved = _stand(mesh)
+    placed, moved, flat = _stand(mesh)
     meta = {"licence": licence, "source": path.name, "moved": ", ".join(f"{step:.6g} m" for step in moved),
             "contains": f"{model.contains}; {pieces_text(mended)}", "left_out": "; ".join(_left_out(model)),
             "repair": repair_text(mended, [part.name for part in model.parts]),
-            "shape": "; ".join([*repair_notes(mended), *shape_faults(mesh).notes])}
+            "shape": "; ".join([*repair_notes(mended), *shape_faults(mesh).notes, *flat])}
     return Asset(name=name, category=category, mesh=placed, materials=_materials(model), meta=meta)
 
 
-def _mesh(part: FilePart, model: FileModel) -> TriangleMesh:
-    """A part with the texture coordinates that its material uses. Those without a material come after the others."""
+def _mesh(part: FilePart, model: FileModel, plain: list[bool]) -> TriangleMesh:
+    """A part with the texture coordinates that its material uses. Those without a material come after the others, in
+    the order of `plain`: whether they have colours."""
     index = part.material
     if index < 0:
-        index = len(model.materials) + _colored_or_not(model).index(part.colors is not None)
+        index = len(model.materials) + plain.index(part.colors is not None)
     used = model.materials[part.material] if part.material >= 0 else None
     uvs = part.uvs.get(used.uv_set if used else 0)
     if uvs is None:
@@ -125,7 +128,7 @@ def _colored_or_not(model: FileModel) -> list[bool]:
 
 def _left_out(model: FileModel) -> list[str]:
     return [*(f"{each.material.name}: {', '.join(each.left_out)}" for each in model.materials if each.left_out),
-            *model.left_out, *model.uncertain]
+            *model.left_out]
 
 
 def _check_file(path: Path) -> None:
@@ -142,14 +145,13 @@ def _world_from_file(scale: float, up: Up) -> np.ndarray:
     return matrix
 
 
-def _stand(mesh: TriangleMesh) -> tuple[TriangleMesh, np.ndarray]:
-    """The mesh centred over the origin and standing on z = 0, and the (3,) metres it was moved.
-
-    What lies on the floor as a sheet lies `GAP` above it, since nothing says which of two surfaces in a plane is seen.
-    """
+def _stand(mesh: TriangleMesh) -> tuple[TriangleMesh, np.ndarray, list[str]]:
+    """The mesh centred over the origin and standing on z = 0, the (3,) metres it was moved, and what is to be said of
+    it."""
     low, high = mesh.bounds
-    gap = GAP if near_support(mesh, GAP) > NEAR else 0.0
-    moved = np.array([*-(low + high)[:2] / 2, gap - low[2]])
+    lies = near_support(mesh, RAISED) > NEAR
+    moved = np.array([*-(low + high)[:2] / 2, -low[2] + RAISED * lies])
     matrix = np.eye(4)
     matrix[:3, 3] = moved
-    return transform(mesh, matrix), moved
+    said = [f"lies flat on what it stands on: raised by {1000 * RAISED:g} mm, so that this does not show through"]
+    return transform(mesh, matrix), moved, said if lies else []

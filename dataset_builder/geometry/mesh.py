@@ -69,6 +69,12 @@ class TriangleMesh:
         return np.stack([used.min(axis=0), used.max(axis=0)])
 
     @property
+    def size(self) -> tuple[float, float, float]:
+        """Width, depth and height: extents along x, y and z."""
+        width, depth, height = np.ptp(self.bounds, axis=0).tolist()
+        return width, depth, height
+
+    @property
     def area_normals(self) -> np.ndarray:
         """(F, 3) face normals, twice the face's area long; zero for a degenerate face."""
         a, b, c = np.moveaxis(self.corners, 1, 0)

@@ -15,12 +15,17 @@ from scipy.sparse.csgraph import connected_components
 
 from dataset_builder.errors import UserError
 from dataset_builder.geometry.edges import edges_of, unit
-from dataset_builder.geometry.mesh import TriangleMesh
+from dataset_builder.geometry.mesh import TriangleMesh, joined_colors
 from dataset_builder.geometry.raycast import open3d
 from dataset_builder.geometry.subdivision import EQUILATERAL
 
 MAX_CELLS = 64_000_000
 """Cells of a grid, 256 MB of distances."""
+INSIDE = 0.02
+"""How far towards the middle of its face a corner is looked up, as a share of the way."""
+AGREED = 0.5
+"""Difference of two texture coordinates, in units of that between corner and middle, up to which they are of one chart:
+the old faces of a seam are seldom so near to each other."""
 
 
 def typical_edge(mesh: TriangleMesh) -> float:
@@ -85,9 +90,7 @@ def without_holes(mesh: TriangleMesh, radius: float) -> TriangleMesh:
 
 def join(mesh: TriangleMesh, more: TriangleMesh) -> TriangleMesh:
     """The faces of two meshes that share their vertices."""
-    colors = None
-    if mesh.colors is not None and more.colors is not None:
-        colors = np.concatenate([mesh.colors, more.colors])
+    colors = joined_colors([(len(each.faces), each.colors) for each in (mesh, more)])
     return TriangleMesh(positions=mesh.positions, faces=np.concatenate([mesh.faces, more.faces]),
                         uvs=np.concatenate([mesh.uvs, more.uvs]),
                         material=np.concatenate([mesh.material, more.material]), colors=colors)
@@ -101,8 +104,7 @@ def voxelised(mesh: TriangleMesh, size: float) -> TriangleMesh:
     counts = np.ceil((high - low) / size).astype(int) + 1
     if np.prod(counts.astype(float)) > MAX_CELLS:
         raise UserError(f"voxels: expected at most {MAX_CELLS} cells, got {' x '.join(map(str, counts))}; raise size")
-    scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-    scene.add_triangles(_tensor_mesh(o3d, mesh.positions, mesh.faces))
+    scene = _scene(o3d, mesh)
     axes = [np.float32(low[axis]) + np.float32(size) * np.arange(counts[axis], dtype=np.float32) for axis in range(3)]
     points = np.stack(np.meshgrid(*axes[::-1], indexing="ij")[::-1], axis=-1)
     open_edges = (edges_of(mesh.faces).face_count == 1).any()
@@ -118,8 +120,10 @@ def dressed(positions: np.ndarray, faces: np.ndarray, old: TriangleMesh, *, comp
     """A mesh of new triangles with the materials, uvs and colours of an old one.
 
     A face takes the material of the old face nearest to its centroid, and continues that face's uvs and colours over
-    its own corners, so that no face runs across a seam. Faces with a repeated corner are left out, and vertices that no
-    face uses, too, if `compacted`. Raises UserError where no face is left.
+    its own corners, so that no face runs across a seam. A corner has the uvs of the old face nearest to itself where
+    these are about the same: small old faces that are a little askew lead astray over many times their size. Faces
+    with a repeated corner are left out, and vertices that no face uses, too, if `compacted`. Raises UserError where no
+    face is left.
     """
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
     if not len(faces):
@@ -128,17 +132,29 @@ def dressed(positions: np.ndarray, faces: np.ndarray, old: TriangleMesh, *, comp
         used, compact = np.unique(faces, return_inverse=True)
         positions, faces = positions[used], compact.reshape(-1, 3)
     o3d = open3d()
-    scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-    scene.add_triangles(_tensor_mesh(o3d, old.positions, old.faces))
+    scene = _scene(o3d, old)
     corners = positions[faces]
-    found = scene.compute_closest_points(o3d.core.Tensor(corners.mean(axis=1).astype(np.float32)))
-    source = found["primitive_ids"].numpy().astype(np.int64)
+    middles = corners.mean(axis=1)
+
+    def nearest(points: np.ndarray) -> np.ndarray:
+        found = scene.compute_closest_points(o3d.core.Tensor(points.astype(np.float32)))
+        return found["primitive_ids"].numpy().astype(np.int64)
+
+    source = nearest(middles)
     weights = barycentric(corners, old.corners[source])
+    uvs = np.einsum("fcw,fwn->fcn", weights, old.uvs[source])
+    spans = np.linalg.norm(uvs - uvs.mean(axis=1, keepdims=True), axis=2)
+    for corner in range(3):
+        # A little inside, where the face on this side of a seam is the nearest
+        own = nearest(corners[:, corner] + INSIDE * (middles - corners[:, corner]))
+        said = np.einsum("fcw,fwn->fcn", barycentric(corners[:, [corner]], old.corners[own]), old.uvs[own])[:, 0]
+        off = np.linalg.norm(said - uvs[:, corner], axis=1)
+        agrees = (old.material[own] == old.material[source]) & (off <= AGREED * spans[:, corner])
+        uvs[agrees, corner] = said[agrees]
     colors = None
     if old.colors is not None:
         colors = np.clip(np.einsum("fcw,fwn->fcn", weights, old.colors[source]), 0, 1)
-    return TriangleMesh(positions=positions, faces=faces, uvs=np.einsum("fcw,fwn->fcn", weights, old.uvs[source]),
-                        material=old.material[source], colors=colors)
+    return TriangleMesh(positions=positions, faces=faces, uvs=uvs, material=old.material[source], colors=colors)
 
 
 def barycentric(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
@@ -160,8 +176,7 @@ def barycentric(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 def thin_faces(mesh: TriangleMesh, thickness: float) -> np.ndarray:
     """(F,) bool: a ray from the middle of the face into the body leaves it within `thickness` metres."""
     o3d = open3d()
-    scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-    scene.add_triangles(_tensor_mesh(o3d, mesh.positions, mesh.faces))
+    scene = _scene(o3d, mesh)
     inwards = -unit(mesh.area_normals)
     start = mesh.corners.mean(axis=1) + 1e-3 * thickness * inwards
     rays = np.concatenate([start, inwards], axis=1).astype(np.float32)
@@ -175,6 +190,9 @@ def _legacy(mesh: TriangleMesh) -> Any:
                                      o3d.utility.Vector3iVector(np.array(mesh.faces)))
 
 
-def _tensor_mesh(o3d: ModuleType, positions: np.ndarray, faces: np.ndarray) -> Any:
-    return o3d.t.geometry.TriangleMesh(o3d.core.Tensor(np.array(positions, dtype=np.float32, order="C")),
-                                       o3d.core.Tensor(np.array(faces, dtype=np.int32, order="C")))
+def _scene(o3d: ModuleType, mesh: TriangleMesh) -> Any:
+    scene = o3d.t.geometry.RaycastingScene(nthreads=1)
+    scene.add_triangles(o3d.t.geometry.TriangleMesh(
+        o3d.core.Tensor(np.array(mesh.positions, dtype=np.float32, order="C")),
+        o3d.core.Tensor(np.array(mesh.faces, dtype=np.int32, order="C"))))
+    return scene

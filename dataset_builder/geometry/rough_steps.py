@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial import cKDTree
+from scipy.special import ndtri
 
 from dataset_builder.errors import UserError
 from dataset_builder.geometry.edges import crease_mask, edges_of, unit
@@ -173,7 +174,7 @@ def _thin(made: RoughBase, step: RoughStep, setting: StepSetting) -> RoughBase:
     mesh = made.mesh
     lost = thin_faces(mesh, step["thickness"] * setting.radius)
     where = gaussian_field(setting.rng, length=PATCH * step["thickness"]).at(mesh.corners.mean(axis=1) / setting.radius)
-    lost &= where[:, 0] <= _quantile(step["share"])
+    lost &= where[:, 0] <= ndtri(step["share"])
     # The rim of a board and the end of a rod go with their sides, which are all that they touch
     touched = np.isin(np.arange(len(mesh.positions)), mesh.faces[lost])
     kept = ~(lost | touched[mesh.faces].all(axis=1))
@@ -183,13 +184,6 @@ def _thin(made: RoughBase, step: RoughStep, setting: StepSetting) -> RoughBase:
     rest = TriangleMesh(positions=mesh.positions, faces=mesh.faces[kept], uvs=mesh.uvs[kept],
                         material=mesh.material[kept], colors=None if mesh.colors is None else mesh.colors[kept])
     return RoughBase(mesh=rest, creases=made.creases)
-
-
-def _quantile(share: float) -> float:
-    """What a standard normal number does not exceed with probability `share`."""
-    from scipy.special import ndtri
-
-    return float(ndtri(share))
 
 
 def _close_holes(made: RoughBase, step: RoughStep, setting: StepSetting) -> RoughBase:

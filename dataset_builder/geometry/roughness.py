@@ -4,7 +4,7 @@ Both meshes are moved to the origin and scaled to the clean one's bounding radiu
 distances are good to about 1e-7 radii.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -14,6 +14,7 @@ from dataset_builder.geometry.edges import closed, edges_of, unit
 from dataset_builder.geometry.mesh import TriangleMesh
 from dataset_builder.geometry.raycast import RayScene
 from dataset_builder.geometry.rough_base import bounding_radius
+from dataset_builder.label.roughness_record import ShapeRoughness
 
 SAMPLES = 4096
 """Points on each surface."""
@@ -34,42 +35,15 @@ NOTHING = 1e-6
 """Radii: a displacement below this is rounding."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Roughness:
-    """What `measure_roughness` found. Lengths are in bounding radii of the clean mesh."""
+class Roughness(ShapeRoughness):
+    """What `measure_roughness` found."""
 
     rms: float
-    """Distance of the rough mesh's vertices from the clean surface, root mean square."""
+    """Distance of the rough mesh's vertices from the clean surface, root mean square, in bounding radii."""
     maximum: float
     """The largest of them."""
     radius: float
-    """Metres."""
-    to_clean_rms: float
-    """Distance from the rough surface to the clean one, over its area, root mean square."""
-    to_clean_95: float
-    """Its 95th percentile."""
-    to_rough_rms: float
-    """Distance from the clean surface to the rough one, over its area, root mean square."""
-    to_rough_95: float
-    """Its 95th percentile."""
-    normal_median: float
-    """Degrees between the normals of the rough surface and of the clean one at the closest point, over its area."""
-    normal_95: float
-    """Their 95th percentile."""
-    volume: float
-    """Ratio rough : clean; 0 where the clean mesh is not closed or encloses nothing."""
-    area: float
-    """Ratio rough : clean."""
-    extent_x: float
-    """Ratio rough : clean along x of the object's frame; 0 where the clean mesh has none."""
-    extent_y: float
-    """As `extent_x`, along y."""
-    extent_z: float
-    """As `extent_x`, along z."""
-    flipped: float
-    """Share of the rough faces that look away from the clean surface next to them, by more than 90 degrees."""
-    spectrum_slope: float
-    """Exponent of the displacement's power over wave number, see `spectrum_slope`; 0 where nothing moved."""
+    """Of the clean mesh, metres."""
 
 
 def measure_roughness(rough: TriangleMesh, clean: TriangleMesh, rng: np.random.Generator) -> Roughness:
@@ -180,7 +154,7 @@ def spectrum_slope(points: np.ndarray, displacement: np.ndarray, normals: np.nda
 
 
 def _flipped(rough: TriangleMesh, onto: CleanSurface, reach: float) -> float:
-    """Share of faces with an area; see `Roughness`."""
+    """Share of faces with an area; see `ShapeRoughness`."""
     some = rough.positions[rough.faces[::-(-len(rough.faces) // MOST_FACES)]]
     normals = unit(np.cross(some[:, 1] - some[:, 0], some[:, 2] - some[:, 0]))
     _, faced = onto.origin(some.mean(axis=1), normals, reach)

@@ -7,10 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dataset_builder.errors import Problem, UserError
-from dataset_builder.spec.mesh_source import MESH_SUFFIXES, companions
+from dataset_builder.spec.mesh_source import MESH_SUFFIXES, OTHER_FORMATS, companions
 
-NOT_READ = (".fbx", ".dae", ".blend", ".3ds", ".x3d", ".wrl", ".abc", ".max", ".skp", ".3mf", ".step", ".stp")
-"""Formats of models that no reader is there for."""
 NAMELESS = ("raw_model", "normalized_model", "model", "models", "mesh", "meshes", "scene", "textured", "object", "obj",
             "gltf", "glb", "untitled", "untitled document", "default", "source", "export", "visual", "lod0")
 """Names that say nothing: the folder's is taken instead."""
@@ -60,11 +58,12 @@ def find_models(paths: Sequence[Path]) -> tuple[list[FoundModel], list[PassedOve
     found, left = dict[Path, FoundModel](), list[PassedOver]()
     for path, root in _files(paths):
         suffix = path.suffix.lower()
-        if suffix in (*NOT_READ, *MESH_SUFFIXES) and not str(path).isprintable():
+        if suffix in (*OTHER_FORMATS, *MESH_SUFFIXES) and not str(path).isprintable():
             left.append(PassedOver(path=path, reason="its path holds control characters or bytes that are not UTF-8: "
                                                      "rename it"))
-        elif suffix in NOT_READ and suffix not in MESH_SUFFIXES:
-            left.append(PassedOver(path=path, reason=f"{suffix} files are not read: export the model as .glb"))
+        elif suffix in OTHER_FORMATS:
+            called, program = OTHER_FORMATS[suffix]
+            left.append(PassedOver(path=path, reason=f"{called} is not read: export glTF from {program}"))
         elif suffix in MESH_SUFFIXES:
             found.setdefault(path, FoundModel(path=path, root=root))
     for part in [part for path in found for part in _parts(path) if part != path]:

@@ -90,7 +90,7 @@ def _proposal(model: FoundModel, name: str, category: str) -> Proposal:
     kind, told = (category, "as asked") if category else _category(model, asset)
     source = mesh_source(model.path, companions(model.path))
     made = Proposal(model=model, source=source, name=name, category=kind, category_from=told, scale=1.0, up=up,
-                    licence=licence_of_model(model), size=_size(asset), contains=asset.meta.get("contains", ""),
+                    licence=licence_of_model(model), size=asset.mesh.size, contains=asset.meta.get("contains", ""),
                     not_honoured=asset.meta.get("left_out", ""), mended=asset.meta.get("repair", ""))
     notes = [] if told else ["no category found: write what it is"]
     for _ in ("scale", "up"):
@@ -105,12 +105,6 @@ def _proposal(model: FoundModel, name: str, category: str) -> Proposal:
         else:
             made = replace(made, up="z" if made.up == "y" else "y", size=(width, height, depth))
     return replace(made, notes=tuple(notes))
-
-
-def _size(asset: Asset) -> Lengths:
-    low, high = asset.mesh.bounds.tolist()
-    width, depth, height = (b - a for a, b in zip(low, high, strict=True))
-    return width, depth, height
 
 
 def _category(model: FoundModel, asset: Asset) -> tuple[str, str]:

@@ -3,8 +3,8 @@
 from dataset_builder.spec.model import Model
 
 
-class RoughnessRecord(Model):
-    """The R3DM against the 3DM, in the object's frame; formulas are in [layers](layers.md#how-rough-it-came-out)."""
+class ShapeRoughness(Model):
+    """What is measured on the meshes."""
 
     to_clean_rms: float
     """Distance from points on the R3DM to the 3DM, root mean square, in bounding radii."""
@@ -33,6 +33,11 @@ class RoughnessRecord(Model):
     spectrum_slope: float
     """Exponent of the displacement's power over wave number, from -4 (smooth, or steeper) to -2 (white, or flatter); 0
     where nothing moved."""
+
+
+class RoughnessRecord(ShapeRoughness):
+    """The R3DM against the 3DM, in the object's frame; formulas are in [layers](layers.md#how-rough-it-came-out)."""
+
     silhouette_iou: float
     """Pixels that both cover over those that either covers, as seen by the camera; parts of pixels count."""
     s_relmse: tuple[float, ...] = ()

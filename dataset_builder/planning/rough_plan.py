@@ -15,7 +15,7 @@ from dataset_builder.seeding import derive_seed, rng
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.numbers import draw
 from dataset_builder.spec.rough import RoughSpec, Step, WhiteStep
-from dataset_builder.spec.rough_levels import shortest, steps_at
+from dataset_builder.spec.rough_levels import shortest, step_length, steps_at
 
 NOISE = ("white", "field", "scanlines")
 """Steps with a standard deviation."""
@@ -68,16 +68,9 @@ def rough_notes(plan: RoughPlan, clean: TriangleMesh) -> tuple[str, ...]:
     notes = []
     if plan.above_support:
         notes.append("rough mesh: noise is mirrored up at the support, since much of the object lies close above it")
-    shorter = [step.kind for step in plan.steps if (length := length_of(step)) is not None
+    shorter = [step.kind for step in plan.steps if (length := step_length(step.kind, step.__getitem__)) is not None
                and length * bounding_radius(clean) < (1 - 1e-9) * plan.edge_length]
     if shorter:
         notes.append(f"rough mesh: edges of {plan.edge_length:.3g} m are too long for all of {', '.join(shorter)}; "
                      "lower rough.edge")
     return tuple(notes)
-
-
-def length_of(step: RoughStep) -> float | None:
-    """The shortest length of a step in bounding radii, None where it has none."""
-    if step.kind == "field":
-        return step["length"] / 2 ** (step["octaves"] - 1)
-    return step["length"] if step.kind == "scanlines" else step["width"] if step.kind == "bumps" else None

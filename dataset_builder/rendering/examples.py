@@ -10,7 +10,7 @@ import numpy as np
 
 from dataset_builder.label.example_label import LayerAccuracy, PassRecord, RenderRecord
 from dataset_builder.label.example_plan import ExamplePlan
-from dataset_builder.label.roughness_record import RoughnessRecord
+from dataset_builder.label.roughness_record import RoughnessRecord, ShapeRoughness
 from dataset_builder.label.scene_plan import Vector
 from dataset_builder.layers import LAYERS, Pass
 from dataset_builder.planning.effects.decisions import guide_extents
@@ -159,7 +159,7 @@ def _roughness(shared: ViewPasses, plan: ExamplePlan, measured: Mapping[str, flo
     images = dict(evidence)
     if asked(plan, "target") and asked(plan, "rough"):
         images |= {name: layer_image(shared, plan, name, "object") for name in ("s_prime", "s_prime" + ERROR_SUFFIX)}
-    figures = {name: value for name, value in measured.items() if name in RoughnessRecord.model_fields}
+    figures = {name: value for name, value in measured.items() if name in ShapeRoughness.model_fields}
     return RoughnessRecord(**figures, silhouette_iou=overlap(images["mask"], images["mask_rough"]),
                            s_relmse=relmse(images))
 

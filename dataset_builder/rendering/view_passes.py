@@ -6,7 +6,7 @@ examples of the view.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
 from time import perf_counter
@@ -49,8 +49,8 @@ class PassResult:
     stopped: Mapping[str, Stop]
     """Why sampling of each layer with a goal ended."""
     facts: Mapping[str, float]
-    """Figures of the geometry: `unit`, metres per unit of the local frame, and of the rough mesh `rms`, `maximum` and
-    `radius`."""
+    """Figures of the geometry: `unit`, metres per unit of the local frame, and those of `Roughness` of the rough
+    mesh."""
 
 
 @dataclass(kw_only=True)
@@ -113,7 +113,7 @@ class ViewPasses:
 
         return self._once(("first_hit_rough", str(plan.light), plan.rough.model_dump_json()), plan,
                           lambda: self.scenes.window(self.scenes.rough_object(plan.rough)), sampler, plan.rough.level,
-                          facts=lambda: asdict(self.scenes.twin(plan.rough).roughness))
+                          facts=lambda: self.scenes.twin(plan.rough).roughness.model_dump())
 
     def instances(self) -> PassResult:
         """Instance at every pixel's centre."""

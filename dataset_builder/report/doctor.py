@@ -15,7 +15,7 @@ from dataset_builder.processes import cores
 from dataset_builder.rendering import oidn
 from dataset_builder.rendering.backend import INSTALL_LLVM, choose, cuda_available, find_llvm
 
-PACKAGES = ("mitsuba", "drjit", "open3d", "trimesh", "OpenEXR", "numpy", "scipy", "pydantic", "ruamel.yaml", "pillow")
+PACKAGES = ("mitsuba", "drjit", "open3d", "OpenEXR", "numpy", "scipy", "pydantic", "ruamel.yaml", "pillow")
 GIB = 2**30
 MIN_MEMORY, MIN_DISK = 4 * GIB, 2 * GIB
 

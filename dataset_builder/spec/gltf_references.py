@@ -107,8 +107,7 @@ def _not_json(name: str) -> NoReturn:
 def gltf_references(path: Path) -> Iterator[FileReference]:
     """External `uri`s of a glTF 2.0 file (section 3.6 and 3.8.4); data URIs are inside the file.
 
-    Raises ValueError as `read_container` does, for an address elsewhere, and for a name that differs from a file's by
-    upper and lower case.
+    Raises ValueError as `read_container` does, and for an address elsewhere.
     """
     header = read_container(path).header
     for kind in ("buffers", "images"):
@@ -132,10 +131,4 @@ def _local_name(folder: Path, uri: str, key: str) -> str:
         raise ValueError(f"{key}: expected a name relative to the file, got {shown(uri)} (nothing is fetched from "
                          "elsewhere; put the file beside it)")
     choices = [unquote(uri), uri, unquote(uri).replace("\\", "/")]
-    name = next((choice for choice in choices if os.path.isfile(folder / choice)), choices[-1])
-    file = folder / name
-    if not os.path.isfile(file) and os.path.isdir(file.parent):
-        for there in sorted(os.listdir(file.parent)):
-            if there.casefold() == file.name.casefold():
-                raise ValueError(f"{key}: expected {file.name}, found {there} (rename it: upper and lower case differ)")
-    return name
+    return next((choice for choice in choices if os.path.isfile(folder / choice)), choices[-1])

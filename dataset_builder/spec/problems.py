@@ -66,6 +66,8 @@ def name_alike(missing: Path) -> str:
         found = sorted(name for name in os.listdir(missing.parent) if plain(name) == plain(missing.name))
     except OSError:
         return ""
+    if missing.name in found:
+        return "what is there is no plain file that can be opened: a folder, a pipe, or a link to nothing"
     return f"{found[0]} is there: write its name as it is" if found else ""
 
 

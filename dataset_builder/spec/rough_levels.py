@@ -1,9 +1,11 @@
 """What named levels and `like` of a spec stand for, and how fine a mesh their steps need."""
 
+from collections.abc import Callable
+from functools import partial
 from math import hypot
 
 from dataset_builder.spec.numbers import support
-from dataset_builder.spec.rough import BumpsStep, FieldStep, Level, LikeStep, ScanlinesStep, Step
+from dataset_builder.spec.rough import FieldStep, Level, LikeStep, Step
 
 
 def _field(sigma: float) -> tuple[Step, ...]:
@@ -42,7 +44,16 @@ def steps_at(level: Level) -> tuple[Step, ...]:
 
 def shortest(steps: tuple[Step, ...]) -> float | None:
     """The shortest length that a mesh must resolve for steps, in bounding radii; None where none has one."""
-    lengths = [support(step.length)[0] / 2 ** (step.octaves - 1) for step in steps if isinstance(step, FieldStep)]
-    lengths += [support(step.length)[0] for step in steps if isinstance(step, ScanlinesStep)]
-    lengths += [support(step.width)[0] for step in steps if isinstance(step, BumpsStep)]
-    return min(lengths, default=None)
+    lengths = (step_length(step.kind, partial(_least, step)) for step in steps)
+    return min((length for length in lengths if length is not None), default=None)
+
+
+def step_length(kind: str, value: Callable[[str], float]) -> float | None:
+    """The shortest length of a step by the values of its fields, None where it has none."""
+    if kind == "field":
+        return value("length") / 2 ** (value("octaves") - 1)
+    return value("length") if kind == "scanlines" else value("width") if kind == "bumps" else None
+
+
+def _least(step: Step, name: str) -> float:
+    return support(getattr(step, name))[0]

@@ -12,9 +12,7 @@ from dataset_builder.assets.asset import (
     disperses,
     is_pane,
     is_solid,
-    metallic_range,
     range_of,
-    roughness_range,
     sends,
 )
 from dataset_builder.planning.effects.features import _CALLS
@@ -33,14 +31,15 @@ def material(metallic: float = 1.0, roughness: float = 1.0, **more: object) -> M
 
 def test_ranges_are_over_the_texels() -> None:
     made = material(0.5, 0.8, texture=textured(metallic=[0.25, 1.0], roughness=[0.5, 0.1]))
-    assert metallic_range(made) == pytest.approx((0.125, 0.5))
-    assert roughness_range(made) == pytest.approx((0.08, 0.4))
-    assert metallic_range(material(0.5)) == (0.5, 0.5) and roughness_range(material(roughness=0.3)) == (0.3, 0.3)
+    assert range_of(made, "metallic") == pytest.approx((0.125, 0.5))
+    assert range_of(made, "roughness") == pytest.approx((0.08, 0.4))
+    assert range_of(material(0.5), "metallic") == (0.5, 0.5)
+    assert range_of(material(roughness=0.3), "roughness") == (0.3, 0.3)
 
 
 def test_what_is_not_a_number_counts_as_one() -> None:
     made = material(texture=textured(metallic=[np.nan, np.nan], roughness=[0.5, np.nan]))
-    assert metallic_range(made) == (1, 1) and roughness_range(made) == (0.5, 1)
+    assert range_of(made, "metallic") == (1, 1) and range_of(made, "roughness") == (0.5, 1)
 
 
 def test_the_least_metallic_texel_decides() -> None:

@@ -11,8 +11,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from dataset_builder.assets import image_maps
-from dataset_builder.assets.image_maps import ImageFile, check_image, limited_size, linear_from_srgb, read_texels
+from dataset_builder.assets import linear_texels
+from dataset_builder.assets.image_maps import ImageFile, check_image, limited_size, read_texels
+from dataset_builder.assets.linear_texels import linear_from_srgb
 from dataset_builder.errors import UserError
 
 
@@ -64,7 +65,7 @@ def test_a_pixel_that_two_texels_share_counts_for_both():
 def test_strips_make_no_difference_and_the_mean_is_kept(monkeypatch, size, most):
     found = image(np.random.default_rng(3).integers(0, 256, (size[1], size[0], 4), dtype=np.uint8))
     whole = read(found, max_size=most)
-    monkeypatch.setattr(image_maps, "STRIP", 1)
+    monkeypatch.setattr(linear_texels, "STRIP", 1)
     np.testing.assert_array_equal(read(found, max_size=most), whole)
     with Image.open(io.BytesIO(found.content)) as opened:
         np.testing.assert_allclose(whole.mean(axis=(0, 1)), np.asarray(opened).mean(axis=(0, 1)) / 255, rtol=1e-5)
@@ -168,7 +169,7 @@ def test_what_is_no_image_is_refused(tmp_path, content):
 
 
 SAMPLES = [image(np.random.default_rng(7).integers(0, 256, (9, 7, 3), dtype=np.uint8), kind).content
-           for kind in ("PNG", "JPEG", "WEBP", "TGA", "BMP", "TIFF", "GIF", "DDS")]
+           for kind in ("PNG", "JPEG", "WEBP", "TGA", "BMP", "TIFF", "GIF", "DDS", "AVIF")]
 
 
 @settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.too_slow])

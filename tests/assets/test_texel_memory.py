@@ -23,13 +23,13 @@ def found(monkeypatch):
 @pytest.fixture
 def decoded(monkeypatch):
     """How often an image was decoded."""
-    times, real = [], image_maps._reduced
+    times, real = [], image_maps.reduced
 
     def counted(*given, **named):
         times.append(1)
         return real(*given, **named)
 
-    monkeypatch.setattr(image_maps, "_reduced", counted)
+    monkeypatch.setattr(image_maps, "reduced", counted)
     return times
 
 
@@ -102,7 +102,7 @@ def test_small_images_are_not_kept(tmp_path, monkeypatch):
 def test_large_images_are_read_one_at_a_time(tmp_path, found):
     """Whoever comes second waits, and finds what the first one kept."""
     inside, go, done = threading.Event(), threading.Event(), threading.Event()
-    real = image_maps._reduced
+    real = image_maps.reduced
     alone = read_texels(found, srgb=True, max_size=8)
     results = []
 
@@ -117,11 +117,11 @@ def test_large_images_are_read_one_at_a_time(tmp_path, found):
         done.set()
 
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(image_maps, "_reduced", slow)
+        patched.setattr(image_maps, "reduced", slow)
         first = threading.Thread(target=work)
         first.start()
         assert inside.wait(10)
-        patched.setattr(image_maps, "_reduced", lambda *given, **named: pytest.fail("read twice"))
+        patched.setattr(image_maps, "reduced", lambda *given, **named: pytest.fail("read twice"))
         second = threading.Thread(target=work)
         second.start()
         assert not done.wait(0.2)

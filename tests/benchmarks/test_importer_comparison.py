@@ -45,6 +45,9 @@ def test_half_a_mask_and_another_unit_are_seen():
     assert found.differs == "mask, size"
     flat = compare("a", picture([[0.5] * 2] * 2, extents=(1, 2, 0)), picture([[0.5] * 2] * 2, extents=(1, 2, 0)))
     assert flat.extent == 1 and flat.differs == ""
+    rounded = [compare("a", *(picture([[0.5] * 2] * 2, extents=(1, 2, side)) for side in sides)).extent
+               for sides in ((1e-8, 3e-8), (0, 1e-8))]
+    assert rounded == [1, 1]
     thin = compare("a", picture([[0.5] * 2] * 2, mask=((0.5, 0), (0, 0))), picture([[0.5] * 2] * 2))
     assert np.isnan(thin.ratio) and thin.differs == "mask"
 

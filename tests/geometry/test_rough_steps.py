@@ -9,6 +9,7 @@ import pytest
 
 from dataset_builder.errors import UserError
 from dataset_builder.geometry.edges import edges_of, unit
+from dataset_builder.geometry.mesh import TriangleMesh
 from dataset_builder.geometry.raycast import RayScene
 from dataset_builder.geometry.remeshing import (
     barycentric,
@@ -297,6 +298,16 @@ def test_new_faces_continue_the_texture_and_material_of_the_old():
     np.testing.assert_allclose(new.colors[..., :3], new.corners, atol=1e-6)
     middle = new.corners[..., 0].mean(axis=1)
     np.testing.assert_array_equal(new.material[np.abs(middle - 0.5) > 0.01], middle[np.abs(middle - 0.5) > 0.01] > 0.5)
+
+
+def test_textures_do_not_run_off_over_coarser_triangles():
+    """A sheet with texture coordinates of its place; split triangles are up to a third askew, see the base."""
+    sheet = TriangleMesh(positions=np.array([(0, 0, 0), (1, 0, 0), (1, 0, 1), (0, 0, 1.0)]), material=np.zeros(2, int),
+                         faces=np.array([(0, 1, 2), (0, 2, 3)]),
+                         uvs=np.array([[(0, 0), (1, 0), (1, 1)], [(0, 0), (1, 1), (0, 1.0)]]))
+    coarse = roughened(based(sheet), sheet, plan(step("decimate", edge=0.4))).mesh
+    assert len(coarse.faces) < 40
+    np.testing.assert_allclose(coarse.uvs, coarse.corners[..., [0, 2]], atol=0.01)
 
 
 def test_barycentric_weights_are_of_the_feet_of_points():

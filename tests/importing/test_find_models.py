@@ -29,7 +29,7 @@ def test_folders_are_searched_to_the_bottom(tmp_path: Path) -> None:
     found, left = find_models([tmp_path])
     assert [model.path.relative_to(tmp_path).as_posix() for model in found] == ["a/deep/er/\u6905\u5b50.PLY",
                                                                                  "b/chair one.obj"]
-    assert [(one.path.name, one.reason[:19]) for one in left] == [("old.fbx", ".fbx files are not ")]
+    assert [(one.path.name, one.reason) for one in left] == [("old.fbx", "FBX is not read: export glTF from Blender")]
     assert [folder.name for folder in found[0].folders] == ["er", "deep", "a", tmp_path.name]
 
 
@@ -60,7 +60,7 @@ def test_what_is_not_there_is_told(tmp_path: Path) -> None:
         find_models([tmp_path / "a", tmp_path, tmp_path / "b.obj"])
     assert [problem.where for problem in caught.value.problems] == [str(tmp_path / "a"), str(tmp_path / "b.obj")]
     (tmp_path / "x.fbx").write_text("")
-    with pytest.raises(UserError, match=r"x\.fbx: \.fbx files are not read[^\n]*\nexpected model files .*found none"):
+    with pytest.raises(UserError, match=r"x\.fbx: FBX is not read[^\n]*\nexpected model files .*found none"):
         find_models([tmp_path])
 
 

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from dataset_builder.assets.file_model import FileModel, FilePart, refuse
+from dataset_builder.assets.file_model import FileModel, FilePart, counted, refuse
 from dataset_builder.assets.readers.gltf_extensions import PREFIX, TAKEN
-from dataset_builder.assets.readers.gltf_file import MESHOPT, GltfFile, counted, listed, open_gltf
+from dataset_builder.assets.readers.gltf_file import MESHOPT, GltfFile, listed, open_gltf
 from dataset_builder.assets.readers.gltf_images import BASIS, READ_BY_PILLOW, GltfImages
 from dataset_builder.assets.readers.gltf_inventory import contents, left_aside
 from dataset_builder.assets.readers.gltf_materials import GltfMaterial, GltfMaterials
@@ -78,11 +78,12 @@ class _Reading:
             parts=parts, materials=tuple(material.taken for material in used),
             contains=contents(self.gltf, placed, self.taken, materials=len(used),
                               images=len(self.materials.images.used)),
-            left_out=(*placed.left_out, *dict.fromkeys(self.notes), *left_aside(self.gltf, HONOURED)),
-            uncertain=self._decided(placed, used))
+            left_out=(*placed.left_out, *dict.fromkeys(self.notes), *left_aside(self.gltf, HONOURED),
+                      *self._decided(placed, used)))
 
-    def _decided(self, placed: Placed, used: tuple[GltfMaterial, ...]) -> tuple[str, ...]:
-        decided = [*placed.uncertain]
+    def _decided(self, placed: Placed, used: tuple[GltfMaterial, ...]) -> list[str]:
+        """What was chosen where the file leaves a choice, in words."""
+        decided = [*placed.decided]
         if self.morphed:
             decided.append("morph targets at the weights that the file states")
         if self.plain:
@@ -92,7 +93,7 @@ class _Reading:
         if any(mesh.has("primitives") and any(primitive.extension("KHR_materials_variants") for primitive in
                                               mesh.entries("primitives")) for mesh in self.gltf.lists["meshes"]):
             decided.append("of the material variants the default")
-        return tuple(decided)
+        return decided
 
     def _parts(self, placement: Placement) -> Iterator[FilePart]:
         """Every primitive of a mesh, everywhere that a node puts it."""

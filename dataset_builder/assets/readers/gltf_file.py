@@ -18,7 +18,7 @@ from dataset_builder.extras import missing_named
 from dataset_builder.spec.file_reference import MOST_BYTES
 from dataset_builder.spec.gltf_references import GltfContainer, is_data, read_container
 from dataset_builder.spec.mesh_source import references
-from dataset_builder.spec.problems import shown
+from dataset_builder.spec.problems import name_alike, shown
 
 MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 MESHOPT_RATIO = 1024
@@ -76,7 +76,8 @@ class GltfFile:
         try:
             return read_regular(file, most=MOST_BYTES)
         except OSError as error:
-            return entry.refuse(f"expected a readable file, got {file.name}: {error.strerror}", key="uri")
+            return entry.refuse(f"expected a readable file, got {file.name}: {error.strerror}", name_alike(file),
+                                key="uri")
 
     def view(self, index: int) -> np.ndarray:
         """(N,) uint8, the bytes of a bufferView, decompressed if need be."""
@@ -146,15 +147,6 @@ def _decoded(entry: Entry, uri: str) -> bytes:
         return base64.b64decode(packed + b"=" * (-len(packed) % 4), validate=True)
     except binascii.Error as error:
         return entry.refuse(f"expected base64, got: {error}", key="uri")
-
-
-def counted(number: int, one: str, many: str = "") -> str:
-    """A number and what it counts.
-
-    >>> counted(1, "mesh", "meshes"), counted(0, "image"), counted(1234, "triangle")
-    ('1 mesh', '0 images', '1,234 triangles')
-    """
-    return f"{number:,} {one if number == 1 else many or one + 's'}"
 
 
 def listed(words: Sequence[str], most: int = 6) -> str:

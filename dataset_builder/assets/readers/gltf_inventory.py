@@ -1,9 +1,10 @@
 """What a glTF file holds against what was taken of it, in words."""
 
 from collections import Counter
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 
-from dataset_builder.assets.readers.gltf_file import GltfFile, counted, listed
+from dataset_builder.assets.file_model import counted
+from dataset_builder.assets.readers.gltf_file import GltfFile, listed
 from dataset_builder.assets.readers.gltf_nodes import Placed
 from dataset_builder.assets.readers.gltf_primitives import corner_count, mode_of, triangle_count
 from dataset_builder.assets.readers.gltf_values import Entry
@@ -44,7 +45,16 @@ def left_aside(gltf: GltfFile, honoured: Collection[str]) -> list[str]:
     lights = gltf.root.extension("KHR_lights_punctual")
     if lights is not None and (count := len(lights.entries("lights"))):
         found.append(counted(count, "light"))
-    unknown = [name for name in gltf.root.names("extensionsUsed") if name not in honoured and name not in SILENT
-               and not name.startswith("KHR_materials_")]
+    unknown = [name for name in dict.fromkeys([*gltf.root.names("extensionsUsed"), *_undeclared(gltf)])
+               if name not in honoured and name not in SILENT and not name.startswith("KHR_materials_")]
     found += [f"the extensions {listed(unknown)}"] if unknown else []
     return [*found, *gltf.container.left_out]
+
+
+def _undeclared(gltf: GltfFile) -> Iterator[str]:
+    """Extensions where they stand, outside of materials, which name their own: `extensionsUsed` may lack them."""
+    primitives = [primitive for mesh in gltf.lists["meshes"] for primitive in mesh.entries("primitives")]
+    for entry in (gltf.root, *primitives, *(entry for kind, entries in gltf.lists.items() if kind != "materials"
+                                            for entry in entries)):
+        if entry.has("extensions"):
+            yield from entry.entry("extensions").value

@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dataset_builder.assets.file_model import counted
 from dataset_builder.assets.readers.gltf_accessors import read_numbers
-from dataset_builder.assets.readers.gltf_file import GltfFile, counted
+from dataset_builder.assets.readers.gltf_file import GltfFile
 from dataset_builder.assets.readers.gltf_values import Entry
 
 INSTANCING = "EXT_mesh_gpu_instancing"
@@ -31,7 +32,8 @@ class Placed:
     placements: tuple[Placement, ...]
     """In order of their nodes."""
     left_out: tuple[str, ...]
-    uncertain: tuple[str, ...]
+    decided: tuple[str, ...]
+    """Which scene and which pose were taken, in words."""
 
 
 def place_meshes(gltf: GltfFile) -> Placed:
@@ -53,7 +55,7 @@ def place_meshes(gltf: GltfFile) -> Placed:
                 ((outside, "in no scene that is read"), (unseen, "that the file hides")) if amount]
     skinned = any(placement.joints is not None for placement in placements)
     pose = ["skins in the pose that the nodes of the file have"] if skinned else []
-    return Placed(placements=tuple(placements), left_out=tuple(left_out), uncertain=(*scene_notes, *pose))
+    return Placed(placements=tuple(placements), left_out=tuple(left_out), decided=(*scene_notes, *pose))
 
 
 def _parents(gltf: GltfFile) -> np.ndarray:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from dataset_builder.assets.file_model import counted
 from dataset_builder.assets.readers.gltf_accessors import (
     WIDTHS,
     component_type,
@@ -15,7 +16,7 @@ from dataset_builder.assets.readers.gltf_accessors import (
     read_integers,
     read_numbers,
 )
-from dataset_builder.assets.readers.gltf_file import GltfFile, counted
+from dataset_builder.assets.readers.gltf_file import GltfFile
 from dataset_builder.assets.readers.gltf_values import Entry
 from dataset_builder.extras import missing_named
 
@@ -61,7 +62,7 @@ def mode_of(primitive: Entry) -> int:
 
 
 def read_shape(gltf: GltfFile, primitive: Entry, *, weights: Sequence[float], uv_set: int | None,
-               colors: bool = True, skinned: bool = False) -> GltfShape:
+               skinned: bool) -> GltfShape:
     """The shape of a primitive of triangles, with the morph targets added by their `weights`. Raises UserError."""
     source = _Source(gltf, primitive)
     positions = source.morphed("POSITION", ("VEC3",), weights)
@@ -73,7 +74,7 @@ def read_shape(gltf: GltfFile, primitive: Entry, *, weights: Sequence[float], uv
     uvs = None if uv_set is None else source.morphed(f"TEXCOORD_{uv_set}", ("VEC2",), weights)
     if uvs is not None:
         _check_finite(primitive, f"TEXCOORD_{uv_set}", uvs)
-    tones = source.morphed("COLOR_0", COLOUR_KINDS, weights) if colors else None
+    tones = source.morphed("COLOR_0", COLOUR_KINDS, weights)
     if tones is not None:
         _check_finite(primitive, "COLOR_0", tones)
     for name, values in (("texture coordinates", uvs), ("colours", tones)):

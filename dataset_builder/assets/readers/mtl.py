@@ -28,7 +28,7 @@ FLAT, MIRRORS, SOLID_GLASS, THIN_GLASS = (0, 1), (3, 5, 8), (6, 7), (4, 9)
 PLAIN = frozenset({"illum", "ka"})
 """Read elsewhere, or without a meaning here: there is no ambient light beside the sky's."""
 NEUTRAL = {"tf": (0.0, 1.0), "aniso": (0.0,), "anisor": (0.0,)}
-"""Values that change nothing."""
+"""Values that change nothing; beside Pr and Pm, Blender means transmission by a Tf of 1."""
 Triple = tuple[float, float, float]
 
 
@@ -95,6 +95,8 @@ class _Words:
 
     def _neutral(self, key: str) -> bool:
         values = self.numbers(key) if key in NEUTRAL and not self.said[key].rest.startswith(("s", "x")) else None
+        if key == "tf" and {"pr", "pm"} & set(self.said):
+            return values is not None and not any(values)
         return values is not None and any(set(values) == {neutral} for neutral in NEUTRAL[key])
 
 

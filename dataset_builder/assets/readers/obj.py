@@ -6,10 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from dataset_builder.assets.file_model import FileMaterial, FileModel, FilePart, refuse
-from dataset_builder.assets.image_maps import linear_from_srgb
+from dataset_builder.assets.file_model import FileMaterial, FileModel, FilePart, counted, refuse
+from dataset_builder.assets.linear_texels import linear_rgba
+from dataset_builder.assets.readers.color_scale import as_shares
 from dataset_builder.assets.readers.mtl import file_material
 from dataset_builder.assets.readers.obj_lines import ObjLines, read_lines
+from dataset_builder.assets.readers.polygon_checks import crossing
 from dataset_builder.assets.readers.polygons import Triangulation, triangulated
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.spec.obj_references import defined_entries, obj_libraries, used_entries
@@ -47,12 +49,11 @@ def read(path: Path, max_texture: int) -> FileModel:
     colors, doubts = _colors(vertices[:, 3:])
     parts = tuple(_parts(lines, triangles, labels, (vertices[:, :3], colors, known, corners)))
     materials = tuple(file_material(entry, path, max_texture) for entry in used.values())
-    contains = (f"{len(lines.objects)} objects or groups, {len(counts):,} faces, {len(triangles.corners):,} triangles, "
-                f"{len(used)} of {len(entries)} materials used")
+    contains = ", ".join((f"{len(lines.objects)} objects or groups", counted(len(counts), "face"),
+                          counted(len(triangles.corners), "triangle"), f"{len(used)} of {len(entries)} materials used"))
     return FileModel(parts=parts, materials=materials, contains=contains,
-                     left_out=(*_unknown(lines, known, labels), *_others(lines)),
-                     uncertain=(*doubts, *_clashes(used, entries), *_crossed(triangles),
-                                *_bare(corners, counts, known[labels[:, 0]], materials)))
+                     left_out=(*_unknown(lines, known, labels), *_others(lines), *doubts, *_clashes(used, entries),
+                               *crossing(triangles), *_bare(corners, counts, known[labels[:, 0]], materials)))
 
 
 def _raise_faults(path: Path, lines: ObjLines) -> None:
@@ -89,11 +90,8 @@ def _colors(said: np.ndarray) -> tuple[np.ndarray | None, list[str]]:
     """(V, 4) linear colours and coverage of (V, 4) sRGB ones, white where there are none, and what is doubtful."""
     if not np.isfinite(said).any():
         return None, []
-    doubts, highest = [], np.nanmax(np.where(np.isfinite(said), said, np.nan))
-    if highest > 1:
-        doubts, said = ["vertex colours above 1 read as counted up to 255"], said / 255
-    said = np.clip(np.nan_to_num(said, nan=1, posinf=1, neginf=0), 0, 1)
-    return np.concatenate([linear_from_srgb(said[:, :3]), said[:, 3:]], axis=1).astype(np.float32), doubts
+    said, doubts = as_shares(said)
+    return linear_rgba(np.nan_to_num(said, nan=1)), doubts
 
 
 # What is left out, or doubtful
@@ -126,8 +124,3 @@ def _bare(corners: np.ndarray, counts: np.ndarray, used: np.ndarray, materials: 
     return [f"{each.name}: {count:,} faces have no texture coordinates, and take one texel"
             for each, count in zip((found.material for found in materials), bare.tolist(), strict=True)
             if count and each.texture is not None]
-
-
-def _crossed(triangles: Triangulation) -> list[str]:
-    count = len(triangles.crossed)
-    return [f"{count:,} polygons whose outline crosses itself"] if count else []

@@ -1,14 +1,14 @@
 """The lines of an OBJ file -> arrays, many lines at once: a loop over two million faces would take a minute."""
 
-import warnings
 from collections import Counter
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from dataset_builder.assets.readers.polygon_checks import FARTHEST, numbers_of
 from dataset_builder.spec.wavefront import as_text, line_at
 
-CHUNK_BYTES, FARTHEST = 2**23, 1e30
+CHUNK_BYTES = 2**23
 FIGURES = {b"v": "vertices", b"vt": "texture coordinates", b"vn": "normals", b"f": "faces"}
 ALLOWED = {b"v": "3, 4, 6 or 7 numbers", b"vt": "1 to 3 numbers", b"vn": "3 numbers", b"f": "3 to 65535 corners"}
 """Values of a line. A vertex may have a weight, or a colour, or a colour and its coverage; so many corners of a polygon
@@ -152,13 +152,13 @@ class _Chunk:
         if key == b"f":
             work[work == ord("/")] = ord(" ")
         here = np.repeat(lines, np.diff(self.ends, prepend=-1))
-        numbers = _parsed(work[:self.ends[-1] + 1][here].tobytes(), dtype)
-        if len(numbers) == expected.sum():
+        numbers = numbers_of(work[:self.ends[-1] + 1][here].tobytes(), dtype)
+        if numbers is not None and len(numbers) == expected.sum():
             return numbers
         bad = []
         for line, count in zip(np.flatnonzero(lines), expected, strict=True):
             words = work[self.starts[line]:self.ends[line]].tobytes().split()
-            if len(words) != count or any(len(_parsed(word, dtype)) != 1 for word in words):
+            if len(words) != count or any(numbers_of(word, dtype) is None for word in words):
                 bad.append(line)
         self.found.fault(f"expected {FIGURES[key]} of numbers, got {{}} with something else",
                          self._at(np.array(bad, dtype=np.int64)))
@@ -236,13 +236,3 @@ class _Chunk:
         count = np.bincount(token, minlength=len(self.tokens))
         double = np.bincount(token[self.bytes[slashes + 1] == ord("/")], minlength=len(self.tokens))
         return np.where(count < 2, count, np.where(count == 2, 3 - double, -1))
-
-
-def _parsed(text: bytes, dtype: type) -> np.ndarray:
-    """The numbers of a text, fewer than it has words where one is none."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", DeprecationWarning)
-            return np.fromstring(text, dtype=dtype, sep=" ") if text.strip() else np.zeros(0, dtype)
-    except (DeprecationWarning, ValueError):
-        return np.zeros(0, dtype)

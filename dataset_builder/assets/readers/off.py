@@ -10,8 +10,14 @@ from typing import NoReturn
 import numpy as np
 
 from dataset_builder.assets.file_model import GREY, FileModel, FilePart, refuse
-from dataset_builder.assets.image_maps import linear_from_srgb
-from dataset_builder.assets.readers.polygon_checks import checked_triangles, content_of, crossing, numbers_of
+from dataset_builder.assets.linear_texels import linear_rgba
+from dataset_builder.assets.readers.polygon_checks import (
+    checked_triangles,
+    content_of,
+    crossing,
+    numbers_of,
+    polygon_counts,
+)
 from dataset_builder.spec.problems import shown
 
 KEYWORD = re.compile(rb"(ST)?(C)?(N)?(4)?(n)?OFF\s*(BINARY)?\s*")
@@ -47,9 +53,9 @@ def read(path: Path, max_texture: int) -> FileModel:
     lost += ["texture coordinates, for which the format names no texture"] if texture else []
     part = FilePart(name="faces", positions=rows[:, :3], faces=indices[found.corners],
                     colors=None if colors is None else colors[found.corners])
-    return FileModel(parts=(part,), materials=(), left_out=tuple(lost),
-                     contains=f"{vertices} vertices, {faces} faces, {len(found.corners)} triangles",
-                     uncertain=(*(("colours taken as sRGB",) if colors is not None else ()), *crossing(found)))
+    lost += ["colours taken as sRGB"] if colors is not None else []
+    return FileModel(parts=(part,), materials=(), left_out=(*lost, *crossing(found)),
+                     contains=polygon_counts(vertices, faces, found))
 
 
 def _keyword(path: Path, lines: list[Line]) -> tuple[tuple[bool, bool, bool], list[Line]]:
@@ -119,10 +125,7 @@ def _linear(path: Path, colors: np.ndarray) -> np.ndarray:
     """(N, 4) float32 linear colours and coverage of (N, 3 or 4) sRGB ones."""
     if not ((colors >= 0) & (colors <= 1)).all():
         refuse(path, "expected colours in [0, 1], with decimal points, or whole numbers in [0, 255], got others")
-    rgba = np.ones((len(colors), 4), np.float32)
-    rgba[:, :colors.shape[1]] = colors
-    rgba[:, :3] = linear_from_srgb(rgba[:, :3])
-    return rgba
+    return linear_rgba(colors)
 
 
 def _refuse_line(path: Path, line: Line, rule: str) -> NoReturn:

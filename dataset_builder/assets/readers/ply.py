@@ -10,9 +10,11 @@ import numpy as np
 
 from dataset_builder.assets.asset import Material
 from dataset_builder.assets.file_model import ROUGHNESS, FileMaterial, FileModel, FilePart, refuse
-from dataset_builder.assets.image_maps import ImageFile, linear_from_srgb, make_texture, read_texels
+from dataset_builder.assets.image_maps import ImageFile, make_texture, read_texels
+from dataset_builder.assets.linear_texels import linear_rgba
+from dataset_builder.assets.readers.color_scale import as_shares
 from dataset_builder.assets.readers.ply_tables import Lists, Table, ply_tables
-from dataset_builder.assets.readers.polygon_checks import checked_triangles, content_of, crossing
+from dataset_builder.assets.readers.polygon_checks import checked_triangles, content_of, crossing, polygon_counts
 from dataset_builder.spec.file_reference import is_inside
 from dataset_builder.spec.ply_references import PlyHeader, ply_header
 
@@ -51,7 +53,7 @@ def read(path: Path, max_texture: int) -> FileModel:
     faces = _faces(path, tables, len(positions))
     found = checked_triangles(path, positions, faces.indices, faces.counts)
     uvs, numbers = _texturing(path, header, vertex, faces)
-    colors, uncertain = _corner_colors(path, vertex, faces)
+    colors, doubts = _corner_colors(path, vertex, faces)
     used = sorted({*np.unique(numbers).tolist()} - {-1})
     lost = ["colours under a texture"] if colors is not None and used else []
     lost += [f"texture {name}, which no face uses" for number, (_, name) in enumerate(header.textures)
@@ -63,11 +65,10 @@ def read(path: Path, max_texture: int) -> FileModel:
                               faces=faces.indices[corners], material=used.index(number) if number >= 0 else -1,
                               uvs={} if uvs is None else {0: uvs[corners]},
                               colors=None if colors is None or number >= 0 else colors[corners]))
-    contains = f"{len(positions)} vertices, {len(faces.counts)} faces, {len(found.corners)} triangles"
-    return FileModel(parts=tuple(parts), contains=contains, left_out=(*lost, *_others(tables)),
-                     materials=tuple(_material(path, header.textures[number][1], max_texture) for number in used),
-                     uncertain=(*(uncertain if any(part.colors is not None for part in parts) else ()),
-                                *crossing(found)))
+    doubts = doubts if any(part.colors is not None for part in parts) else []
+    return FileModel(parts=tuple(parts), contains=polygon_counts(len(positions), len(faces.counts), found),
+                     left_out=(*lost, *_others(tables), *doubts, *crossing(found)),
+                     materials=tuple(_material(path, header.textures[number][1], max_texture) for number in used))
 
 
 def _faces(path: Path, tables: dict[str, Table], vertices: int) -> _Faces:
@@ -111,14 +112,14 @@ def _strip_corners(values: np.ndarray, counts: np.ndarray) -> np.ndarray:
 # Colours
 
 def _corner_colors(path: Path, vertex: Table, faces: _Faces) -> tuple[np.ndarray | None, list[str]]:
-    """(C, 4) linear colours of all corners, those of vertices before those of faces, and what is uncertain of them."""
+    """(C, 4) linear colours of all corners, those of vertices before those of faces, and what is doubtful."""
     if (colors := _colors(path, vertex)) is not None:
-        rgba, uncertain = colors
+        rgba, doubts = colors
         both = ["colours of faces beside those of vertices, not taken"] if _channels(faces.columns) else []
-        return rgba[faces.indices], [*uncertain, *both]
+        return rgba[faces.indices], [*doubts, *both]
     if (colors := _colors(path, faces.columns)) is not None:
-        rgba, uncertain = colors
-        return np.repeat(rgba, faces.counts, axis=0), uncertain
+        rgba, doubts = colors
+        return np.repeat(rgba, faces.counts, axis=0), doubts
     return None, []
 
 
@@ -133,19 +134,17 @@ def _channels(table: Table) -> list[np.ndarray]:
 
 
 def _colors(path: Path, table: Table) -> tuple[np.ndarray, list[str]] | None:
-    """(N, 4) linear colours and coverage of a table's rows, and what is uncertain of them."""
+    """(N, 4) linear colours and coverage of a table's rows, and what is doubtful about them."""
     channels = _channels(table)
     if not channels:
         return None
     if bad := sum(int((~np.isfinite(channel)).sum()) for channel in channels):
         refuse(path, f"expected colours, got {bad} NaN or Inf among them")
-    large = any(channel.dtype.kind == "f" and channel.max(initial=0) > 1 for channel in channels)
-    rgba = np.ones((len(channels[0]), 4), np.float32)
-    for number, channel in enumerate(channels):
-        most = np.iinfo(channel.dtype).max if channel.dtype.kind in "iu" else 255 if large else 1
-        rgba[:, number] = np.clip(channel / most, 0, 1)
-    rgba[:, :3] = linear_from_srgb(rgba[:, :3])
-    return rgba, ["colours taken as sRGB", *(["colours above 1 taken as shares of 255"] if large else [])]
+    decimal = [number for number, channel in enumerate(channels) if channel.dtype.kind == "f"]
+    shares = np.stack([channel if number in decimal else np.clip(channel / np.iinfo(channel.dtype).max, 0, 1)
+                       for number, channel in enumerate(channels)], axis=1)
+    shares[:, decimal], doubts = as_shares(shares[:, decimal])
+    return linear_rgba(shares), ["colours taken as sRGB", *doubts]
 
 
 # Textures

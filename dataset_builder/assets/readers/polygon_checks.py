@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dataset_builder.assets.file_model import refuse
+from dataset_builder.assets.file_model import counted, refuse
 from dataset_builder.assets.readers.polygons import Triangulation, triangulated
 from dataset_builder.digest import read_regular
 from dataset_builder.spec.file_reference import MOST_BYTES
@@ -22,14 +22,14 @@ def content_of(path: Path) -> bytes:
         refuse(path, f"expected a readable file, got: {error.strerror}")
 
 
-def numbers_of(text: bytes) -> np.ndarray | None:
-    """(N,) float64 numbers of a text with blanks between them; None where something else stands in it."""
+def numbers_of(text: bytes, dtype: type = np.float64) -> np.ndarray | None:
+    """(N,) numbers of a text with blanks between them; None where something else stands in it."""
     if not text.strip():
-        return np.zeros(0)
+        return np.zeros(0, dtype)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            return np.fromstring(text, dtype=np.float64, sep=" ")
+            return np.fromstring(text, dtype=dtype, sep=" ")
     except (ValueError, DeprecationWarning):
         return None
 
@@ -64,6 +64,12 @@ def checked_triangles(path: Path, positions: np.ndarray, indices: np.ndarray, co
 
 
 def crossing(found: Triangulation) -> tuple[str, ...]:
-    """What is uncertain about triangles of polygons, in words."""
+    """What is doubtful about the triangles of polygons, in words."""
     many = len(found.crossed)
-    return (f"{many} faces whose outline crosses itself, first face {found.crossed[0]}",) if many else ()
+    return (f"{counted(many, 'face')} whose outline crosses itself, first face {found.crossed[0]}",) if many else ()
+
+
+def polygon_counts(vertices: int, faces: int, found: Triangulation) -> str:
+    """What a file of polygons holds, in words."""
+    return ", ".join((counted(vertices, "vertex", "vertices"), counted(faces, "face"),
+                      counted(len(found.corners), "triangle")))

@@ -6,7 +6,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from dataset_builder.assets.file_model import FileModel, FilePart, refuse
+from dataset_builder.assets.file_model import FileModel, FilePart, counted, refuse
 from dataset_builder.assets.readers.polygon_checks import checked_triangles, content_of, numbers_of
 from dataset_builder.spec.problems import shown
 
@@ -34,8 +34,8 @@ def read(path: Path, max_texture: int) -> FileModel:
     parts = tuple(_part(path, name, corners) for name, corners in solids if len(corners))
     if not parts:
         refuse(path, "expected triangles, got none")
-    contains = f"{len(solids)} solids, {sum(len(part.faces) for part in parts)} triangles"
-    return FileModel(parts=parts, materials=(), contains=contains, left_out=left_out, uncertain=(NO_UNIT,))
+    contains = f"{counted(len(solids), 'solid')}, {counted(sum(len(part.faces) for part in parts), 'triangle')}"
+    return FileModel(parts=parts, materials=(), contains=contains, left_out=(*left_out, NO_UNIT))
 
 
 def _part(path: Path, name: str, corners: np.ndarray) -> FilePart:
@@ -51,7 +51,8 @@ def _binary(data: bytes, count: int) -> tuple[list[tuple[str, np.ndarray]], tupl
     coloured = int(np.count_nonzero(records["attribute"]))
     lost = [f"attributes of {coloured} triangles, which are colours in some programs"] if coloured else []
     lost += [f"{key[:-1].decode().lower()} in the header" for key in (b"COLOR=", b"MATERIAL=") if key in data[:HEADER]]
-    return [("solid", records["corners"].astype(np.float64))], tuple(lost)
+    with np.errstate(invalid="ignore"):  # NaN that signals; it is refused later
+        return [("solid", records["corners"].astype(np.float64))], tuple(lost)
 
 
 def _text(path: Path, data: bytes) -> list[tuple[str, np.ndarray]]:

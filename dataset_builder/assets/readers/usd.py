@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dataset_builder.assets.file_model import FileModel, FilePart, refuse
+from dataset_builder.assets.file_model import FileModel, FilePart, counted, refuse
 from dataset_builder.assets.readers.usd_inventory import inventory, stage_settings
 from dataset_builder.assets.readers.usd_materials import UsdMaterial, read_preview_surface
-from dataset_builder.assets.readers.usd_meshes import UsdMesh, read_mesh
+from dataset_builder.assets.readers.usd_meshes import UsdMesh, has_faces, read_mesh
 from dataset_builder.extras import missing_named
 from dataset_builder.spec.usd_references import diagnostics, said, usd_files
 from dataset_builder.spec.usd_trial import trial_problem
@@ -38,7 +38,8 @@ class _Taken:
     known: dict[str, int] = field(default_factory=dict)
     """Index of a material by the path of its prim; -1 for what has no preview surface."""
     left_out: Counter[str] = field(default_factory=Counter)
-    uncertain: dict[str, None] = field(default_factory=dict)
+    decided: dict[str, None] = field(default_factory=dict)
+    """What was chosen where the stage leaves a choice, in words, each once."""
     coordinates: list[str] = field(default_factory=list)
     """Names of texture coordinates, by the number of their set."""
     roots: dict[str, None] = field(default_factory=dict)
@@ -68,7 +69,7 @@ def _read(path: Path, max_texture: int, passed_over: tuple[str, ...]) -> FileMod
 
     stage = Usd.Stage.Open(str(path), Usd.Stage.LoadAll)
     taken = _Taken(path=path, max_texture=max_texture)
-    metres, uncertain = stage_settings(path, stage)
+    metres, decided = stage_settings(path, stage)
     places = UsdGeom.XformCache(Usd.TimeCode.EarliestTime())
     for mesh in _meshes(stage, taken):
         matrix = metres @ np.array(places.GetLocalToWorldTransform(mesh.GetPrim())).T
@@ -78,12 +79,12 @@ def _read(path: Path, max_texture: int, passed_over: tuple[str, ...]) -> FileMod
     if not taken.prims:
         refuse(path, f"expected mesh prims, got {', '.join(lost) or 'none'}")
     if len(taken.roots) > 1:
-        uncertain.append(f"meshes of {len(taken.roots)} root prims, whatever defaultPrim says")
+        decided.append(f"meshes of {len(taken.roots)} root prims, whatever defaultPrim says")
     return FileModel(
         parts=tuple(taken.parts), materials=tuple(each.file for each in taken.materials),
-        contains=f"{taken.prims} mesh prims, {taken.triangles} triangles, {len(taken.materials)} materials",
-        left_out=(*lost, *(f"reference to {name}" for name in passed_over)),
-        uncertain=(*uncertain, *taken.uncertain))
+        contains=", ".join((counted(taken.prims, "mesh prim"), counted(taken.triangles, "triangle"),
+                            counted(len(taken.materials), "material"))),
+        left_out=(*lost, *(f"reference to {name}" for name in passed_over), *decided, *taken.decided))
 
 
 def _meshes(stage: "Usd.Stage", taken: _Taken) -> Iterator["UsdGeom.Mesh"]:
@@ -95,13 +96,17 @@ def _meshes(stage: "Usd.Stage", taken: _Taken) -> Iterator["UsdGeom.Mesh"]:
     for number, prim in enumerate(walk):
         if number > MOST_PRIMS:
             refuse(taken.path, f"expected at most {MOST_PRIMS} prims, instances counted each, got more")
-        kept, lost, said_of = inventory(prim)
+        kept, lost, chosen = inventory(prim)
         taken.left_out.update(lost)
-        taken.uncertain |= dict.fromkeys(said_of)
+        taken.decided |= dict.fromkeys(chosen)
         if not kept:
             walk.PruneChildren()
         elif prim.IsA(UsdGeom.Mesh):
-            yield UsdGeom.Mesh(prim)
+            mesh = UsdGeom.Mesh(prim)
+            if has_faces(mesh):
+                yield mesh
+            else:
+                taken.left_out[f"mesh {prim.GetPath()}, which has no faces"] += 1
 
 
 def _take(taken: _Taken, prim: "UsdGeom.Mesh", matrix: np.ndarray) -> None:
@@ -109,10 +114,12 @@ def _take(taken: _Taken, prim: "UsdGeom.Mesh", matrix: np.ndarray) -> None:
     mesh = read_mesh(taken.path, prim, matrix, most=MOST_TRIANGLES - taken.triangles)
     taken.prims += 1
     taken.triangles += len(mesh.corners)
-    taken.uncertain |= dict.fromkeys(mesh.uncertain)
+    taken.decided |= dict.fromkeys(mesh.decided)
     bound: dict[int, list[np.ndarray]] = {}
     for shade, faces in mesh.subsets:
         bound.setdefault(_material(taken, shade), []).append(faces)
+    read = {"displayColor", *(taken.materials[index].colors for index in bound if index >= 0)}
+    taken.left_out.update(f"colours {name}, which no material reads" for name in mesh.color_names() if name not in read)
     for index, sets in bound.items():
         chosen = np.isin(mesh.owner, np.concatenate(sets))
         if chosen.any():

@@ -18,35 +18,35 @@ DRAWN = ("default", "render")
 
 
 def stage_settings(path: Path, stage: "Usd.Stage") -> tuple[np.ndarray, list[str]]:
-    """(4, 4) from the stage to metres with y up, and what is uncertain about it."""
+    """(4, 4) from the stage to metres with y up, and what was chosen where it leaves a choice."""
     from pxr import Usd, UsdGeom
 
-    uncertain = []
+    decided = []
     unit = UsdGeom.GetStageMetersPerUnit(stage)
     if not 0 < unit < np.inf:
         refuse(path, f"expected metersPerUnit > 0, got {unit:g}")
     if not UsdGeom.StageHasAuthoredMetersPerUnit(stage):
-        uncertain.append("no metersPerUnit, taken as 0.01")
+        decided.append("no metersPerUnit, taken as 0.01")
     axis = str(stage.GetMetadata("upAxis")) if stage.HasAuthoredMetadata("upAxis") else "Y"
     if axis not in Y_UP_FROM:
         refuse(path, f"expected upAxis to be X, Y or Z, got {axis!r}")
     for layer in stage.GetUsedLayers():
         own = layer.pseudoRoot.GetInfo("metersPerUnit") if layer.pseudoRoot.HasInfo("metersPerUnit") else unit
         if own != unit:
-            uncertain.append(f"{Path(layer.realPath).name} has metersPerUnit {own:g}, taken as the stage's {unit:g}")
+            decided.append(f"{Path(layer.realPath).name} has metersPerUnit {own:g}, taken as the stage's {unit:g}")
     sets = [f"{prim.GetPath()} {name}={prim.GetVariantSet(name).GetVariantSelection() or 'none'}"
             for prim in Usd.PrimRange(stage.GetPseudoRoot()) for name in prim.GetVariantSets().GetNames()]
-    uncertain += [f"variants as selected: {', '.join(sets)}"] if sets else []
+    decided += [f"variants as selected: {', '.join(sets)}"] if sets else []
     matrix = np.eye(4)
     matrix[:3, :3] = unit * Y_UP_FROM[axis]
-    return matrix, uncertain
+    return matrix, decided
 
 
 def inventory(prim: "Usd.Prim") -> tuple[bool, list[str], list[str]]:
-    """Whether a prim and what is under it are drawn, what of it is left out, and what is uncertain about it."""
+    """Whether a prim and what is under it are drawn, what of it is left out, and what was chosen where it may be."""
     from pxr import Usd, UsdGeom, UsdLux, UsdSkel
 
-    first, lost, uncertain = Usd.TimeCode.EarliestTime(), list[str](), list[str]()
+    first, lost, decided = Usd.TimeCode.EarliestTime(), list[str](), list[str]()
     kind = prim.GetTypeName()
     if prim.IsA(UsdGeom.Imageable):
         shown = UsdGeom.Imageable(prim)
@@ -63,7 +63,7 @@ def inventory(prim: "Usd.Prim") -> tuple[bool, list[str], list[str]]:
                                                            UsdSkel.BlendShape))):
         lost.append(str(kind))
     if prim.IsA(UsdGeom.Mesh) and prim.HasAPI(UsdSkel.BindingAPI):
-        uncertain.append("skinned meshes in the pose of their points")
+        decided.append("skinned meshes in the pose of their points")
     if any(attribute.ValueMightBeTimeVarying() for attribute in prim.GetAttributes()) or prim.HasMetadata("clips"):
-        uncertain.append("animation at its first time")
-    return True, lost, uncertain
+        decided.append("animation at its first time")
+    return True, lost, decided

@@ -32,7 +32,8 @@ class UsdMesh:
     """(T,) which polygon each is from."""
     subsets: tuple[tuple["Usd.Prim", np.ndarray], ...]
     """Prims that materials are bound to, with their polygons; every polygon once."""
-    uncertain: tuple[str, ...]
+    decided: tuple[str, ...]
+    """What was chosen where the prim leaves a choice, in words."""
 
     def coordinates(self, name: str) -> np.ndarray | None:
         """(C, 2) texture coordinates of that name, or None."""
@@ -47,6 +48,13 @@ class UsdMesh:
         rgba = np.ones((len(values), 4), np.float32)
         rgba[:, :3] = np.clip(values[:, :3], 0, 1)
         return rgba
+
+    def color_names(self) -> list[str]:
+        """Names of all colours of the mesh that have values."""
+        from pxr import Sdf, UsdGeom
+
+        return [str(primvar.GetPrimvarName()) for primvar in UsdGeom.PrimvarsAPI(self.prim).GetPrimvarsWithValues()
+                if primvar.GetTypeName().role == Sdf.ValueRoleNames.Color]
 
     def display_colors(self) -> np.ndarray | None:
         """(C, 4) linear displayColor with displayOpacity as coverage; None where there is neither."""
@@ -101,6 +109,14 @@ def _numbers(values: object) -> np.ndarray | None:
     return found.reshape(-1, 1) if found.ndim == 1 and len(found) and type(values).__name__.endswith("Array") else None
 
 
+def has_faces(prim: "UsdGeom.Mesh") -> bool:
+    """Whether a mesh states any polygon, or corners of some. Loose points and edges come as meshes without."""
+    from pxr import Usd
+
+    first = Usd.TimeCode.EarliestTime()
+    return bool(prim.GetFaceVertexCountsAttr().Get(first) or prim.GetFaceVertexIndicesAttr().Get(first))
+
+
 def read_mesh(path: Path, prim: "UsdGeom.Mesh", matrix: np.ndarray, *, most: int) -> UsdMesh:
     """The mesh, moved by a (4, 4) matrix. Raises UserError where it is no surface, or has over `most` triangles."""
     from pxr import Usd
@@ -109,9 +125,7 @@ def read_mesh(path: Path, prim: "UsdGeom.Mesh", matrix: np.ndarray, *, most: int
     points = np.asarray(prim.GetPointsAttr().Get(first) or np.zeros((0, 3)), dtype=np.float64).reshape(-1, 3)
     counts = np.asarray(prim.GetFaceVertexCountsAttr().Get(first) or (), dtype=np.int64)
     indices = np.asarray(prim.GetFaceVertexIndicesAttr().Get(first) or (), dtype=np.int64)
-    if not len(counts):
-        refuse(path, f"expected faces, got a mesh of {len(points)} points without any", at=name)
-    if counts.min() < 0 or counts.sum() != len(indices):
+    if counts.min(initial=0) < 0 or counts.sum() != len(indices):
         refuse(path, f"expected faceVertexCounts that sum to the {len(indices)} faceVertexIndices, got "
                      f"{counts.sum()}", at=name)
     if len(indices) > most:
@@ -126,7 +140,7 @@ def read_mesh(path: Path, prim: "UsdGeom.Mesh", matrix: np.ndarray, *, most: int
     cage = [] if scheme == "none" else [f"subdivision surfaces ({scheme}) taken as their control cages"]
     return UsdMesh(path=path, prim=prim, name=name, positions=positions, indices=indices, counts=counts,
                    corners=found.corners[:, ::-1] if turned else found.corners, owner=found.owner,
-                   subsets=_subsets(path, prim, len(counts)), uncertain=(*cage, *crossing(found)))
+                   subsets=_subsets(path, prim, len(counts)), decided=(*cage, *crossing(found)))
 
 
 def _subsets(path: Path, prim: "UsdGeom.Mesh", faces: int) -> tuple[tuple["Usd.Prim", np.ndarray], ...]:

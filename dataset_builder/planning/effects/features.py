@@ -10,7 +10,6 @@ from dataset_builder.assets.asset import (
     is_mapped,
     is_pane,
     is_solid,
-    metallic_range,
     range_of,
     sends,
 )
@@ -129,7 +128,7 @@ def _fog(fog: FogPlan) -> Decision:
 def _caustics(materials: Sequence[MaterialUse], lights: Sequence[LightPlan]) -> list[Decision]:
     """What becomes of light that solid glass and mirrors gather on other surfaces. Panes only pass it on."""
     glass = [each for each in materials if is_solid(each.material)]
-    mirrors = [each for each in materials if metallic_range(each.material)[1] > 0.5 and each.smoothest <= MIRROR]
+    mirrors = [each for each in materials if range_of(each.material, "metallic")[1] > 0.5 and each.smoothest <= MIRROR]
     if not glass and not mirrors:
         return [Decision(effect="caustics", choice="none", reason="no solid glass and no mirror is in the scene")]
     kinds = {light.kind for light in lights if any(light.radiance)}

@@ -13,9 +13,7 @@ from dataset_builder.assets.asset import (
     Material,
     Texture,
     coverage_range,
-    metallic_range,
     range_of,
-    roughness_range,
     vertex_alphas,
 )
 from dataset_builder.geometry.edges import CREASE_ANGLE, consistent, dihedral_angles, edges_of
@@ -60,7 +58,7 @@ def scattered_share(material: Material) -> float:
 
     In [0, 1]. What goes into glass or back inside it is not in it: that goes on as it came and counts as crossings.
     """
-    base, (low, high) = np.asarray(material.base_color) * _brightest(material.texture), metallic_range(material)
+    base, (low, high) = np.asarray(material.base_color) * _brightest(material.texture), range_of(material, "metallic")
     # What is opaque scatters most at one of them: 1 - that is a product of two lines
     opaque = np.maximum(_opaque(material, base, low), _opaque(material, base, high))
     least, most = range_of(material, "transmission")
@@ -167,7 +165,7 @@ def _facts(asset: Asset) -> _Facts:
 
 def _figures(material: Material, vertices: tuple[float, float] | None) -> dict[str, Any]:
     """vertices: least and largest alpha of its coloured vertices, if it has any."""
-    smoothest, roughest = roughness_range(material)
+    smoothest, roughest = range_of(material, "roughness")
     return {"scattered": scattered_share(material), "smoothest": smoothest, "roughest": roughest,
             "coverage": coverage_range(material, vertices or (1.0, 1.0)), "coloured": vertices is not None}
 

@@ -17,9 +17,7 @@ def advice_on(plan: ObjectPlan, mesh_root: Path) -> SizeAdvice | None:
     """
     if plan.kind != "file":
         return None
-    low, high = asset_of(plan, mesh_root).mesh.bounds.tolist()
-    width, depth, height = (b - a for a, b in zip(low, high, strict=True))
-    return size_advice((width, depth, height), category=plan.category, suffix=Path(plan.source).suffix,
+    return size_advice(asset_of(plan, mesh_root).mesh.size, category=plan.category, suffix=Path(plan.source).suffix,
                        scale=plan.scale, up=plan.up)
 
 

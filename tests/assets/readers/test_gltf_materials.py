@@ -40,11 +40,11 @@ def test_names_are_made_unique(tmp_path: Path) -> None:
 
 def test_what_was_decided_about_materials_is_said(tmp_path: Path) -> None:
     made = quad_of({"name": "m"})
-    assert made.model(tmp_path).uncertain == ("one-sided surfaces are seen from both sides",)
+    assert made.model(tmp_path).left_out == ("one-sided surfaces are seen from both sides",)
     made.header["materials"][0]["doubleSided"] = True
     made.header["meshes"][0]["primitives"][0]["extensions"] = {"KHR_materials_variants": {"mappings": []}}
     made.use("KHR_materials_variants", required=True)
-    assert made.model(tmp_path).uncertain == ("of the material variants the default",)
+    assert made.model(tmp_path).left_out == ("of the material variants the default",)
 
 
 def test_textures_in_many_materials_are_all_right(tmp_path: Path) -> None:
@@ -160,7 +160,7 @@ def test_the_second_set_of_coordinates(tmp_path: Path) -> None:
 def test_coordinates_that_a_part_lacks_are_named(tmp_path: Path) -> None:
     made = quad_of({"name": "m", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "texCoord": 3}}}, [COLORS])
     model = made.model(tmp_path)
-    assert model.left_out == ("meshes[0].primitives[0]: the textures of m, since it has no TEXCOORD_3",)
+    assert model.left_out[0] == "meshes[0].primitives[0]: the textures of m, since it has no TEXCOORD_3"
     np.testing.assert_array_equal(model.parts[0].uvs[3], np.broadcast_to((0, 1), (2, 3, 2)))
 
 

@@ -44,7 +44,7 @@ def test_points_and_lines_are_named_with_their_numbers(tmp_path: Path) -> None:
     made.draw(made.primitive(), made.primitive(faces=None, mode=0), made.primitive(mode=1), made.primitive(mode=3))
     model = made.model(tmp_path)
     assert len(model.parts) == 1 and model.contains.startswith("1 mesh, 1 primitive, 2 triangles of 2")
-    assert model.left_out == ("points (4 vertices)", "lines (6 vertices)", "line strips (6 vertices)")
+    assert model.left_out[:-1] == ("points (4 vertices)", "lines (6 vertices)", "line strips (6 vertices)")
 
 
 def test_triangles_without_area_are_kept_for_the_repair(tmp_path: Path) -> None:
@@ -111,7 +111,7 @@ def test_colours_without_a_material_lie_on_white(tmp_path: Path) -> None:
     made = GltfMaker()
     made.draw(made.primitive(COLOR_0=np.array([[0.5, 0.5, 0.5]] * 4, np.float32)), made.primitive(QUAD + 2))
     model, asset = made.model(tmp_path), made.asset(tmp_path)
-    assert [part.material for part in model.parts] == [-1, -1] and "2 primitives without a material" in model.uncertain
+    assert [part.material for part in model.parts] == [-1, -1] and "2 primitives without a material" in model.left_out
     assert {asset.materials[index].base_color for index in asset.mesh.material} == {(1.0, 1.0, 1.0), (0.6, 0.6, 0.6)}
     np.testing.assert_allclose(np.unique(asset.mesh.colors), [0.5, 1])
 
@@ -121,7 +121,7 @@ def test_colours_beyond_one_are_cut_and_counted(tmp_path: Path) -> None:
     made.draw(made.primitive(COLOR_0=np.array([[2, 0, 0], [1, 0, 0], [0, -1, 0], [0, 0, 0]], np.float32)))
     model = made.model(tmp_path)
     assert model.parts[0].colors.min() == 0 and model.parts[0].colors.max() == 1
-    assert model.left_out == ("meshes[0].primitives[0]: 2 vertex colours beyond 1, taken as 1",)
+    assert model.left_out[0] == "meshes[0].primitives[0]: 2 vertex colours beyond 1, taken as 1"
 
 
 @pytest.mark.parametrize(("mesh", "node", "height"), [
@@ -134,7 +134,7 @@ def test_morph_targets_at_the_weights_that_are_stated(tmp_path: Path, mesh: dict
     made.draw(made.primitive(targets=targets), mesh=mesh, **node)
     model = made.model(tmp_path)
     assert model.parts[0].positions[:, 1].max() == height
-    assert "morph targets at the weights that the file states" in model.uncertain
+    assert "morph targets at the weights that the file states" in model.left_out
 
 
 def test_morph_targets_that_do_not_fit(tmp_path: Path) -> None:

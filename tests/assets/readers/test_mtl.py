@@ -1,5 +1,6 @@
 """MTL libraries: what they say of a material is honoured, named or refused."""
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -64,6 +65,7 @@ def test_kd_multiplies_its_map_and_is_white_without_a_number(tmp_path):
     ("Kd 0 0 0\nmap_Kd w.png", "all black by its Kd 0 0 0 under map_Kd, as the file says"),
     ("map_Kd black.png", "all black under map_Kd, as the file says"), ("d 0", "invisible, as the file says"),
     ("aniso 0.5", "aniso"), ("anisor 0.1", "anisor"), ("Tf 0.5 1 1", "Tf"), ("disp w.png", "disp"),
+    ("Pr 0.1\nTf 1 1 1", "Tf"),
     ("decal w.png", "decal"), ("refl -type sphere w.png", "refl"), ("map_Ns gone.png", "map_Ns"),
     ("map_Ka gone.png", "map_Ka"), ("sharpness 60", "sharpness"), ("d 0.5\nTr 0.3", "Tr, which contradicts d 0.5"),
     ("d -halo 0.5", "-halo of d"), ("Ks 0.1 0.5 0.5", "the colour of Ks"), ("foo 1", "foo"), ("map_Kd", "map_Kd"),
@@ -247,6 +249,16 @@ def test_a_missing_image_is_refused_with_its_line_and_what_is_there(tmp_path):
     first, second = map(str, caught.value.problems)
     assert "a.mtl: line 3: map_Kd: expected an existing file, got wood.png" in first and "Wood.PNG is there" in first
     assert "a.mtl: line 4: map_Pr: expected an existing file, got gone.png" in second
+
+
+@pytest.mark.parametrize("make", [Path.mkdir, os.mkfifo, lambda path: path.symlink_to(path.name)],
+                         ids=["folder", "pipe", "circle"])
+def test_what_is_there_and_no_file_is_said_to_be_none(tmp_path, make):
+    make(tmp_path / "w.png")
+    (tmp_path / "a.obj").write_text(TRIANGLE)
+    (tmp_path / "a.mtl").write_text("newmtl m\nmap_Kd w.png\n")
+    with pytest.raises(UserError, match=r"what is there is no plain file"):
+        load(tmp_path / "a.obj")
 
 
 @pytest.mark.parametrize("written", ["../w.png", "tex/../../w.png", "link.png", "..\\w.png"])

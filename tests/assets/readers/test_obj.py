@@ -146,7 +146,7 @@ def test_doorways_and_windows_stay_open(tmp_path):
     assert area(obj(tmp_path, vertices(wall) + faces([range(8)]))) == pytest.approx(7)
     frame = [(0, 0, 0), (4, 0, 0), (4, 4, 0), (0, 4, 0), (1, 1, 0), (1, 3, 0), (3, 3, 0), (3, 1, 0)]
     model = obj(tmp_path, vertices(frame) + faces([(0, 1, 2, 3, 0, 4, 5, 6, 7, 4)]))
-    assert area(model) == pytest.approx(12) and not model.uncertain
+    assert area(model) == pytest.approx(12) and not model.left_out
 
 
 def test_corners_keep_their_texture_coordinates(tmp_path):
@@ -161,7 +161,7 @@ def test_repeated_corners_and_crossing_outlines(tmp_path):
     square = vertices([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
     assert area(obj(tmp_path, square + "f 1 1 2 3 3 4\n")) == pytest.approx(1)
     bow = vertices([(0, 0, 0), (2, 2, 0), (2, 0, 0), (0, 1, 0)])
-    assert obj(tmp_path, bow + "f 1 2 3 4\n").uncertain == ("1 polygons whose outline crosses itself",)
+    assert obj(tmp_path, bow + "f 1 2 3 4\n").left_out == ("1 face whose outline crosses itself, first face 0",)
 
 
 # What else it holds
@@ -213,7 +213,10 @@ def test_vertex_colours_are_srgb_and_belong_to_vertices(tmp_path):
     assert [asset.materials[index].base_color[0] for index in asset.mesh.material] == [1.0, 0.5]
     bytes_ = obj(tmp_path, text.replace("1 0 0.5", "255 0 128"), l="newmtl m\n")
     np.testing.assert_allclose(bytes_.parts[0].colors[0, 0], (1, 0, 0.2158605, 1), rtol=1e-5)
-    assert "vertex colours above 1 read as counted up to 255" in bytes_.uncertain
+    assert "vertex colours above 1 read as counted up to 255" in bytes_.left_out
+    over = obj(tmp_path, text.replace("1 0 0.5", "1.02 -0.1 0.5"), l="newmtl m\n")
+    np.testing.assert_allclose(over.parts[0].colors[0, 0], (1, 0, 0.2140411, 1), rtol=1e-5)
+    assert over.left_out == ("2 values of vertex colours beyond 0 to 1, clipped",)
 
 
 def test_blanks_and_continued_lines(tmp_path):
@@ -226,7 +229,7 @@ def test_faces_without_texture_coordinates_under_a_texture_are_named(tmp_path):
     (tmp_path / "w.png").write_bytes(png([[[9, 9, 9]]]))
     model = obj(tmp_path, TRIANGLE + "mtllib l.mtl\nvt 0 0\nusemtl m\nf 1 2 3\nf 1/1 2/1 3/1\nf 2 1 3\n",
                 l="newmtl m\nmap_Kd w.png\n")
-    assert model.uncertain == ("m: 2 faces have no texture coordinates, and take one texel",)
+    assert model.left_out == ("m: 2 faces have no texture coordinates, and take one texel",)
     nan = obj(tmp_path, TRIANGLE + "vt nan 0\nf 1/1 2/1 3/1\n")
     assert "1 texture coordinates that are not finite, taken as (0, 0)" in nan.left_out
     assert not nan.parts[0].uvs[0].any()
@@ -278,7 +281,7 @@ def test_of_two_materials_of_a_name_the_last_counts_and_that_is_said(tmp_path):
     text = "mtllib x.mtl\nmtllib y.mtl\n" + TRIANGLE + "usemtl a\nf 1 2 3\n"
     model = obj(tmp_path, text, x="newmtl a\nKd 1 0 0\n", y="newmtl a\nKd 0 1 0\n")
     assert model.materials[0].material.base_color == (0, 1, 0)
-    assert model.uncertain == ("material 'a' is defined 2 times, and the last counts",)
+    assert model.left_out == ("material 'a' is defined 2 times, and the last counts",)
 
 
 def test_names_of_materials_may_hold_blanks_or_be_followed_by_a_comment(tmp_path):

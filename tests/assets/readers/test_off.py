@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dataset_builder.assets.file_model import GREY
-from dataset_builder.assets.image_maps import linear_from_srgb
+from dataset_builder.assets.linear_texels import linear_from_srgb
 from dataset_builder.assets.readers.off import read
 from dataset_builder.errors import UserError
 
@@ -33,7 +33,7 @@ def test_a_concave_polygon_in_every_dialect(tmp_path, content):
     model = read(write(tmp_path, content), 64)
     assert len(model.parts[0].faces) == 3
     assert area(model.parts[0]) == pytest.approx(2.5)
-    assert (model.left_out, model.uncertain, model.parts[0].colors) == ((), (), None)
+    assert (model.left_out, model.parts[0].colors) == ((), None)
 
 
 @pytest.mark.parametrize("color", ["51 102 255 204", "0.2 0.4 1.0 0.8"])
@@ -47,7 +47,7 @@ def test_colours_of_faces(tmp_path):
     model = read(write(tmp_path, f"OFF\n5 3 0\n{NOTCH}3 0 1 3 255 0 0\n3 1 2 3 0.0 0.0 1.0 0.5\n3 0 3 4\n"), 64)
     expected = [(1, 0, 0, 1), (0, 0, 1, 0.5), (GREY, GREY, GREY, 1)]
     np.testing.assert_allclose(model.parts[0].colors[:, 2], expected, atol=1e-6)
-    assert model.uncertain == ("colours taken as sRGB",)
+    assert model.left_out == ("colours taken as sRGB",)
 
 
 @pytest.mark.parametrize(("content", "error"), [

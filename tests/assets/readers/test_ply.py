@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from dataset_builder.assets.image_maps import linear_from_srgb
+from dataset_builder.assets.linear_texels import linear_from_srgb
 from dataset_builder.assets.mesh_file import load_mesh_file
 from dataset_builder.assets.readers.ply import read
 from dataset_builder.errors import UserError
@@ -81,7 +81,7 @@ def test_triangles_quads_and_concave_polygons_in_one_file(tmp_path, kind):
     assert len(part.faces) == 2 + 3 + 1
     assert area(part) == pytest.approx(1 + 2.5 + 0.5)
     assert model.contains == "9 vertices, 3 faces, 6 triangles"
-    assert (model.left_out, model.uncertain) == ((), ())
+    assert model.left_out == ()
 
 
 @pytest.mark.parametrize("kind", FORMATS)
@@ -130,7 +130,19 @@ def test_colours_of_vertices_are_srgb_and_alpha_is_not(tmp_path, names, kind, mo
     expected = np.concatenate([linear_from_srgb(shares[:, :3]), shares[:, 3:]], axis=1)
     np.testing.assert_allclose(model.parts[0].colors, [expected[[0, 1, 3]]], atol=2e-5)
     assert model.parts[0].material == -1
-    assert model.uncertain == ("colours taken as sRGB",)
+    assert model.left_out == ("colours taken as sRGB",)
+
+
+@pytest.mark.parametrize(("values", "share", "doubt"), [
+    ((1.02, 0.5, 0.0), 1.0, "4 values of vertex colours beyond 0 to 1, clipped"),
+    ((51.0, 255.0, 0.0), 0.2, "vertex colours above 1 read as counted up to 255"),
+    ((25.5, 0.0, 0.0), 0.1, "vertex colours above 1 read as counted up to 255")])
+def test_decimal_colours_above_1_are_shares_unless_they_count_to_255(tmp_path, values, share, doubt):
+    columns = [[value] * 4 for value in values]
+    body = [vertices(SQUARE, (*XYZ, "float red", "float green", "float blue"), *columns), faces((0, 1, 3))]
+    model = read(write(tmp_path, "ascii", body), 64)
+    np.testing.assert_allclose(model.parts[0].colors[..., 0], linear_from_srgb(share), rtol=1e-5)
+    assert model.left_out == ("colours taken as sRGB", doubt)
 
 
 def test_colours_of_faces_reach_all_of_their_corners(tmp_path):
@@ -174,7 +186,7 @@ def test_wedge_coordinates_and_several_textures(tmp_path, kind):
     assert [(part.material, len(part.faces), part.colors is None) for part in model.parts] == [
         (-1, 1, False), (0, 2, True), (1, 1, True)]
     np.testing.assert_array_equal(model.parts[2].uvs[0], [[(0, 0), (0.25, 0), (0.25, 0.5)]])
-    assert model.left_out == ("colours under a texture", "texture c.png, which no face uses")
+    assert model.left_out[:2] == ("colours under a texture", "texture c.png, which no face uses")
 
 
 def test_textures_belong_to_the_digest(tmp_path):

@@ -56,8 +56,8 @@ def test_units_and_axis_of_the_file_are_honoured(tmp_path, head, size):
 def test_text_and_binary_hold_the_same(tmp_path, name):
     model = read(write(tmp_path, HEAD + mesh(more=ST), name), 64)
     assert (area(model.parts[0]), model.parts[0].name) == (1, "/square")
-    assert model.contains == "1 mesh prims, 2 triangles, 0 materials"
-    assert (model.left_out, model.uncertain) == ((), ())
+    assert model.contains == "1 mesh prim, 2 triangles, 0 materials"
+    assert model.left_out == ()
 
 
 def test_a_package_holds_its_textures(tmp_path):
@@ -152,7 +152,8 @@ def test_what_is_not_drawn_is_named(tmp_path):
     assert [part.name for part in model.parts] == ["/square", "/render"]
     assert set(model.left_out) == {
         "invisible Mesh /hidden", "Mesh /proxy of purpose proxy", "Mesh /guide of purpose guide", "Sphere", "Points",
-        "BasisCurves", "light of SphereLight", "Camera", "PointInstancer", "Skeleton"}
+        "BasisCurves", "light of SphereLight", "Camera", "PointInstancer", "Skeleton",
+        "meshes of 2 root prims, whatever defaultPrim says"}
     assert "expected mesh prims, got Sphere" in error_of(write(tmp_path, HEAD + 'def Sphere "ball" {}', "b.usda"))
 
 
@@ -171,7 +172,7 @@ def test_variants_animation_and_subdivision_are_said(tmp_path):
         }}"""
     model = read(write(tmp_path, text), 64)
     assert model.parts[0].positions[:, 0].min() == 5
-    assert model.uncertain == ("variants as selected: /chair size=large", "animation at its first time",
+    assert model.left_out == ("variants as selected: /chair size=large", "animation at its first time",
                                "subdivision surfaces (catmullClark) taken as their control cages")
 
 
@@ -227,11 +228,24 @@ def test_display_colour_is_linear_and_opacity_coverage(tmp_path, how, colors):
     np.testing.assert_allclose(opaque.parts[0].colors, np.broadcast_to((GREY, GREY, GREY, 0.5), (2, 3, 4)), rtol=1e-6)
 
 
+def test_colours_that_nothing_reads_are_named(tmp_path):
+    colors = 'color3f[] primvars:{} = [(0.1, 0.2, 0.3)] ( interpolation = "constant" )'
+    model = read(write(tmp_path, HEAD + mesh(more=colors.format("Col"))), 64)
+    assert model.parts[0].colors is None and model.left_out == ("colours Col, which no material reads",)
+    assert read(write(tmp_path, HEAD + mesh(more=colors.format("displayColor"))), 64).left_out == ()
+
+
+def test_a_mesh_of_loose_edges_beside_others_is_named(tmp_path):
+    model = read(write(tmp_path, HEAD + mesh() + mesh("edges", counts="", indices="")), 64)
+    assert [part.name for part in model.parts] == ["/square"]
+    assert model.left_out == ("mesh /edges, which has no faces",)
+
+
 @pytest.mark.parametrize(("text", "error"), [
     (HEAD + mesh(counts="4, 3"), "/square: expected faceVertexCounts that sum to the 4 faceVertexIndices, got 7"),
     (HEAD + mesh(indices="0, 1, 2, 9"), "/square: expected indices in [0, 4), got 1 faces with others"),
     (HEAD + mesh(counts="2, 2"), "got 2 with fewer, first at face 0"),
-    (HEAD + mesh(counts="", indices=""), "/square: expected faces, got a mesh of 4 points without any"),
+    (HEAD + mesh(counts="", indices=""), "expected mesh prims, got mesh /square, which has no faces"),
     (HEAD + mesh(points="(0,0,0), (nan,0,0), (1,1,0), (0,1,0)"), "got 1 with NaN or Inf, first at vertex 1"),
     (HEAD, "expected mesh prims, got none"),
     (HEAD.replace("metersPerUnit = 1", "metersPerUnit = -1") + mesh(), "expected metersPerUnit > 0, got -1"),
@@ -259,7 +273,7 @@ def test_without_openusd_the_line_to_type_is_said(tmp_path, monkeypatch):
 def test_a_real_stage_of_payloads_and_variants():
     asset = load(ASSETS / "usd_teapot" / "Teapot.usd")
     np.testing.assert_allclose(asset.mesh.bounds[1] - asset.mesh.bounds[0], (0.31, 0.49, 0.23), atol=0.005)
-    assert asset.meta["contains"] == "1 mesh prims, 2472 triangles, 1 materials"
+    assert asset.meta["contains"] == "1 mesh prim, 2,472 triangles, 1 material"
     assert "modelVariant=Utah" in asset.meta["left_out"]
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dataset_builder.assets.asset import reflectance_at
-from dataset_builder.assets.image_maps import linear_from_srgb
+from dataset_builder.assets.linear_texels import linear_from_srgb
 from dataset_builder.assets.mesh_file import load_mesh_file
 from dataset_builder.assets.readers.usd import read
 from dataset_builder.errors import UserError

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dataset_builder.assets.asset import Material, Texture, roughness_range
+from dataset_builder.assets.asset import Material, Texture, range_of
 from dataset_builder.label.scene_plan import FogPlan, IlluminationPlan, LightPlan, RoomPlan
 from dataset_builder.light_kinds import LampName
 from dataset_builder.planning.effects.materials_used import MaterialUse
@@ -75,7 +75,7 @@ def test_reasons_name_every_light_and_count_equal_ones() -> None:
 def use(scattered: float, **more: object) -> MaterialUse:
     surface = Material(name="grey", base_color=(scattered,) * 3, **more)  # type: ignore[arg-type]
     return MaterialUse(owner="chair", part="furniture", material=surface, scattered=scattered,
-                       smoothest=roughness_range(surface)[0], roughest=roughness_range(surface)[1])
+                       smoothest=range_of(surface, "roughness")[0], roughest=range_of(surface, "roughness")[1])
 
 
 @given(share=SHARES, bias=BIASES)
