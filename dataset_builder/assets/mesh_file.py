@@ -153,5 +153,6 @@ def _stand(mesh: TriangleMesh) -> tuple[TriangleMesh, np.ndarray, list[str]]:
     moved = np.array([*-(low + high)[:2] / 2, -low[2] + RAISED * lies])
     matrix = np.eye(4)
     matrix[:3, 3] = moved
-    said = [f"lies flat on what it stands on: raised by {1000 * RAISED:g} mm, so that this does not show through"]
+    said = [f"has faces in the plane of what it stands on: raised by {1000 * RAISED:g} mm, so that this does not show "
+            "through"]
     return transform(mesh, matrix), moved, said if lies else []

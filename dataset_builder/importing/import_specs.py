@@ -122,8 +122,13 @@ def _licensed(proposals: Sequence[Proposal], licence: str, ask: Ask | None) -> l
                                 rule=f"expected a licence, found none{_why(each)}",
                                 hint=f"write it in {each.model.path.stem}.license.json or a LICENSE file beside the "
                                      "model, or give --licence for all that name none") for each in without)
-    return [each if each.licence.spdx else replace(each, licence=FoundLicence(spdx=known[each.name], source=ASKED))
-            for each in proposals]
+    return [each if each.licence.spdx else _as_asked(each, known[each.name]) for each in proposals]
+
+
+def _as_asked(each: Proposal, spdx: str) -> Proposal:
+    """A proposal under the licence that was given; where several were found, a note says which."""
+    doubt = [f"{each.licence.source}; taken as {spdx}, {ASKED}"] * bool(each.licence.source)
+    return replace(each, licence=FoundLicence(spdx=spdx, source=ASKED), notes=(*each.notes, *doubt))
 
 
 def _why(each: Proposal) -> str:

@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from dataset_builder.api import render_example
-from dataset_builder.errors import PlanError
+from dataset_builder.errors import PlanError, UserError
 from dataset_builder.files import write_atomic
 from dataset_builder.importing.find_models import PassedOver
 from dataset_builder.importing.proposal import Proposal
@@ -68,10 +68,17 @@ def write_model_sheet(dataset: Path, proposals: Sequence[Proposal], target: Path
     sides = {heading: load_dataset(dataset, [*QUICK, *CAMERA, f"camera.azimuth={{uniform: {azimuth}}}"])
              for heading, azimuth in SIDES.items()}
     pictures: dict[str, dict[str, np.ndarray]] = {each.name: {} for each in proposals}
+    failed = dict[str, UserError]()
     for heading, loaded in sides.items():
         for name, picture in _pictures(loaded, backend):
-            pictures[name][heading] = picture
-    rows = [SheetRow(lines=_lines(each, pictures[each.name]), panels=pictures[each.name]) for each in proposals]
+            if isinstance(picture, UserError):
+                failed[name] = picture
+            else:
+                pictures[name][heading] = picture
+    if failed and not any(pictures.values()):
+        raise next(iter(failed.values()))
+    rows = [SheetRow(lines=_lines(each, pictures[each.name], each.name in failed), panels=pictures[each.name])
+            for each in proposals]
     step = ceil(len(rows) / ceil(len(rows) / ROWS))
     columns = [sheet(rows[start:start + step]) for start in range(0, len(rows), step)]
     page = Image.new("RGB", (sum(column.width for column in columns), max(column.height for column in columns)), PAPER)
@@ -82,8 +89,8 @@ def write_model_sheet(dataset: Path, proposals: Sequence[Proposal], target: Path
     write_atomic(target, png_of(np.asarray(page)))
 
 
-def _pictures(loaded: LoadedSpec, backend: str) -> Iterable[tuple[str, np.ndarray]]:
-    """One picture of each object that can be planned, with the name of its spec's file."""
+def _pictures(loaded: LoadedSpec, backend: str) -> Iterable[tuple[str, np.ndarray | UserError]]:
+    """One picture of each object that can be planned, or why there is none, with the name of its spec's file."""
     planner, done = Planner(loaded), set[str]()
     sources = {split.name: split.objects.source for split in loaded.dataset.splits}
     for ref in planner.examples:
@@ -95,16 +102,21 @@ def _pictures(loaded: LoadedSpec, backend: str) -> Iterable[tuple[str, np.ndarra
         except PlanError:
             continue
         done.add(name)
-        picture = render_example(loaded, plan, backend=backend)["i_s"]
-        yield name, to_8bit(picture, exposure([picture]))
+        try:
+            picture = render_example(loaded, plan, backend=backend)["i_s"]
+        except UserError as error:
+            yield name, error
+        else:
+            yield name, to_8bit(picture, exposure([picture]))
 
 
-def _lines(proposal: Proposal, pictures: Iterable[str]) -> list[str]:
+def _lines(proposal: Proposal, pictures: Iterable[str], failed: bool) -> list[str]:
     """The label of a row."""
     lines = [proposal.name[:30], proposal.category, _size(proposal)]
     if proposal.scale != 1 or proposal.notes:
         lines.append(f"scale {proposal.scale:g}, {proposal.up} up")
-    lines += [f"no camera sees it {heading}" for heading in SIDES if heading not in pictures]
+    why = "cannot be rendered" if failed else "no camera sees it"
+    lines += [f"{why} {heading}" for heading in SIDES if heading not in pictures]
     return [*lines, *("look: see its spec" for _ in proposal.notes[:1])]
 
 

@@ -14,7 +14,7 @@ from dataset_builder.digest import read_regular
 from dataset_builder.spec.file_reference import MOST_BYTES, FileReference
 from dataset_builder.spec.problems import shown
 
-MAGIC = b"glTF"
+MAGIC, ZIP = b"glTF", b"PK\x03\x04"
 OLD = "glTF {}, which is not read: convert the file to glTF 2.0, with Blender or gltf-pipeline"
 SCHEME = re.compile(r"[a-z][a-z0-9+.-]*:", re.IGNORECASE)
 NOT_PILLOWS = (".ktx2", ".ktx", ".dds")
@@ -39,7 +39,8 @@ def read_container(path: Path) -> GltfContainer:
     """
     data = read_regular(path, most=MOST_BYTES)
     if path.suffix.lower() == ".glb" and data[:4] != MAGIC:
-        raise ValueError(f"expected it to start with glTF, got {data[:4]!r}")
+        archive = ", the beginning of a zip archive: unpack it, and take the model from it" * (data[:4] == ZIP)
+        raise ValueError(f"expected it to start with glTF, got {data[:4]!r}{archive}")
     text, binary, left_out = _chunks(data) if data[:4] == MAGIC else (data, None, ())
     return GltfContainer(header=_header(text), binary=binary, left_out=left_out)
 

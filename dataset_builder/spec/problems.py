@@ -129,6 +129,8 @@ def _hint(detail: ErrorDetails, context: dict[str, Any], known: list[str]) -> st
     if kind == "literal_error" and isinstance(value, str):
         close = get_close_matches(value, context["expected"].replace("'", "").replace(" or ", ", ").split(", "), n=1)
         return f"nearest: {close[0]}" if close else ""
+    if kind == "branch" and isinstance(value, dict) and "kind" in value:
+        return nearest(str(value["kind"]), detail["msg"].rpartition("one of ")[2].split(", "), "kind")
     if kind == "branch" and isinstance(value, dict):
         return nearest(str(next(iter(value), "")), known, "key")
     return nearest(str(value), context["known"]) if context.get("known") else ""

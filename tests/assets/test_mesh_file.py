@@ -37,7 +37,7 @@ def test_a_sheet_lies_a_hair_above_the_floor(tmp_path, turned):
     (tmp_path / "rug.obj").write_text(f"v 0 0 0\nv 1 0 0\nv 1 0 2\nv 0 0 2\n{turned}\n")
     rug = load(tmp_path / "rug.obj")
     np.testing.assert_allclose(rug.mesh.bounds[:, 2], 1e-4)
-    assert "lies flat on what it stands on: raised by 0.1 mm" in rug.meta["shape"]
+    assert "has faces in the plane of what it stands on: raised by 0.1 mm" in rug.meta["shape"]
     upright = load(tmp_path / "rug.obj", up="z")
     assert upright.mesh.bounds[0, 2] == 0 and "raised" not in upright.meta["shape"]
 

@@ -12,6 +12,8 @@ from PIL import Image
 
 from dataset_builder.cli import import_models as verb
 from dataset_builder.cli.main import main
+from dataset_builder.errors import Problem, UserError
+from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.planning.cost import estimate
 from dataset_builder.planning.plan import Planner
 from dataset_builder.spec.load import load_dataset
@@ -217,3 +219,33 @@ def test_a_sheet_that_cannot_be_drawn_is_a_warning(run: Import, tmp_path: Path, 
     assert run("m", "--out", "out", "--licence", "CC0-1.0", sheet=True) == 0
     assert "warning: no contact sheet (no renderer)" in capsys.readouterr().err
     assert (tmp_path / "out" / "out.yaml").exists() and not (tmp_path / "out" / "models.png").exists()
+
+
+def test_what_a_person_has_to_know_is_told_once(run: Import, tmp_path: Path,
+                                                capsys: pytest.CaptureFixture[str]) -> None:
+    """Two models with the same fault, a list that names several licences, and a download that was not unpacked."""
+    for name in ("oak chair", "elm chair"):
+        box(tmp_path / "models" / f"{name}.stl", 0.5, 0.5, 0.9 + 0.01 * name.startswith("elm"))
+        (tmp_path / "models" / f"{name}.obj").write_bytes(b"")
+    (tmp_path / "models" / "LICENSE").write_text("MIT or Apache-2.0")
+    (tmp_path / "models" / "sofa.glb").write_bytes(b"PK\x03\x04" + bytes(40))
+    assert run("models", "--out", "out", "--licence", "MIT") == 1
+    said = capsys.readouterr().out
+    assert said.count("a format without units") == 1 and "not honoured of elm_chair_2, oak_chair_2: a format" in said
+    assert "look at elm_chair_2, oak_chair_2: LICENSE names several: MIT, Apache-2.0; taken as MIT, as asked" in said
+    assert "elm chair.obj, " in said and "oak chair.obj: expected triangles" in said
+    assert "sofa.glb: expected a readable .glb file" in said and "zip archive: unpack it" in said
+
+
+def test_a_model_that_cannot_be_rendered_costs_no_other_its_picture(models: Path, run: Import, tmp_path: Path,
+                                                                    monkeypatch: pytest.MonkeyPatch) -> None:
+    from dataset_builder.report import model_sheet
+
+    def fails(_: object, plan: ExamplePlan, **__: object) -> dict[str, np.ndarray]:
+        if plan.target.object.category == "bed":
+            raise UserError([Problem(where="", path="", rule="not finite")])
+        return {"i_s": np.full((160, 160, 3), 0.5, np.float32)}
+
+    monkeypatch.setattr(model_sheet, "render_example", fails)
+    assert run(models, "--out", "out", "--licence", "CC-BY-4.0", sheet=True) == 1
+    assert (tmp_path / "out" / "models.png").exists()

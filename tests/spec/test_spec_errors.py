@@ -30,6 +30,7 @@ def messages(path: Path) -> list[str]:
     ("rough: {sigma: abc}", "rough.sigma: expected a number or one of uniform, log_uniform, normal, choice, got 'abc'"),
     ("rough: {sigma: '5'}", "rough.sigma: expected a number or one of uniform, log_uniform, normal, choice, got '5'"),
     ("rough: {sigma: {unifrom: [0, 1]}}", "got {unifrom: [0, 1]} (nearest known key: uniform)"),
+    ("rough: {steps: [{kind: bump}]}", "close_holes, got {kind: 'bump'} (nearest known kind: bumps)"),
     ("rough: {sigma: {uniform: [1, 0]}}", "rough.sigma.uniform: expected low <= high, got [1, 0]"),
     ("rough: {sigma: {uniform: [-1, 1]}}", "rough.sigma: expected >= 0, got [-1, 1]"),
     ("rough: {sigma: {uniform: [0, x]}}", "rough.sigma.uniform[1]: expected a number, got 'x'"),
