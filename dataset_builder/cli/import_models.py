@@ -31,7 +31,7 @@ def add(verbs: common.Verbs) -> None:
 
 def _import(options: argparse.Namespace) -> int:
     from dataset_builder.importing.import_specs import SHEET, ImportJob, import_models
-    from dataset_builder.report.model_sheet import model_lines, model_table
+    from dataset_builder.report.model_sheet import model_lines, model_table, watched
 
     console = common.wide_console()
     first = options.paths[0].resolve()
@@ -40,9 +40,11 @@ def _import(options: argparse.Namespace) -> int:
                     dataset_licence=options.dataset_licence.strip(), category=options.category.strip())
 
     def picture(dataset: Path, proposals: "Sequence[Proposal]", target: Path) -> bool:
+        print(f"drawing {len(proposals)} models from two sides", file=sys.stderr, flush=True)
         return _sheet(dataset, proposals, target, options.backend)
 
-    done = import_models(job, ask=input if sys.stdin.isatty() else None, picture=None if options.no_sheet else picture)
+    done = import_models(job, ask=input if sys.stdin.isatty() else None, watch=watched,
+                         picture=None if options.no_sheet else picture)
     proposals = done.proposals
     console.print(model_table(proposals.made))
     unsure = sum(bool(each.notes) for each in proposals.made)

@@ -60,7 +60,7 @@ def leave(code: int) -> None:
 
 
 def _tell() -> None:
-    print("interrupted: finished examples and checkpoints are kept; run the same command again to continue",
+    print("interrupted: what was finished is kept, nothing is half written; run the same command again to continue",
           file=sys.stderr, flush=True)
 
 

@@ -11,7 +11,7 @@ from dataset_builder.errors import PlanError, Problem, UserError
 from dataset_builder.files import output_errors
 from dataset_builder.importing.find_models import PassedOver
 from dataset_builder.importing.model_licence import FoundLicence
-from dataset_builder.importing.proposal import Proposal, Proposals, propose
+from dataset_builder.importing.proposal import Proposal, Proposals, Watch, propose
 from dataset_builder.importing.spec_texts import spec_texts
 from dataset_builder.planning.plan import Planner
 from dataset_builder.planning.precheck import PROBES
@@ -56,14 +56,15 @@ class Imported:
     """The dataset file."""
 
 
-def import_models(job: ImportJob, *, ask: Ask | None, picture: Picture | None) -> Imported:
+def import_models(job: ImportJob, *, ask: Ask | None, picture: Picture | None, watch: Watch = iter) -> Imported:
     """Write an object spec for every model that can be read and planned, and a dataset of them.
 
     ask: gives the answer to a question, where there is somebody to ask. picture: draws the contact sheet, unless none
-    is wanted. Files are written beside the output folder and moved into it once the dataset has been planned. Raises
-    UserError, with nothing written, where no model is left, a licence is not known, or a file is there already.
+    is wanted. watch: shows how far reading is. Files are written beside the output folder and moved into it once the
+    dataset has been planned. Raises UserError, with nothing written, where no model is left, a licence is not known, or
+    a file is there already.
     """
-    proposals = propose(job.paths, job.category)
+    proposals = propose(job.paths, job.category, watch)
     if not proposals.made:
         raise UserError(_told(one) for one in proposals.left_out)
     proposals.made = _licensed(proposals.made, job.licence, ask)

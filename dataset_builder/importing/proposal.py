@@ -1,6 +1,6 @@
 """What is proposed for one model: its category, licence, scale and axis, and what is not honoured of its file."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
@@ -55,16 +55,20 @@ class Proposals:
     left_out: list[PassedOver] = field(default_factory=list)
 
 
-def propose(paths: Sequence[Path], category: str = "") -> Proposals:
+Watch = Callable[[Sequence[FoundModel]], Iterable[FoundModel]]
+"""Gives models back one by one."""
+
+
+def propose(paths: Sequence[Path], category: str = "", watch: Watch = iter) -> Proposals:
     """Read every model and propose what its spec is to say; models that cannot be read, or are the same as another, are
-    left out with the reason. category: of all of them, in place of what their names say.
+    left out with the reason. category: of all of them, in place of what their names say. watch: shows how far it is.
 
     Raises UserError where a path is not there or none holds a model.
     """
     found, left = find_models(paths)
     names = file_names(model.title for model in found)
     proposals, first = Proposals(left_out=left), dict[str, Path]()
-    for model, name in zip(found, names, strict=True):
+    for model, name in zip(watch(found), names, strict=True):
         try:
             proposal = _proposal(model, name, category)
         except UserError as error:

@@ -24,7 +24,7 @@ def test_a_build_ends_in_one_line(tmp_path: Path, seconds: float, workers: int) 
     said, errors = process.communicate(timeout=60)
     assert process.returncode == INTERRUPTED and "Traceback" not in said
     assert errors.splitlines() == [
-        "interrupted: finished examples and checkpoints are kept; run the same command again to continue"]
+        "interrupted: what was finished is kept, nothing is half written; run the same command again to continue"]
     assert not (tmp_path / "out" / "dataset.json").exists()
 
 
