@@ -94,7 +94,7 @@ def test_only_what_is_outside_stays_out(kind: LightKind) -> None:
 def test_caustics_of_what_no_path_meets_are_not_simulated(kind: LightKind) -> None:
     glass = Material(name="glass", base_color=(1, 1, 1), roughness=0.0, transmission=1.0)
     use = MaterialUse(owner="vase", part="furniture", material=glass, scattered=0.0, smoothest=0.0, roughest=0.0)
-    _, decisions = scene_features(SceneUse(materials=(use,), smooth=(), flat=(), left_out=()), FogPlan(),
+    _, decisions = scene_features(SceneUse(materials=(use,), smooth=(), flat=()), FogPlan(),
                                   [light(kind.name)], 64)
     found = {decision.choice for decision in decisions if decision.effect == "caustics"}
     assert found == ({"simulated"} if kind.extended else {"not simulated"})

@@ -69,7 +69,7 @@ def test_counts_start_at_one(refused: Run, arguments: tuple[str, ...]) -> None:
     ({"objects/cabinet.yaml": "file: mesh.obj\nlicence: CC0-1.0\n", "objects/mesh.obj": ""},
      "objects/mesh.obj: expected triangles, got a file without any"),
     ({"objects/stool.yaml": "file: mesh.ply\nlicence: CC0-1.0\n", "objects/mesh.ply": PLY.format(vertices=0, faces=0)},
-     "objects/mesh.ply: expected triangles, got a file without any"),
+     "objects/mesh.ply: expected faces, got none"),
     ({"objects/cabinet.yaml": "file: mesh.obj\nlicence: CC0-1.0\n", "objects/mesh.obj": TRIANGLE.format("nan")},
      "objects/mesh.obj: line 3: expected finite vertices, got 1 with NaN, Inf or more than 1e30"),
     ({"objects/cabinet.yaml": "file: mesh.glb\nlicence: CC0-1.0\n", "objects/mesh.glb": b"glTF\x02"},

@@ -14,7 +14,7 @@ import mitsuba as mi
 from dataset_builder.assets.asset import Material
 from dataset_builder.rendering.buffers import owned
 from dataset_builder.rendering.surface.texel_reader import TexelReader
-from dataset_builder.rendering.surface.texels import FACTORS, needs, pack
+from dataset_builder.rendering.surface.texels import FACTORS, ROUNDING, needs, pack
 from dataset_builder.rendering.surface.vertex_colours import VertexColours
 
 QUADS = FACTORS // 4
@@ -116,8 +116,12 @@ def look_up(table: MaterialTable, features: frozenset[str], si: mi.SurfaceIntera
 
 
 def _coverage(alpha: mi.Float, cutoff: mi.Float) -> mi.Float:
-    """Alpha, or whether it reaches the cutoff where there is one."""
-    return dr.select(cutoff < 0, alpha, dr.select(alpha >= cutoff, mi.Float(1), 0))
+    """Alpha, or whether it reaches the cutoff where there is one.
+
+    Weights of interpolation add up to a hair more or less than 1; what is whole must stay whole, or light leaks.
+    """
+    whole = alpha > 1 - ROUNDING / 2
+    return dr.select(cutoff < 0, dr.select(whole, 1, alpha), dr.select(alpha >= cutoff, mi.Float(1), 0))
 
 
 def _multiply_texels(point: SurfacePoint, texels: TexelReader, si: mi.SurfaceInteraction3f) -> mi.Float:
