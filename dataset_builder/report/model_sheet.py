@@ -64,7 +64,9 @@ def _shared(verb: str, told: Iterable[tuple[str, str]]) -> list[str]:
 
 def watched(models: Sequence[FoundModel]) -> Iterator[FoundModel]:
     """Models one by one, while a progress bar on the terminal shows how many are read."""
-    yield from track(models, description="reading models", console=Console(stderr=True), transient=True)
+    console = Console(stderr=True)
+    yield from track(models, description="reading models", console=console, transient=True,
+                     disable=not console.is_terminal)
 
 
 def write_model_sheet(dataset: Path, proposals: Sequence[Proposal], target: Path, *, backend: str = "auto") -> None:

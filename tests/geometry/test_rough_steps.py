@@ -160,7 +160,7 @@ def test_a_scan_is_brought_to_the_edge_length_before_plain_noise():
 
 def test_coarsening_stops_where_the_surface_would_stray():
     """A rod of 3 cm across, whose roundness edges of 4 cm would take away."""
-    rod = split_long_edges(cylinder(0.015, 0.8, 48), 0.004)
+    rod = split_long_edges(cylinder(0.015, 0.8, 24), 0.02)
     base = based(rod).mesh
     distance = RayScene([(base.positions, base.faces, 1)]).distance(rod.positions)
     assert np.sqrt(np.mean(distance**2)) < 0.0025 * bounding_radius(rod)

@@ -15,7 +15,7 @@ from dataset_builder.shards.manifest import Manifest
 from dataset_builder.shards.reader import load_manifest
 from tests.shards.tiny_dataset import default_examples
 
-NEEDED = {1: "OpenEXR", 2: "torch", 3: "webdataset", 4: "datasets"}
+NEEDED = {1: "OpenEXR", 2: "torch", 3: "webdataset", 4: "datasets.arrow_dataset"}
 """The last is in no extra: with pyarrow and pandas it takes some 250 MB."""
 PAGE = Path(__file__).parents[2] / "docs" / "layers.md"
 
