@@ -114,7 +114,7 @@ class _Reading:
         if primitive.at not in self.taken:
             self.plain += material is None
         shape = self._shape(placement, mesh, primitive, material)
-        moves = [None] if placement.joints is not None else list(placement.places)
+        moves = [np.eye(4)] if placement.joints is not None else list(placement.places)
         self.corners += len(moves) * (shape.faces.size + len(shape.positions))
         if self.corners > MOST_CORNERS:
             placement.node.refuse(f"expected at most {MOST_CORNERS:,} corners and vertices in all, got more, counted "
@@ -146,10 +146,10 @@ class _Reading:
             self.notes.append(f"{primitive.at}: vertex colours, since {name} is unlit")
 
     def _part(self, placement: Placement, primitive: Entry, shape: GltfShape, place: int, material: GltfMaterial | None,
-              move: np.ndarray | None) -> FilePart:
-        """A shape moved by a matrix, or by the joints of its skin where there is none."""
-        if move is None:
-            positions, mirrored = _skinned(primitive, shape, placement)
+              move: np.ndarray) -> FilePart:
+        """A shape moved by the joints of its skin, or by a matrix where there is none."""
+        if placement.joints is not None:
+            positions, mirrored = _skinned(primitive, shape, placement, placement.joints)
         else:
             positions = shape.positions @ move[:3, :3].T + move[:3, 3]
             mirrored = bool(np.linalg.det(move[:3, :3]) < 0)
@@ -170,20 +170,21 @@ class _Reading:
                         faces=(np.cumsum(used) - 1)[faces], material=place, uvs=uvs, colors=colors)
 
 
-def _skinned(primitive: Entry, shape: GltfShape, placement: Placement) -> tuple[np.ndarray, bool]:
-    """Positions moved by the mean of their joints' matrices (section 3.7.3.3), and whether most of it is mirrored.
+def _skinned(primitive: Entry, shape: GltfShape, placement: Placement,
+             matrices: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Positions moved by the mean of their joints' (J, 4, 4) `matrices` (section 3.7.3.3), and whether most of it is
+    mirrored.
 
     Weights are made to add up to 1; vertices without any stay where their node is.
     """
-    assert placement.joints is not None
     blended = np.zeros((len(shape.positions), 3, 4))
     total = np.zeros(len(shape.positions))
     for joints, weights in shape.influences:
-        if (wrong := joints[weights > 0]).size and wrong.max() >= len(placement.joints):
-            primitive.refuse(f"expected joints below {len(placement.joints)}, got {wrong.max()}", key="attributes")
+        if (wrong := joints[weights > 0]).size and wrong.max() >= len(matrices):
+            primitive.refuse(f"expected joints below {len(matrices)}, got {wrong.max()}", key="attributes")
         for column in range(4):
             own = weights[:, column]
-            moves = placement.joints[np.where(own > 0, joints[:, column], 0), :3]
+            moves = matrices[np.where(own > 0, joints[:, column], 0), :3]
             blended += np.where(own > 0, own, 0)[:, None, None] * moves
             total += np.where(own > 0, own, 0)
     free = total <= 0

@@ -162,6 +162,18 @@ def test_specular_glossiness_gives_back_what_metallic_roughness_says() -> None:
     np.testing.assert_allclose(found[..., 0], base, atol=1e-6)
 
 
+def test_specular_glossiness_between_dielectric_and_metal_is_mixed_by_the_square() -> None:
+    """Metallic as a root of its equation, then colours of both kinds mixed by its square, as Khronos converts."""
+    diffuse, specular, weights = np.array([0.3, 0.1, 0.05]), np.array([0.5, 0.3, 0.2]), np.array([0.299, 0.587, 0.114])
+    dark, bright = (np.sqrt(np.sum(weights * colour**2)) for colour in (diffuse, specular))
+    share = max(np.roots([0.04, dark * 0.5 / 0.96 + bright - 0.08, 0.04 - bright]).real)
+    assert 0.2 < share < 0.9
+    scattered, reflected = diffuse * 0.5 / 0.96 / (1 - share), (specular - 0.04 * (1 - share)) / share
+    base, metallic = metallic_roughness(diffuse, specular)
+    assert metallic == pytest.approx(share)
+    np.testing.assert_allclose(base, np.clip(scattered + (reflected - scattered) * share**2, 0, 1), atol=1e-9)
+
+
 def test_specular_glossiness_of_a_file(tmp_path: Path) -> None:
     glossy = {"diffuseFactor": [0, 0, 0, 1], "specularFactor": [0.9, 0.6, 0.3], "glossinessFactor": 0.75}
     found = read(tmp_path, pbrSpecularGlossiness=glossy)
