@@ -11,7 +11,7 @@ from dataset_builder.engine.source import imports_of, inside, read_sources
 ORDER = (
     ("__main__",), ("cli.main",), ("cli",), ("cli.common",), ("report",),
     ("studies.accuracy", "studies.effects", "studies.noise", "studies.stress", "studies.tables"), ("studies",),
-    ("release",), ("importing",),
+    ("release",), ("exporting", "importing"),
     ("lightnet.results", "lightnet.training"), ("lightnet.methods",), ("lightnet.measures",), ("lightnet.data",),
     ("lightnet",),
     ("api",), ("builder",), ("engine",), ("shards",),
@@ -19,7 +19,8 @@ ORDER = (
     ("rendering.backend", "rendering.buffers", "rendering.oidn"),
     ("planning",), ("planning.effects", "planning.view"), ("planning.scene",),
     ("planning.catalogue",),
-    ("assets.procedural",), ("assets",), ("assets.readers",), ("assets.file_model", "assets.image_maps"),
+    ("assets.procedural", "assets.scene_file"), ("assets.scene_readers",), ("assets",), ("assets.readers",),
+    ("assets.file_model", "assets.image_maps", "assets.scene_model"),
     ("assets.asset", "assets.linear_texels", "assets.texel_memory"), ("geometry",), ("label",), ("spec",),
     ("lock",), ("extras", "files", "layers", "light_kinds", "processes", "spread", "tonemap"),
     ("seeding", "digest", "errors"), ("",),
@@ -39,7 +40,7 @@ HOMES = {
     "opengl_basisu": "assets.readers.gltf_images",
     "torch": ("lightnet", "release"), "tensorboard": "lightnet.training", "skimage": "lightnet.results",
     "flip_evaluator": "studies.image_errors", "pyoidn": "rendering.oidn",
-    "pxr": ("assets.readers", "spec.usd_references", "spec.usd_trial"),
+    "pxr": ("assets.readers", "assets.scene_readers", "exporting", "spec.usd_references", "spec.usd_trial"),
 }
 """The only folder or module that may import a library."""
 

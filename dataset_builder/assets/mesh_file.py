@@ -1,7 +1,8 @@
 """Mesh files -> Asset."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -80,22 +81,38 @@ def load_mesh_file(path: Path, *, name: str, category: str, licence: str, scale:
     path = Path(path)
     _check_file(path)
     checked_references(path)
-    try:
+    with _file_named(path):
         model = READERS[path.suffix.lower()](path, max_texture)
         if not model.parts:
             refuse(path, "expected triangles, got a file without any")
-        plain = _colored_or_not(model)
-        whole = transform(concatenate([_mesh(part, model, plain) for part in model.parts]), _world_from_file(scale, up))
-        sizes = [len(part.faces) for part in model.parts]
-        mesh, mended = repair(whole, part=np.repeat(np.arange(len(sizes)), sizes))
+        asset = model_asset(model, _world_from_file(scale, up), name=name, category=category, licence=licence)
+    placed, moved, flat = stand(asset.mesh)
+    meta = {**asset.meta, "source": path.name, "moved": ", ".join(f"{step:.6g} m" for step in moved),
+            "shape": "; ".join(filter(None, [asset.meta["shape"], *flat]))}
+    return replace(asset, mesh=placed, meta=meta)
+
+
+@contextmanager
+def _file_named(path: Path) -> Iterator[None]:
+    """Name the file in problems that do not."""
+    try:
+        yield
     except UserError as error:
         raise UserError([replace(problem, where=problem.where or str(path)) for problem in error.problems]) from error
-    placed, moved, flat = _stand(mesh)
-    meta = {"licence": licence, "source": path.name, "moved": ", ".join(f"{step:.6g} m" for step in moved),
-            "contains": f"{model.contains}; {pieces_text(mended)}", "left_out": "; ".join(_left_out(model)),
-            "repair": repair_text(mended, [part.name for part in model.parts]),
-            "shape": "; ".join([*repair_notes(mended), *shape_faults(mesh).notes, *flat])}
-    return Asset(name=name, category=category, mesh=placed, materials=_materials(model), meta=meta)
+
+
+def model_asset(model: FileModel, world_from_file: np.ndarray, *, name: str, category: str, licence: str) -> Asset:
+    """What a reader took out of a file, of at least one part, as one asset: moved by a (4, 4) affine map to metres with
+    Z up, welded and mended. `meta` says what the file contains, what of it was left out, what was mended of which part,
+    and what is wrong with its shape. Raises UserError for what is no surface."""
+    plain = _colored_or_not(model)
+    whole = transform(concatenate([_mesh(part, model, plain) for part in model.parts]), world_from_file)
+    sizes = [len(part.faces) for part in model.parts]
+    mesh, mended = repair(whole, part=np.repeat(np.arange(len(sizes)), sizes))
+    meta = {"licence": licence, "contains": f"{model.contains}; {pieces_text(mended)}",
+            "left_out": "; ".join(_left_out(model)), "repair": repair_text(mended, [part.name for part in model.parts]),
+            "shape": "; ".join([*repair_notes(mended), *shape_faults(mesh).notes])}
+    return Asset(name=name, category=category, mesh=mesh, materials=_materials(model), meta=meta)
 
 
 def _mesh(part: FilePart, model: FileModel, plain: list[bool]) -> TriangleMesh:
@@ -145,7 +162,7 @@ def _world_from_file(scale: float, up: Up) -> np.ndarray:
     return matrix
 
 
-def _stand(mesh: TriangleMesh) -> tuple[TriangleMesh, np.ndarray, list[str]]:
+def stand(mesh: TriangleMesh) -> tuple[TriangleMesh, np.ndarray, list[str]]:
     """The mesh centred over the origin and standing on z = 0, the (3,) metres it was moved, and what is to be said of
     it."""
     low, high = mesh.bounds

@@ -4,6 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from dataset_builder.label.scene_source import SceneFilePlan, SceneKind, SceneSource
 from dataset_builder.light_kinds import LightName
 from dataset_builder.spec.model import Model
 
@@ -34,13 +35,13 @@ class ObjectPlan(Model):
 
     name: str
     """Unique over the dataset: `train-chair-03`."""
-    kind: Literal["procedural", "file"]
-    """`procedural`: of an embedded family; `file`: a mesh file."""
+    kind: Literal["procedural", "file", "thing"]
+    """`procedural`: of an embedded family; `file`: a mesh file; `thing`: one of the things of a scene file."""
     source: str
-    """Family name, or path of the mesh file as the spec gives it."""
+    """Family name, or path of the mesh or scene file as the spec gives it."""
     source_sha256: str
-    """Digest over the mesh file and every file that it names (buffers, material libraries, textures); empty for a
-    family."""
+    """Digest over the mesh file and every file that it names (buffers, material libraries, textures), or over what a
+    thing is made of; empty for a family."""
     category: str
     """What it is, in a word: `chair`."""
     licence: str
@@ -54,16 +55,23 @@ class ObjectPlan(Model):
     scale: float
     """Factor from file units to metres, above 0; 1 for a family."""
     up: Literal["x", "y", "z"]
-    """Axis of a mesh file that points up; `z` for a family."""
+    """Axis of a mesh file that points up; `z` for a family and a thing."""
+    scene: SceneSource = SceneSource()
+    """The scene file of a thing; empty for all else."""
+    thing: str = ""
+    """Name of a thing in its scene; empty for all else."""
+    linear: tuple[float, float, float, float, float, float, float, float, float] = (1, 0, 0, 0, 1, 0, 0, 0, 1)
+    """(3, 3) by rows: what a thing's mesh is multiplied by to come to the object's frame; it scales, tilts and mirrors,
+    and leaves the turn about +Z to `yaw`. 1 for all else."""
 
 
 class ObjectSource(Model):
     """What some objects of a dataset were made from, and who may do what with it."""
 
-    kind: Literal["procedural", "file"]
-    """As of the objects."""
+    kind: Literal["procedural", "file", "thing"]
+    """As of the objects; `thing` for all things of a scene file."""
     source: str
-    """Family name, or path of the mesh file as the spec gives it."""
+    """Family name, or path of the mesh or scene file as the spec gives it."""
     licence: str
     """SPDX identifier."""
     objects: tuple[str, ...]
@@ -84,7 +92,9 @@ class PlacedObject(Model):
 
 
 class RoomPlan(Model):
-    """A room: x in [-width/2, width/2], y in [-depth/2, depth/2], z in [0, height]; materials follow from the seed."""
+    """What is around. A procedural room: x in [-width/2, width/2], y in [-depth/2, depth/2], z in [0, height];
+    materials follow from the seed. A scene from a file lies where the file has it; width, depth and height are its own.
+    """
 
     name: str
     """Unique over the dataset."""
@@ -104,6 +114,10 @@ class RoomPlan(Model):
     """Windows are cut into the +Y wall first, then -X, +X, -Y; 0 to 4."""
     skirting: float
     """Height of the skirting board, metres; 0 is none."""
+    kind: SceneKind = "procedural"
+    """Where it comes from."""
+    scene: SceneFilePlan = SceneFilePlan()
+    """The scene file, and what of it is there; empty for a procedural room."""
 
 
 class CameraPlan(Model):
@@ -150,7 +164,7 @@ class LightPlan(Model):
     direction: Vector
     """Unit vector that the light leaves along."""
     size: float
-    """Side of a square or radius of a ball, metres."""
+    """Side of a square, radius of a ball, a disk or a cylinder, metres."""
     cutoff: float
     """Degrees from the axis of a spot to its edge."""
     radiance: Vector
@@ -164,7 +178,9 @@ class LightPlan(Model):
     image_sha256: str = ""
     """SHA-256 of the image's file; empty for none."""
     turn: float = 0.0
-    """Degrees that a dome's image is turned about +Z."""
+    """Degrees that a dome's image is turned about +Z, or a rectangle about its direction."""
+    length: float = 0.0
+    """Second side of an area light that is no square, length of a cylinder, metres; 0 for all else."""
     weight: float = Field(ge=0)
     """Irradiance (mean of channels) at the target object, W/m^2, which light sampling is proportional to: unoccluded
     for lamps and for the source, what gets in for target lights outside. Images count as their mean."""

@@ -2,9 +2,10 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, Tag, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, Tag, model_validator
 
 from dataset_builder.layers import LAYERS, PAPER_LAYERS, Extent
+from dataset_builder.spec.file_scene import ThingQuery
 from dataset_builder.spec.licences import Licence
 from dataset_builder.spec.light import SourceSpec, TargetSpec
 from dataset_builder.spec.model import Model, broken
@@ -70,12 +71,24 @@ Count = Annotated[int, Field(ge=1, le=MOST_EXAMPLES)]
 
 
 class ObjectsSpec(Model):
-    """Object files that a split draws from, and the number of different objects."""
+    """Object files that a split draws from, or the things of its scenes, and the number of different objects."""
 
-    source: Annotated[tuple[str, ...], Field(min_length=1, alias="from")]
+    model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": ["from"]}, {"required": ["things"]}]})
+
+    source: Annotated[tuple[str, ...], Field(alias="from")] = ()
     """Object files, relative to the dataset file; used in rotation."""
+    things: ThingQuery | None = None
+    """Things of the scenes themselves, each where it stands, in place of object files."""
     count: Count
-    """Number of different objects; a file with distributions gives a new object each time it is used."""
+    """Number of different objects; a file with distributions gives a new object each time it is used. Of things: how
+    many of each scene."""
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> "ObjectsSpec":
+        if bool(self.source) == (self.things is not None):
+            got = "both" if self.source else "neither"
+            raise broken(f"expected exactly one of `from` and `things`, got {got}")
+        return self
 
 
 class ScenesSpec(Model):

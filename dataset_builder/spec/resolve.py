@@ -78,7 +78,8 @@ class LoadedSpec:
         """
         rooms, objects = set[str](), set(split.objects.source)
         for name in split.scenes.source:
-            rooms.add(self.scenes[name].room)
+            if (room := self.scenes[name].room) is not None:
+                rooms.add(room)
             objects |= {piece.object for piece in self.scenes[name].furniture}
         content = self.content()
         dataset = {key: value for key, value in content["dataset"].items() if key not in SAID}
@@ -203,7 +204,8 @@ def _found(specs: dict[str, AnyModel | None]) -> MappingProxyType[str, AnyModel]
 def _keyed_scene(scene: SceneSpec, key: str) -> SceneSpec:
     """The scene with its references as keys."""
     furniture = tuple(piece.model_copy(update={"object": key_of(piece.object, key)}) for piece in scene.furniture)
-    return scene.model_copy(update={"room": key_of(scene.room, key), "furniture": furniture})
+    room = None if scene.room is None else key_of(scene.room, key)
+    return scene.model_copy(update={"room": room, "furniture": furniture})
 
 
 def _keyed_split(split: SplitSpec) -> SplitSpec:

@@ -2,8 +2,9 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
+from dataset_builder.spec.file_scene import SceneFileSpec
 from dataset_builder.spec.licences import Licence
 from dataset_builder.spec.model import Model, broken
 from dataset_builder.spec.numbers import AnyNumber, within
@@ -121,13 +122,24 @@ class FurnitureSpec(Model):
 
 
 class SceneSpec(Model):
-    """A room and its contents."""
+    """A room or a scene file, and what is put into it."""
 
-    room: str
+    model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": ["room"]}, {"required": ["file"]}]})
+
+    room: str | None = None
     """Room file, relative to the scene file."""
+    file: SceneFileSpec | None = None
+    """A scene from a file, in place of a room."""
     furniture: tuple[FurnitureSpec, ...] = ()
     """Other furniture; pieces for which no free place is found are left out, with a note in the plan."""
     fog: FogSpec | None = None
     """A medium that fills the room; clear air if omitted."""
     target: Literal["near", "wall", "floor"] = "floor"
-    """Where the target object stands; `near` is `floor`."""
+    """Where the target object stands; `near` is `floor`. Things of the scene itself stay where they are."""
+
+    @model_validator(mode="after")
+    def _one_place(self) -> "SceneSpec":
+        if (self.room is None) == (self.file is None):
+            got = "neither" if self.file is None else "both"
+            raise broken(f"expected exactly one of `room` and `file`, got {got}")
+        return self

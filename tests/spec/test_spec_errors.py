@@ -108,7 +108,7 @@ def test_one_broken_rule_is_one_problem(in_folder, extra: str, message: str) -> 
      "expected a file that ends in one of .glb .gltf .obj .off .ply .stl .usd .usda .usdc .usdz, got 'a.jpg'"),
     ("scenes/den.yaml", "room: ../rooms/dem.yaml\n", "scenes/den.yaml:1: room: expected a spec file, found none at "
      "'../rooms/dem.yaml' (nearest known file: den.yaml)"),
-    ("scenes/den.yaml", "furniture: []\n", "scenes/den.yaml:1: room: expected a value, the key is missing"),
+    ("scenes/den.yaml", "furniture: []\n", "scenes/den.yaml:1: expected exactly one of `room` and `file`, got neither"),
     ("scenes/den.yaml", "room: ../rooms/den.yaml\nfurniture:\n  - {object: ../objects/x.yaml}\n",
      "scenes/den.yaml:3: furniture[0].object: expected a spec file, found none at '../objects/x.yaml'"),
     ("rooms/den.yaml", "width: 0\n", "rooms/den.yaml:1: width: expected in [1, 100], got 0"),

@@ -124,7 +124,7 @@ def _scene_plan(loaded: LoadedSpec, split: str, index: int, key: str) -> ScenePl
             plan = object_plan(loaded, furniture.object, split, (*path, "furniture", entry, copy), len(pieces),
                                f"scene{index:02d}")
             pieces.append(PiecePlan(object=plan, place=furniture.place, number=(entry, copy)))
-    room = room_plan(loaded.rooms[spec.room], f"{split}-room-{index:02d}", seed, (*path, "room"))
+    room = room_plan(loaded.rooms[str(spec.room)], f"{split}-room-{index:02d}", seed, (*path, "room"))
     return ScenePlan(room=room, furniture=tuple(pieces), target=spec.target,
                      fog=fog_plan(spec.fog, seed, (*path, "fog")))
 
@@ -203,7 +203,7 @@ def _across(drawn: dict[str, SplitContents], named: Callable[[SplitContents], li
 
 def object_sources(drawn: Mapping[str, SplitContents]) -> tuple[ObjectSource, ...]:
     """What all objects and pieces of furniture were made from: mesh files first, then families, by name."""
-    names: dict[tuple[Literal["procedural", "file"], str, str], list[str]] = {}
+    names: dict[tuple[Literal["procedural", "file", "thing"], str, str], list[str]] = {}
     for split in drawn.values():
         for plan in (*split.objects, *(piece.object for scene in split.scenes for piece in scene.furniture)):
             names.setdefault((plan.kind, plan.source, plan.licence), []).append(plan.name)

@@ -1,0 +1,26 @@
+"""Scene files -> SceneModel."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from dataset_builder.assets.file_model import refuse
+from dataset_builder.assets.scene_model import SceneModel
+from dataset_builder.label.scene_source import SceneSource
+
+Reader = Callable[[SceneSource, Path, int], SceneModel]
+"""What reads a scene: a function of the source, the folder that its paths are relative to, and the longest side of a
+texture. It raises nothing but UserError, whatever the bytes are: what the file says is in the model, in its `left_out`
+or `faults`, or refused."""
+READERS: dict[str, Reader] = {}
+"""What reads a file, by its suffix."""
+
+
+def load_scene(source: SceneSource, root: Path, *, max_texture: int = 1024) -> SceneModel:
+    """The scene that a source names, in metres, Z up.
+
+    Raises UserError: no such file, another format, unreadable, a file that it needs is missing, nothing in it.
+    """
+    path = root / source.source
+    if path.suffix.lower() not in READERS:
+        refuse(path, f"expected a scene file that ends in one of {' '.join(READERS)}, got {path.suffix or 'none'}")
+    return READERS[path.suffix.lower()](source, root, max_texture)

@@ -1,0 +1,1 @@
+"""Scene files to scene models: a file for each kind of source."""
