@@ -19,6 +19,8 @@ from dataset_builder.spec.problems import name_alike, nearest, shown
 from dataset_builder.spec.usd_references import USD_SUFFIXES
 
 KEPT_DIGESTS = 1 << 16
+FRONT_SUFFIX = ".json"
+"""Of scenes of 3D-FRONT."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,7 +122,6 @@ def _broken(spec: SceneFileSpec, document: Document, folder: Path) -> Iterable[t
                 f"it is for {' '.join(suffixes)}"
 
 
-FRONT_SUFFIX = ".json"
 _ONLY = {"models": (FRONT_SUFFIX,), "textures": (FRONT_SUFFIX,), "variants": USD_SUFFIXES,
          "up": tuple(suffix for suffix in MESH_SUFFIXES if suffix not in USD_SUFFIXES),
          "roots": tuple(suffix for suffix in MESH_SUFFIXES)}

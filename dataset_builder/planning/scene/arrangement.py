@@ -11,14 +11,13 @@ from dataset_builder.assets.asset import Asset
 from dataset_builder.geometry.raycast import RayScene
 from dataset_builder.label.scene_plan import ObjectPlan, PlacedObject, RoomPlan
 from dataset_builder.planning.catalogue import PairRef
-from dataset_builder.planning.scene.assets_of_plan import asset_of, room_shell, world_from_object
+from dataset_builder.planning.scene.assets_of_plan import asset_of, world_from_object
 from dataset_builder.planning.scene.contents import ScenePlan, SplitContents
 from dataset_builder.planning.scene.layout import Box, Piece, Place, Pose, lay_out
 from dataset_builder.planning.scene.object_size import advice_on
 from dataset_builder.seeding import rng
 
 TARGET_INSTANCE = 1
-ROOM_INSTANCE = 2
 FURNITURE_INSTANCE = 3
 """Value in the `instance` layer of the first piece of furniture."""
 Geometry = tuple[np.ndarray, np.ndarray, int]

@@ -33,6 +33,8 @@ class ThingFacts:
     low: tuple[float, float, float]
     high: tuple[float, float, float]
     """Corners of its box in the world, metres."""
+    world: tuple[tuple[float, ...], ...]
+    """(4, 4) affine world_from_thing by rows."""
     content: str
     licence: str
     """Its own, else the scene's."""
@@ -88,7 +90,7 @@ def _facts(source: SceneSource, mesh_root: Path) -> SceneFacts:
         things.append(ThingFacts(
             name=thing.name, category=thing.category or category_of([thing.name]), role=thing.role,
             faces=len(mesh.faces), low=tuple(corners.min(axis=0).tolist()), high=tuple(corners.max(axis=0).tolist()),
-            content=thing.content, licence=thing.licence or source.licence))
+            world=tuple(map(tuple, thing.world.tolist())), content=thing.content, licence=thing.licence or source.licence))
     return SceneFacts(things=tuple(things), lights=tuple(light.name for light in model.lights),
                       said=(*model.left_out, *model.faults))
 

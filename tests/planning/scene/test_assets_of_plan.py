@@ -69,7 +69,7 @@ def test_a_file_that_the_mesh_names_and_that_changed_or_went_is_refused(tmp_path
     Image.new("RGB", (2, 2), "red").save(tmp_path / "wood.png")
     plan = file_plan(tmp_path / "a.obj")
     assert asset_of(plan, tmp_path).name == "solid"
-    assets_of_plan.asset_of.cache_clear()
+    assets_of_plan.ASSETS.cache_clear()
     (tmp_path / name).write_bytes((tmp_path / name).read_bytes() + b"\n")
     with pytest.raises(PlanError, match="changed after planning"):
         asset_of(plan, tmp_path)

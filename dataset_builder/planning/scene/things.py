@@ -1,0 +1,172 @@
+"""Things of a scene file by query: which are meant, which are targets, which are taken away, and where they stand."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from math import atan2, cos, degrees, radians, sin
+from pathlib import Path
+
+import numpy as np
+
+from dataset_builder.errors import PlanError, Problem
+from dataset_builder.label.scene_plan import ObjectPlan, PlacedObject
+from dataset_builder.planning.catalogue import PairRef
+from dataset_builder.planning.scene.assets_of_plan import asset_of, world_from_object
+from dataset_builder.planning.scene.contents import ScenePlan, SplitContents
+from dataset_builder.planning.scene.scene_models import SceneFacts, ThingFacts, scene_facts, scene_model
+from dataset_builder.seeding import rng
+from dataset_builder.spec.document import Path as KeyPath
+from dataset_builder.spec.file_scene import EVERY_SIZE, ThingQuery
+from dataset_builder.spec.problems import nearest, shown
+from dataset_builder.spec.resolve import LoadedSpec
+from dataset_builder.spec.usual_sizes import words_of
+
+WILD = "*?"
+
+
+def is_named(pattern: str, name: str) -> bool:
+    """Whether a pattern with * and ? means a name; upper and lower case differ, brackets are plain characters."""
+    return pattern == name or fnmatchcase(name, pattern.replace("[", "[[]"))
+
+
+def left_out(scene: ScenePlan, facts: SceneFacts) -> frozenset[str]:
+    """Names of the things that the spec takes away."""
+    patterns = scene.file.leave_out if scene.file else ()
+    return frozenset(thing.name for thing in facts.things if any(is_named(each, thing.name) for each in patterns))
+
+
+def matching(query: ThingQuery, facts: SceneFacts, without: frozenset[str]) -> tuple[ThingFacts, ...]:
+    """The things that a query means, in the order of the file: those with faces that are no part of the building,
+    unless it gives the whole name."""
+    low, high = query.size
+    return tuple(thing for thing in facts.things if thing.name not in without and thing.faces
+                 and (thing.role == "object" or thing.name == query.name) and is_named(query.name, thing.name)
+                 and query.category in ("", thing.category) and low <= thing.size <= high)
+
+
+def target_plan(loaded: LoadedSpec, split: SplitContents, pair: PairRef) -> ObjectPlan:
+    """The target of a pair. Raises PlanError where its scene has too few things that the split asks for, UserError
+    where the scene cannot be read."""
+    if split.things is None:
+        return split.objects[pair.object]
+    return targets(loaded, split, split.scenes[pair.scene])[pair.object]
+
+
+def targets(loaded: LoadedSpec, split: SplitContents, scene: ScenePlan) -> tuple[ObjectPlan, ...]:
+    """Those things of a scene that are targets of its split, in a seeded order; raises as `target_plan` does."""
+    query = split.things or ThingQuery()
+    facts = scene_facts(scene.room, loaded.path.parent)
+    found = matching(query, facts, left_out(scene, facts))
+    if len(found) < split.count:
+        number = [each.name for each in loaded.dataset.splits].index(split.name)
+        raise PlanError([_too_few(loaded, ("", ("splits", number, "objects", "things")), split.count, query, facts,
+                                  scene, len(found))])
+    order = rng(loaded.dataset.seed, split.name, "scene", scene.number, "things").permutation(len(found))
+    return tuple(_thing_plan(split.name, scene, found[which], len(scene.furniture) + k)
+                 for k, which in enumerate(order[:split.count].tolist()))
+
+
+def _thing_plan(split: str, scene: ScenePlan, thing: ThingFacts, number: int) -> ObjectPlan:
+    """A thing as an object, whose numbers begin after those of the scene's furniture."""
+    linear, yaw = np.array(thing.world)[:3, :3], _yaw(thing)
+    c, s = cos(radians(yaw)), sin(radians(yaw))
+    own = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) @ linear
+    word = "-".join(words_of(thing.category)) or "object"
+    return ObjectPlan(kind="thing", name=f"{split}-scene{scene.number:02d}-{word}-{number:02d}",
+                      source=scene.room.scene.file.source, source_sha256=thing.content, category=thing.category,
+                      licence=thing.licence, seed="0", params=(), scale=1.0, up="z", scene=scene.room.scene.file,
+                      thing=thing.name, linear=tuple(own.ravel().tolist()))
+
+
+def _yaw(thing: ThingFacts) -> float:
+    return degrees(atan2(thing.world[1][0], thing.world[0][0]))
+
+
+def placed_thing(plan: ObjectPlan, mesh_root: Path, instance: int) -> PlacedObject:
+    """A thing as an object, where its scene has it."""
+    thing = next(each for each in scene_model(plan.scene, mesh_root).things if each.name == plan.thing)
+    yaw = degrees(atan2(thing.world[1, 0], thing.world[0, 0]))
+    turned = world_from_object(PlacedObject(object=plan, instance=instance, position=(0.0, 0.0, 0.0), yaw=yaw))
+    first = thing.asset.mesh.positions[0]
+    there = thing.world[:3, :3] @ first + thing.world[:3, 3]
+    x, y, z = (there - turned[:3, :3] @ asset_of(plan, mesh_root).mesh.positions[0]).tolist()
+    return PlacedObject(object=plan, instance=instance, position=(x, y, z), yaw=yaw)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Slot:
+    """The thing that a target takes the place of."""
+
+    thing: str
+    """Its name."""
+    middle: tuple[float, float]
+    """Of its footprint, metres."""
+    base: float
+    """Height of its lowest point, metres."""
+    yaw: float
+    """Degrees."""
+
+
+def slot_of(loaded: LoadedSpec, split: SplitContents, pair: PairRef) -> Slot | None:
+    """The thing that the target of a pair takes the place of; None where the scene names none. Raises PlanError where
+    no thing fits."""
+    scene = split.scenes[pair.scene]
+    if scene.file is None or scene.file.slot is None or split.things is not None:
+        return None
+    facts = scene_facts(scene.room, loaded.path.parent)
+    found = matching(scene.file.slot, facts, left_out(scene, facts))
+    if not found:
+        raise PlanError([_too_few(loaded, (scene.key, ("file", "slot")), 1, scene.file.slot, facts, scene, 0)])
+    thing = found[rng(loaded.dataset.seed, *pair.path, "slot").integers(len(found))]
+    placed = placed_thing(_thing_plan(split.name, scene, thing, 0), loaded.path.parent, 1)
+    return Slot(thing=thing.name, middle=placed.position[:2], base=placed.position[2], yaw=placed.yaw)
+
+
+def _too_few(loaded: LoadedSpec, at: tuple[str, KeyPath], wanted: int, query: ThingQuery, facts: SceneFacts,
+             scene: ScenePlan, got: int) -> Problem:
+    said = [f"{name} {shown(value)}" for name, value in (("name", query.name), ("category", query.category),
+                                                        ("size", query.size))
+            if value != ThingQuery.model_fields[name].default]
+    what = f"{wanted} thing{'s' * (wanted > 1)}" + (f" with {', '.join(said)}" if said else "")
+    return loaded.problem(*at, f"expected {what} in {scene.room.scene.file.source}, got {got} of "
+                          f"{len(facts.things)}", _hint(query, facts, left_out(scene, facts)))
+
+
+def _hint(query: ThingQuery, facts: SceneFacts, without: frozenset[str]) -> str:
+    """What the writer of a query that too little fits may have meant."""
+    names = [thing.name for thing in facts.things]
+    named = [thing for thing in facts.things if is_named(query.name, thing.name)]
+    if not named:
+        word = query.name.strip(WILD)
+        return next((said for said in facts.said if word and word in said), "") or nearest(word, names)
+    if gone := [thing.name for thing in named if thing.name in without]:
+        return f"`leave_out` takes {gone[0]} away"
+    if empty := [thing.name for thing in named if not thing.faces]:
+        return f"{empty[0]} has no faces"
+    if parts := [thing for thing in named if thing.role != "object"]:
+        return (f"{parts[0].name} is part of the {parts[0].role}: give its whole name if it is meant, or say under "
+                "`parts` that it is an object")
+    kinds = sorted({thing.category for thing in named})
+    if query.category and query.category not in kinds:
+        return nearest(query.category, kinds, "category")
+    if query.size != EVERY_SIZE:
+        sizes = [thing.size for thing in named]
+        return f"the longest sides of those with that name are {min(sizes):.3g} to {max(sizes):.3g} m"
+    return "lower the count, or ask for more with *"
+
+
+def unknown_names(loaded: LoadedSpec, scene: ScenePlan, facts: SceneFacts) -> Iterator[Problem]:
+    """A problem for every pattern of a scene spec that names nothing in its file."""
+    if scene.file is None:
+        return
+    things = [thing.name for thing in facts.things]
+    named: list[tuple[KeyPath, str, Sequence[str], str]] = [
+        *((("file", "leave_out", k), pattern, things, "thing") for k, pattern in enumerate(scene.file.leave_out)),
+        *((("file", "parts", part, k), pattern, things, "thing") for part, patterns in scene.file.parts.items()
+          for k, pattern in enumerate(patterns)),
+        *((("file", "lights", "dim", pattern), pattern, facts.lights, "light") for pattern in scene.file.lights.dim)]
+    for path, pattern, known, what in named:
+        if not any(is_named(pattern, name) for name in known):
+            hint = nearest(pattern.strip(WILD), known, what) or f"it has no {what}s"
+            yield loaded.problem(scene.key, path, f"expected the name of a {what} in {scene.file.path}, got "
+                                 f"{shown(pattern)}", hint)
