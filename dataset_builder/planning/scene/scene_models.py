@@ -90,7 +90,8 @@ def _facts(source: SceneSource, mesh_root: Path) -> SceneFacts:
         things.append(ThingFacts(
             name=thing.name, category=thing.category or category_of([thing.name]), role=thing.role,
             faces=len(mesh.faces), low=tuple(corners.min(axis=0).tolist()), high=tuple(corners.max(axis=0).tolist()),
-            world=tuple(map(tuple, thing.world.tolist())), content=thing.content, licence=thing.licence or source.licence))
+            world=tuple(map(tuple, thing.world.tolist())), content=thing.content,
+            licence=thing.licence or source.licence))
     return SceneFacts(things=tuple(things), lights=tuple(light.name for light in model.lights),
                       said=(*model.left_out, *model.faults))
 
