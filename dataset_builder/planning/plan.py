@@ -107,9 +107,11 @@ class Planner:
         light, note = self.light(ref.view, ref.light)
         arrangement, render = shared.arrangement, render_plan(spec, ref.view)
         fog = self.contents[ref.view.pair.split].scenes[ref.view.pair.scene].fog
-        effects = plan_effects(spec=spec.render, room=arrangement.room, target=arrangement.target,
-                               furniture=arrangement.furniture, source_light=shared.source, target_light=light, fog=fog,
-                               render=render, mesh_root=self.loaded.path.parent, where=_where(ref.view, arrangement))
+        effects = plan_effects(spec=spec.render, room=arrangement.room, shell=arrangement.shell,
+                               diagonal=arrangement.diagonal(shared.view.camera.position),
+                               target=arrangement.target, furniture=arrangement.furniture,
+                               source_light=shared.source, target_light=light, fog=fog, render=render,
+                               mesh_root=self.loaded.path.parent, where=_where(ref.view, arrangement))
         clean = asset_of(arrangement.target.object, self.loaded.path.parent).mesh
         rough = rough_plan(spec, ref, clean)
         return ExamplePlan(
