@@ -17,6 +17,7 @@ from dataset_builder.planning.scene.assets_of_plan import asset_of
 from dataset_builder.planning.scene.contents import SplitContents, contents, place_of
 from dataset_builder.planning.scene.object_size import size_problem
 from dataset_builder.planning.scene.recent import Recent
+from dataset_builder.planning.scene.things import target_plan
 from dataset_builder.planning.view.cameras import PlannedCamera, place_camera
 from dataset_builder.planning.view.lights import LitView, sky_share, source_light, target_light, unit_irradiance
 from dataset_builder.seeding import derive_seed, rng
@@ -61,9 +62,9 @@ class Planner:
         return self._arrangements.get(pair, lambda: self._arrangement(pair))
 
     def _arrangement(self, pair: PairRef) -> Arrangement:
-        target, loaded = self.contents[pair.split].objects[pair.object], self.loaded
-        with self._odd_size_named(target):
-            return arrange(pair, self.contents[pair.split], loaded.dataset.seed, loaded.path.parent)
+        split = self.contents[pair.split]
+        with self._odd_size_named(target_plan(self.loaded, split, pair)):
+            return arrange(pair, self.loaded, split)
 
     @contextmanager
     def _odd_size_named(self, target: ObjectPlan) -> Iterator[None]:

@@ -1,6 +1,5 @@
 """Mesh files that a spec names: where they are, what belongs to them, and the digest of all of it."""
 
-import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -63,15 +62,15 @@ def broken_suffix_rule(name: str) -> tuple[str, str]:
 def references(path: Path, roots: Sequence[Path] = ()) -> tuple[FileReference, ...]:
     """The files that a mesh file names, such as buffers, textures and material libraries; each need not be there.
 
-    roots: folders, beside its own, that they may lie in. Raises ValueError where the mesh file cannot be understood
-    that far or names a file outside of these, OSError where it cannot be read.
+    roots: folders, beside its own, that it may name files in. Raises ValueError where the mesh file cannot be
+    understood that far or names a file outside of these, OSError where it cannot be read.
     """
     found = tuple(REFERENCES[path.suffix.lower()](path))
     for reference in found:
-        file = os.path.join(os.path.realpath(path.parent), reference.name)
-        if not any(is_inside(folder, file) for folder in (path.parent, *roots)):
-            raise ValueError(f"{reference.key}: expected a file in the folder of the mesh or below it"
-                             f"{', or in one of `roots`' if roots else ''}, got {shown(reference.written)}")
+        file = path.parent / reference.name
+        if not any(is_inside(folder, str(file.absolute())) for folder in (path.parent, *roots)):
+            places = "the folder of the mesh or below it" + ", or in one of the roots" * bool(roots)
+            raise ValueError(f"{reference.key}: expected a file in {places}, got {shown(reference.written)}")
     return found
 
 

@@ -19,7 +19,7 @@ from dataset_builder.assets.asset import (
 from dataset_builder.geometry.edges import CREASE_ANGLE, consistent, dihedral_angles, edges_of
 from dataset_builder.label.scene_plan import PlacedObject, RoomPlan
 from dataset_builder.planning.scene.assets_of_plan import asset_of
-from dataset_builder.planning.scene.room_parts import RoomPart, room_parts
+from dataset_builder.planning.scene.room_parts import room_parts
 from dataset_builder.planning.scene.scene_models import scene_model
 
 SCHLICK_MEAN = 1 / 21
@@ -196,21 +196,20 @@ def scene_use(room: RoomPlan, objects: Iterable[PlacedObject], mesh_root: Path) 
     return SceneUse(materials=tuple(uses), smooth=tuple(smooth), flat=tuple(flat),
                     files=tuple((word, f"{owner}: {said}") for owner, _, asset in placed
                                 for word, said in told_of(asset)),
-                    scene=_told_of_scene(room, around, mesh_root))
+                    scene=told_of_scene(room, mesh_root))
 
 
-def _told_of_scene(room: RoomPlan, around: Sequence[RoomPart], mesh_root: Path) -> tuple[tuple[str, str], ...]:
+def told_of_scene(room: RoomPlan, mesh_root: Path) -> tuple[tuple[str, str], ...]:
     """Of a scene from a file, pairs of a word and a sentence: one of each word, however many things it is about."""
     if room.kind == "procedural":
         return ()
-    model = scene_model(room, mesh_root)
-    told = {"contains": [model.contains], "left out": [*model.left_out], "faults": [*model.faults]}
-    for part in around:
+    model, told = scene_model(room, mesh_root), dict[str, list[str]]()
+    told |= {"contains": [model.contains], "left out": [*model.left_out], "faults": [*model.faults]}
+    for part in room_parts(room, mesh_root):
         for word, said in told_of(part.asset):
             if word != "contains":
                 told.setdefault(word, []).append(f"{part.name}: {said}")
-    taken = [f"{room.scene.file.source}: taken away: {', '.join(room.scene.hidden)}"] if room.scene.hidden else []
-    told["left out"] += taken
+    told["taken away"] = [*room.scene.hidden]
     return tuple((word, _listed(sentences)) for word, sentences in told.items() if sentences)
 
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from math import atan2, cos, degrees, radians, sin
 from pathlib import Path
 
@@ -17,6 +16,7 @@ from dataset_builder.planning.scene.scene_models import SceneFacts, ThingFacts, 
 from dataset_builder.seeding import rng
 from dataset_builder.spec.document import Path as KeyPath
 from dataset_builder.spec.file_scene import EVERY_SIZE, ThingQuery
+from dataset_builder.spec.name_patterns import fits, unmatched
 from dataset_builder.spec.problems import nearest, shown
 from dataset_builder.spec.resolve import LoadedSpec
 from dataset_builder.spec.usual_sizes import words_of
@@ -24,15 +24,10 @@ from dataset_builder.spec.usual_sizes import words_of
 WILD = "*?"
 
 
-def is_named(pattern: str, name: str) -> bool:
-    """Whether a pattern with * and ? means a name; upper and lower case differ, brackets are plain characters."""
-    return pattern == name or fnmatchcase(name, pattern.replace("[", "[[]"))
-
-
 def left_out(scene: ScenePlan, facts: SceneFacts) -> frozenset[str]:
     """Names of the things that the spec takes away."""
     patterns = scene.file.leave_out if scene.file else ()
-    return frozenset(thing.name for thing in facts.things if any(is_named(each, thing.name) for each in patterns))
+    return frozenset(thing.name for thing in facts.things if any(fits(thing.name, each) for each in patterns))
 
 
 def matching(query: ThingQuery, facts: SceneFacts, without: frozenset[str]) -> tuple[ThingFacts, ...]:
@@ -40,7 +35,7 @@ def matching(query: ThingQuery, facts: SceneFacts, without: frozenset[str]) -> t
     unless it gives the whole name."""
     low, high = query.size
     return tuple(thing for thing in facts.things if thing.name not in without and thing.faces
-                 and (thing.role == "object" or thing.name == query.name) and is_named(query.name, thing.name)
+                 and (thing.role == "object" or thing.name == query.name) and fits(thing.name, query.name)
                  and query.category in ("", thing.category) and low <= thing.size <= high)
 
 
@@ -113,13 +108,19 @@ def slot_of(loaded: LoadedSpec, split: SplitContents, pair: PairRef) -> Slot | N
     scene = split.scenes[pair.scene]
     if scene.file is None or scene.file.slot is None or split.things is not None:
         return None
-    facts = scene_facts(scene.room, loaded.path.parent)
-    found = matching(scene.file.slot, facts, left_out(scene, facts))
-    if not found:
-        raise PlanError([_too_few(loaded, (scene.key, ("file", "slot")), 1, scene.file.slot, facts, scene, 0)])
+    found = slots(loaded, scene, scene.file.slot)
     thing = found[rng(loaded.dataset.seed, *pair.path, "slot").integers(len(found))]
     placed = placed_thing(_thing_plan(split.name, scene, thing, 0), loaded.path.parent, 1)
     return Slot(thing=thing.name, middle=placed.position[:2], base=placed.position[2], yaw=placed.yaw)
+
+
+def slots(loaded: LoadedSpec, scene: ScenePlan, query: ThingQuery) -> tuple[ThingFacts, ...]:
+    """The things of a scene that a target may take the place of. Raises PlanError where there is none."""
+    facts = scene_facts(scene.room, loaded.path.parent)
+    found = matching(query, facts, left_out(scene, facts))
+    if not found:
+        raise PlanError([_too_few(loaded, (scene.key, ("file", "slot")), 1, query, facts, scene, 0)])
+    return found
 
 
 def _too_few(loaded: LoadedSpec, at: tuple[str, KeyPath], wanted: int, query: ThingQuery, facts: SceneFacts,
@@ -135,7 +136,7 @@ def _too_few(loaded: LoadedSpec, at: tuple[str, KeyPath], wanted: int, query: Th
 def _hint(query: ThingQuery, facts: SceneFacts, without: frozenset[str]) -> str:
     """What the writer of a query that too little fits may have meant."""
     names = [thing.name for thing in facts.things]
-    named = [thing for thing in facts.things if is_named(query.name, thing.name)]
+    named = [thing for thing in facts.things if fits(thing.name, query.name)]
     if not named:
         word = query.name.strip(WILD)
         return next((said for said in facts.said if word and word in said), "") or nearest(word, names)
@@ -156,17 +157,20 @@ def _hint(query: ThingQuery, facts: SceneFacts, without: frozenset[str]) -> str:
 
 
 def unknown_names(loaded: LoadedSpec, scene: ScenePlan, facts: SceneFacts) -> Iterator[Problem]:
-    """A problem for every pattern of a scene spec that names nothing in its file."""
+    """A problem for every pattern of a scene spec that names nothing in its file; readers look at `parts` themselves.
+    """
     if scene.file is None:
         return
     things = [thing.name for thing in facts.things]
-    named: list[tuple[KeyPath, str, Sequence[str], str]] = [
-        *((("file", "leave_out", k), pattern, things, "thing") for k, pattern in enumerate(scene.file.leave_out)),
-        *((("file", "parts", part, k), pattern, things, "thing") for part, patterns in scene.file.parts.items()
-          for k, pattern in enumerate(patterns)),
-        *((("file", "lights", "dim", pattern), pattern, facts.lights, "light") for pattern in scene.file.lights.dim)]
-    for path, pattern, known, what in named:
-        if not any(is_named(pattern, name) for name in known):
-            hint = nearest(pattern.strip(WILD), known, what) or f"it has no {what}s"
-            yield loaded.problem(scene.key, path, f"expected the name of a {what} in {scene.file.path}, got "
-                                 f"{shown(pattern)}", hint)
+    for number, pattern in enumerate(scene.file.leave_out):
+        if unmatched([pattern], things):
+            yield _unknown(loaded, scene, ("leave_out", number), pattern, things, "thing")
+    for pattern in unmatched(scene.file.lights.dim, facts.lights):
+        yield _unknown(loaded, scene, ("lights", "dim", pattern), pattern, facts.lights, "light")
+
+
+def _unknown(loaded: LoadedSpec, scene: ScenePlan, path: KeyPath, pattern: str, known: Sequence[str],
+             what: str) -> Problem:
+    return loaded.problem(scene.key, ("file", *path), f"expected the name of a {what} in "
+                          f"{scene.room.scene.file.source}, got {shown(pattern)}",
+                          nearest(pattern.strip(WILD), known, what) or f"it has no {what}s")
