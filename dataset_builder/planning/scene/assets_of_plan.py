@@ -151,7 +151,8 @@ def _thing_asset(plan: ObjectPlan, mesh_root: Path) -> Asset:
     matrix = np.eye(4)
     matrix[:3, :3] = np.reshape(plan.linear, (3, 3))
     mesh, moved, flat = stand(transform(thing.asset.mesh, matrix))
-    meta = {**thing.asset.meta, "licence": plan.licence, "source": plan.thing,
+    meta = {**thing.asset.meta, "licence": plan.licence, "source": plan.source,
+            "contains": f"{plan.thing} of {plan.source}, {len(mesh.faces):,} triangles",
             "moved": ", ".join(f"{step:.6g} m" for step in moved),
             "shape": "; ".join(filter(None, [thing.asset.meta.get("shape", ""), *flat]))}
     return replace(thing.asset, name=plan.name, category=plan.category, mesh=mesh, meta=meta)

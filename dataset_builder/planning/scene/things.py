@@ -140,20 +140,25 @@ def _hint(query: ThingQuery, facts: SceneFacts, without: frozenset[str]) -> str:
     if not named:
         word = query.name.strip(WILD)
         return next((said for said in facts.said if word and word in said), "") or nearest(word, names)
-    if gone := [thing.name for thing in named if thing.name in without]:
-        return f"`leave_out` takes {gone[0]} away"
-    if empty := [thing.name for thing in named if not thing.faces]:
-        return f"{empty[0]} has no faces"
-    if parts := [thing for thing in named if thing.role != "object"]:
-        return (f"{parts[0].name} is part of the {parts[0].role}: give its whole name if it is meant, or say under "
-                "`parts` that it is an object")
-    kinds = sorted({thing.category for thing in named})
+    usable = [thing for thing in named if thing.role == "object" and thing.faces and thing.name not in without]
+    if not usable:
+        return _unusable(named[0], without)
+    kinds = sorted({thing.category for thing in usable})
     if query.category and query.category not in kinds:
         return nearest(query.category, kinds, "category")
     if query.size != EVERY_SIZE:
-        sizes = [thing.size for thing in named]
+        sizes = [thing.size for thing in usable]
         return f"the longest sides of those with that name are {min(sizes):.3g} to {max(sizes):.3g} m"
     return "lower the count, or ask for more with *"
+
+
+def _unusable(thing: ThingFacts, without: frozenset[str]) -> str:
+    if thing.name in without:
+        return f"`leave_out` takes {thing.name} away"
+    if not thing.faces:
+        return f"{thing.name} has no faces"
+    return (f"{thing.name} is part of the {thing.role}: give its whole name if it is meant, or say under `parts` that "
+            "it is an object")
 
 
 def unknown_names(loaded: LoadedSpec, scene: ScenePlan, facts: SceneFacts) -> Iterator[Problem]:
