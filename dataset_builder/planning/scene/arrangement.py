@@ -17,7 +17,7 @@ from dataset_builder.planning.scene.footprints import Box, Pose
 from dataset_builder.planning.scene.layout import Piece, Place, lay_out
 from dataset_builder.planning.scene.mesh_shell import shell_of
 from dataset_builder.planning.scene.object_size import advice_on
-from dataset_builder.planning.scene.shell import Geometry, Shell
+from dataset_builder.planning.scene.shell import Geometry, Shell, box_of
 from dataset_builder.seeding import rng
 
 TARGET_INSTANCE = 1
@@ -65,11 +65,13 @@ class Arrangement:
         """Half the diagonal of the target's box."""
         return float(np.linalg.norm(np.diff(self._target_box, axis=0)) / 2)
 
+    @cached_property
+    def _bounds(self) -> list[np.ndarray]:
+        return [corner for part in self.geometry if len(part[1]) for corner in box_of(part)]
+
     def diagonal(self, camera: Vector) -> float:
         """Longest way through the air of a view from `camera`, metres."""
-        bounds = [bound(positions[np.unique(faces)], axis=0) for positions, faces, _ in self.geometry if len(faces)
-                  for bound in (np.min, np.max)]
-        return self.shell.diagonal(np.array([*bounds, camera]))
+        return self.shell.diagonal(np.array([*self._bounds, camera]))
 
 
 def extent_of(asset: Asset) -> Box:
