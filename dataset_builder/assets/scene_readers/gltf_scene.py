@@ -13,10 +13,9 @@ from dataset_builder.assets.readers.gltf_nodes import NodeTree, Placed, Placemen
 from dataset_builder.assets.scene_model import SceneModel, SceneThing
 from dataset_builder.assets.scene_readers.gltf_lights import scene_cameras, scene_lights
 from dataset_builder.assets.scene_readers.thing_assets import thing_asset
-from dataset_builder.assets.scene_readers.thing_tree import TreeNode, thing_nodes
+from dataset_builder.assets.scene_readers.thing_tree import TreeNode, category_in, thing_nodes
 from dataset_builder.errors import UserError, printable
 from dataset_builder.label.scene_source import SceneSource
-from dataset_builder.spec.usual_sizes import category_of
 
 MOST_NODES, DEEPEST = 200_000, 100
 """Nodes of a file, and how far they may nest."""
@@ -168,7 +167,7 @@ class _Taking:
         model = FileModel(parts=parts, materials=self.reading.used_materials(), contains="")
         try:
             return thing_asset(model, self.world_from_file, name=name, licence=self.source.licence,
-                               category=category_of(reversed(name.split("/"))))
+                               category=category_in(name))
         except UserError as error:
             return error
 
