@@ -27,7 +27,8 @@ def box_mesh(low: Sequence[float], high: Sequence[float]) -> TriangleMesh:
 
 
 def box_asset(low: Sequence[float], high: Sequence[float]) -> Asset:
-    return Asset(name="box", category="", mesh=box_mesh(low, high), materials=(Material(name="m", base_color=(1, 1, 1)),))
+    return Asset(name="box", category="", mesh=box_mesh(low, high),
+                 materials=(Material(name="m", base_color=(1, 1, 1)),))
 
 
 def plain(asset: Asset) -> Asset:

@@ -18,8 +18,8 @@ from dataset_builder.spec.usual_sizes import category_of, usual_of, words_of
 
 PLACES = frozenset((
     "room", "bedroom", "livingroom", "bathroom", "kitchen", "hall", "hallway", "corridor", "office", "studio", "garage",
-    "attic", "basement", "cellar", "house", "home", "flat", "apartment", "building", "storey", "story",
-    "level", "scene", "interior", "exterior", "environment", "world", "root", "stage", "furniture", "props", "collection", "group"))
+    "attic", "basement", "cellar", "house", "home", "flat", "apartment", "building", "storey", "story", "level",
+    "scene", "interior", "exterior", "environment", "world", "root", "stage", "furniture", "props"))
 """Words for what holds things."""
 BUILDING = frozenset((
     "floor", "flooring", "ground", "wall", "ceiling", "roof", "window", "door", "doorway", "skirting", "baseboard",

@@ -1,4 +1,4 @@
-"""A procedural room with furniture, written as glTF, comes back: triangles, materials, places, parts of the building."""
+"""A procedural room with furniture, written as glTF, comes back: triangles, materials, places, parts."""
 
 from pathlib import Path
 
