@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from dataset_builder.assets.scene_model import Role, SceneThing
-from dataset_builder.assets.scene_readers.shape_roles import world_mesh
+from dataset_builder.assets.scene_readers.shape_roles import SIDES, world_mesh
 from dataset_builder.digest import digest
 from dataset_builder.geometry.edges import unit
 from dataset_builder.geometry.mesh import TriangleMesh
@@ -19,8 +19,8 @@ OFF = 1e-3
 """Metres from a face where its rays begin."""
 BIN, MINOR = 0.25, 0.2
 """Metres of a level, and share of the largest level's area that makes another one a floor: table tops do not."""
-REST = 0.1
-"""Share of the floor's area below which a ceiling is but the tops of walls."""
+PASSAGE = 0.5
+"""Metres of width below which a hollow is the inside of a wall."""
 ROLES: tuple[Role, ...] = ("floor", "walls", "ceiling")
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -37,9 +37,9 @@ def parted(thing: SceneThing) -> tuple[SceneThing, ...]:
 def face_roles(mesh: TriangleMesh) -> np.ndarray:
     """(F,) which of `ROLES` each face of a building has; Z is up.
 
-    A level face with a room's height free to the next face above it is floor, one with that below it is ceiling. What
-    has the sky above it is roof where there is room below it, else floor. The lowest side of a building is floor. All
-    else is wall, with levels of little area and with a ceiling that is not worth the name.
+    A level face with a room's height free to the next face above it is floor, one with that below it is ceiling, but
+    for the ends of solid walls. What has the sky above it is roof where there is room below it, else floor. The
+    underside of the lowest slab is floor. All else is wall, levels of little area too.
     """
     areas = mesh.area_normals
     level = np.flatnonzero(np.abs(unit(areas)[:, 2]) >= LEVEL)
@@ -49,20 +49,30 @@ def face_roles(mesh: TriangleMesh) -> np.ndarray:
     above, below = (rays.first_hit(middles + OFF * way, np.repeat(way[None], len(level), axis=0))[1]
                     for way in (UP, -UP))
     sky = ~np.isfinite(above)
-    deep = np.zeros(len(level), bool)
-    if sky.any():
-        asked = np.flatnonzero(sky)
-        ray, _, distance = rays.hits(middles[asked] - OFF * UP, np.repeat(-UP[None], len(asked), axis=0))
-        deep[asked[ray[distance >= HEAD]]] = True
-    floor = (~sky & (above >= HEAD)) | (sky & ~deep)
-    ceiling = ~floor & ((np.isfinite(below) & (below >= HEAD)) | (sky & deep))
-    floor |= ~ceiling & ~np.isfinite(below)
+    deep = _is_deep(rays, middles, sky)
+    floor = (~sky & (above >= HEAD) & _is_wide(rays, middles + UP * HEAD / 3)) | (sky & ~deep) | (
+        ~np.isfinite(below) & (above < HEAD))
+    ceiling = ~floor & ((np.isfinite(below) & (below >= HEAD)) | deep) & _is_wide(rays, middles - UP * HEAD / 3)
     floor[floor] = _is_storey(middles[floor, 2], size[level[floor]])
-    if size[level[ceiling]].sum() < REST * size[level[floor]].sum():
-        ceiling[:] = False
     roles = np.ones(len(mesh.faces), np.int64)
     roles[level[floor]], roles[level[ceiling]] = 0, 2
     return roles
+
+
+def _is_deep(rays: RayScene, points: np.ndarray, asked: np.ndarray) -> np.ndarray:
+    """(N,) whether any face lies a room's height or more below a point, of those (N,) that are asked for."""
+    deep = np.zeros(len(points), bool)
+    if (chosen := np.flatnonzero(asked)).size:
+        ray, _, distance = rays.hits(points[chosen] - OFF * UP, np.repeat(-UP[None], len(chosen), axis=0))
+        deep[chosen[ray[distance >= HEAD]]] = True
+    return deep
+
+
+def _is_wide(rays: RayScene, points: np.ndarray) -> np.ndarray:
+    """(N,) whether there is a passage's width around a point in all directions: inside of a solid wall there is not."""
+    free = rays.first_hit(np.repeat(points, len(SIDES), axis=0), np.tile(SIDES, (len(points), 1)))[1]
+    free = free.reshape(-1, len(SIDES))
+    return np.asarray((free + np.roll(free, len(SIDES) // 2, axis=1)).min(axis=1, initial=np.inf) >= PASSAGE)
 
 
 def _is_storey(heights: np.ndarray, areas: np.ndarray) -> np.ndarray:

@@ -38,7 +38,8 @@ def obj_scene(folder: Path, text: str) -> SceneModel:
 def test_objects_or_groups_are_things(tmp_path: Path, text: str, expected: dict[str, int]) -> None:
     found = obj_scene(tmp_path, text)
     assert {thing.name: len(thing.asset.mesh.faces) for thing in found.things} == expected
-    assert sum(expected.values()) == len(load_mesh_file(tmp_path / "a.obj", name="a", category="", licence="").mesh.faces)
+    whole = load_mesh_file(tmp_path / "a.obj", name="a", category="", licence="")
+    assert sum(expected.values()) == len(whole.mesh.faces)
 
 
 def test_things_take_the_materials_that_they_use(tmp_path: Path) -> None:
@@ -60,8 +61,9 @@ def test_a_group_without_area_is_a_fault(tmp_path: Path) -> None:
 @pytest.mark.parametrize("suffix", [".ply", ".stl", ".off"])
 def test_files_of_one_thing(tmp_path: Path, suffix: str) -> None:
     text = {".off": "OFF\n3 1 0\n0 0 0\n2 0 0\n0 2 0\n3 0 1 2\n",
-            ".ply": "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
-                    "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n2 0 0\n0 2 0\n3 0 1 2\n",
+            ".ply": "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float "
+                    "z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n2 0 0\n0 2 0\n"
+                    "3 0 1 2\n",
             ".stl": "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 2 0 0\nvertex 0 2 0\nendloop\n"
                     "endfacet\nendsolid\n"}[suffix]
     (tmp_path / f"room{suffix}").write_text(text)

@@ -28,7 +28,7 @@ def thing(name: str, mesh: TriangleMesh | Box, role: Role = "object", category: 
 
 
 def roles(*things: SceneThing, **parts: tuple[str, ...]) -> dict[str, str]:
-    said = tuple(PartPatterns(part=part, patterns=patterns) for part, patterns in parts.items())  # type: ignore[arg-type]
+    said = tuple(PartPatterns.model_validate({"part": part, "patterns": each}) for part, each in parts.items())
     found, _ = classified(things, SceneSource(parts=said))
     return {each.name: each.role for each in found}
 
@@ -38,7 +38,8 @@ def roles(*things: SceneThing, **parts: tuple[str, ...]) -> dict[str, str]:
     ("wall_left_02", "walls"), ("Window_3", "walls"), ("Door", "walls"), ("Ceiling", "ceiling"), ("Roof", "ceiling"),
     ("CustomizedCeiling", "ceiling"), ("Baseboard", "walls"), ("Cornice", "ceiling"),
     ("Chair", None), ("floor_lamp", None), ("WallClock", None), ("cabinet_door", None), ("ceiling fan", None),
-    ("wall-art", None), ("DoorMat", None), ("Curtain", None), ("carpet", None), ("Wallpaper", None), ("Object_4", None)])
+    ("wall-art", None), ("DoorMat", None), ("Curtain", None), ("carpet", None), ("Wallpaper", None),
+    ("Object_4", None)])
 def test_words(name: str, role: str | None) -> None:
     assert role_of(name) == role
     assert role is None or not says_object(name)
@@ -93,7 +94,7 @@ def test_faces_of_a_house_of_slabs() -> None:
     assert set(found[(box == 0) & (up > 0)]) == {0} and set(found[(box == 0) & (up < 0)]) == {0}
     assert set(found[(box == 1) & (up > 0)]) == {0} and set(found[(box == 1) & (up < 0)]) == {2}
     assert set(found[(box == 2) & (up != 0)]) == {2}
-    assert set(found[box == 3]) == {1} or set(found[(box == 3) & (up == 0)]) == {1}
+    assert set(found[box == 3]) == {1}
     assert set(found[box == 4]) == {1}
 
 
