@@ -79,6 +79,18 @@ def test_a_camera_looks_through_a_door_and_not_through_walls() -> None:
     assert space.depth(np.array([4.8, 3.0, 0.5]), np.array([-1.0, 0, 0]), 0.15) == pytest.approx(0.6, abs=1e-3)
 
 
+def test_a_camera_does_not_look_in_from_the_street_but_out_of_a_window_it_may() -> None:
+    """The wall at y = 4 is open between 0.9 and 2 m."""
+    house = [part for part in walled(5, 4, 2.5) if part[0].min(axis=0)[1] < 3.9]
+    house += [box((0, 4, 0), (5, 4.1, 0.9)), box((0, 4, 2), (5, 4.1, 2.5)), box((-9, -9, -0.3), (14, 20, -0.2))]
+    space, within, without = shell(house), np.array([2.5, 3.0, 1.2]), np.array([2.5, 7.0, 1.2])
+    street, room = np.array([2.5, 5.5, 1.3]), np.array([2.5, 2.0, 1.3])
+    assert space.inside(room, 0.1, within) and not space.inside(street, 0.1, within)
+    assert space.inside(street, 0.1, without) and space.inside(room, 0.1, without)
+    assert space.depth(within, np.array([0.0, 1.0, 0.0]), 0.1) < 1.2
+    assert space.depth(without, np.array([0.0, 1.0, 0.0]), 0.1) > 10
+
+
 @pytest.mark.parametrize(("house", "at"), [(l_shape, (1.0, 5.0, 0.0)), (two_storeys, (2.0, 2.0, 2.7))])
 def test_cameras_stay_in_the_room_of_their_target(house: Callable[[], list[Geometry]],
                                                   at: tuple[float, float, float]) -> None:
