@@ -175,8 +175,8 @@ class LightPlan(Model):
     beam: float = 0.0
     """Degrees from the axis of a spot to where it begins to fall off; 0 for three quarters of `cutoff`."""
     radiance: Vector
-    """Red, green, blue, linear Rec.709, 0 or more: W/(m^2 sr) of a dome, area, sphere, disk or cylinder, W/m^2 of a sun,
-    W/sr of a point or spot. Lights of a scene file have its own units, times one factor for all."""
+    """Red, green, blue, linear Rec.709, 0 or more: W/(m^2 sr) of a dome, area, sphere, disk or cylinder, W/m^2 of a
+    sun, W/sr of a point or spot. Lights of a scene file have its own units, times one factor for all."""
     temperature: float
     """Colour temperature in kelvin that the colour was drawn from; 0 where it was not."""
     image: str = ""
