@@ -45,18 +45,17 @@ class LightInputs:
         return str(self.prim.GetPath())
 
     def value(self, name: str, default: Any = None) -> Any:
-        """Of `inputs:NAME`, or of the attribute NAME; what is fed from elsewhere is said not to be."""
+        """Of `inputs:NAME`, or of the attribute NAME; said where it should come from elsewhere."""
         from pxr import Usd
 
-        for key in (f"inputs:{name}", name):
-            attribute = self.prim.GetAttribute(key)
-            if not attribute or (key == name and not attribute.IsAuthored()):
-                continue
-            if attribute.HasAuthoredConnections():
-                self.say(f"what feeds {key}")
-            value = attribute.Get(Usd.TimeCode.EarliestTime())
-            return default if value is None else value
-        return default
+        attributes = [each for key in (f"inputs:{name}", name) if (each := self.prim.GetAttribute(key))]
+        if not attributes:
+            return default
+        attribute = next((each for each in attributes if each.IsAuthored()), attributes[0])
+        if attribute.HasAuthoredConnections():
+            self.say(f"what feeds {attribute.GetName()}")
+        value = attribute.Get(Usd.TimeCode.EarliestTime())
+        return default if value is None else value
 
     def number(self, name: str, default: float, *, low: float = 0.0, high: float = MOST_RADIANCE) -> float:
         """As `value`. Raises UserError for what is not in [low, high]."""
