@@ -39,11 +39,11 @@ WORLD_FROM_FILE: dict[Up, np.ndarray] = {
 """Rotations by the file's upward axis; with y up, glTF's front +Z comes to -Y."""
 
 
-def checked_references(path: Path) -> tuple[FileReference, ...]:
-    """The files that `path` refers to. Raises UserError that names every one which is not there or unreadable; the mesh
-    reader would pass over a missing texture."""
+def checked_references(path: Path, roots: tuple[Path, ...] = ()) -> tuple[FileReference, ...]:
+    """The files that `path` refers to, in its folder or one of `roots`. Raises UserError that names every one which is
+    not there or unreadable; the mesh reader would pass over a missing texture."""
     try:
-        found = references(path)
+        found = references(path, roots)
     except (OSError, ValueError) as error:
         problem = Problem(where=str(path), path="", rule=f"expected a readable {path.suffix} file, got: {error}")
         raise UserError([problem]) from error
