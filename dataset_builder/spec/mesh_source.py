@@ -1,6 +1,6 @@
 """Mesh files that a spec names: where they are, what belongs to them, and the digest of all of it."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -59,22 +59,22 @@ def broken_suffix_rule(name: str) -> tuple[str, str]:
     return f"expected a file that ends in one of {' '.join(MESH_SUFFIXES)}, got {shown(name)}", ""
 
 
-def references(path: Path, roots: tuple[Path, ...] = ()) -> tuple[FileReference, ...]:
+def references(path: Path, roots: Sequence[Path] = ()) -> tuple[FileReference, ...]:
     """The files that a mesh file names, such as buffers, textures and material libraries; each need not be there.
 
     roots: folders, beside its own, that they may lie in. Raises ValueError where the mesh file cannot be understood
     that far or names a file outside of these, OSError where it cannot be read.
     """
     suffix = path.suffix.lower()
-    found = usd_references(path, roots) if suffix in USD_SUFFIXES else tuple(REFERENCES[suffix](path))
+    found = usd_references(path, tuple(roots)) if suffix in USD_SUFFIXES else tuple(REFERENCES[suffix](path))
     for reference in found:
         if not is_within((path.parent, *roots), reference.name):
             raise ValueError(f"{reference.key}: expected a file in the folder of the mesh or below it"
-                             f"{', or in a folder of `roots`' if roots else ''}, got {shown(reference.written)}")
+                             f"{', or in one of the roots' if roots else ''}, got {shown(reference.written)}")
     return found
 
 
-def companions(path: Path, roots: tuple[Path, ...] = ()) -> tuple[str, ...]:
+def companions(path: Path, roots: Sequence[Path] = ()) -> tuple[str, ...]:
     """Names of the files that a mesh file needs, relative to it, each once; raises as `references` does."""
     return tuple(sorted({reference.name for reference in references(path, roots)}))
 
