@@ -28,12 +28,25 @@ class UsdNode:
     """Its path, or for what a PointInstancer places `/Grass[7]/Blade`."""
     matrix: np.ndarray
     """(4, 4) stage_from_prim, for columns."""
+    local: np.ndarray | None
+    """(4, 4) parent_from_prim; None where the prim resets what is above it."""
     parent: "UsdNode | None"
     depth: int
     purpose: str
     """`default` unless it or one above says otherwise."""
     placed: bool = False
     """Whether it is an instance of a PointInstancer."""
+
+    def relative_to(self, root: "UsdNode") -> np.ndarray:
+        """(4, 4) root_from_prim, from the transforms between them, so that it is the same for every instance."""
+        matrix = np.eye(4)
+        for node in self.above():
+            if node is root:
+                return matrix
+            if node.local is None:
+                return np.linalg.solve(root.matrix, node.matrix) @ matrix
+            matrix = node.local @ matrix
+        return np.linalg.solve(root.matrix, self.matrix)
 
     def above(self) -> "Iterator[UsdNode]":
         """It and those above it, the stage's own root left out."""
@@ -59,8 +72,8 @@ class UsdWalk:
         comes once for each. Raises UserError for too many, and for instances of themselves."""
         from pxr import UsdGeom
 
-        waiting = [UsdNode(prim=self.stage.GetPseudoRoot(), name="", matrix=np.eye(4), parent=None, depth=0,
-                           purpose="default")]
+        waiting = [UsdNode(prim=self.stage.GetPseudoRoot(), name="", matrix=np.eye(4), local=np.eye(4), parent=None,
+                           depth=0, purpose="default")]
         number = 0
         while waiting:
             node = waiting.pop()
@@ -108,28 +121,29 @@ class UsdWalk:
         return list(node.prim.GetFilteredChildren(Usd.TraverseInstanceProxies(which)))
 
     def _child(self, node: UsdNode, prim: "Usd.Prim") -> UsdNode:
-        return UsdNode(prim=prim, name=f"{node.name}/{prim.GetName()}", matrix=self._matrix(node, prim), parent=node,
+        matrix, local = self._matrices(node, prim)
+        return UsdNode(prim=prim, name=f"{node.name}/{prim.GetName()}", matrix=matrix, local=local, parent=node,
                        depth=node.depth + 1, purpose=_purpose(prim, node.purpose))
 
-    def _matrix(self, node: UsdNode, prim: "Usd.Prim") -> np.ndarray:
-        """stage_from_prim of a child of a node."""
+    def _matrices(self, node: UsdNode, prim: "Usd.Prim") -> tuple[np.ndarray, np.ndarray | None]:
+        """stage_from_prim and parent_from_prim of a child of a node."""
         from pxr import Usd, UsdGeom
 
         if not prim.IsA(UsdGeom.Xformable):
-            return node.matrix
+            return node.matrix, np.eye(4)
         moved = UsdGeom.Xformable(prim)
         for name in moved.GetXformOpOrderAttr().Get() or ():
             if name != "!resetXformStack!" and not prim.HasAttribute(name.removeprefix("!invert!")):
                 refuse(self.path, f"expected xformOps that the prim has, got {name}", at=str(prim.GetPath()))
         local = np.array(moved.GetLocalTransformation(Usd.TimeCode.EarliestTime())).T
-        base = node.matrix
-        if moved.GetResetXformStack():
+        base, resets = node.matrix, moved.GetResetXformStack()
+        if resets:
             base = next((each.matrix for each in node.above() if each.placed), np.eye(4))
         with np.errstate(all="ignore"):
             matrix = base @ local
         if not np.isfinite(matrix).all() or np.abs(matrix[3] - (0, 0, 0, 1)).max() > 1e-9:
             refuse(self.path, "expected an affine transform of finite numbers, got another", at=str(prim.GetPath()))
-        return matrix
+        return matrix, None if resets else local
 
     def _placed(self, node: UsdNode) -> list[UsdNode]:
         """What a PointInstancer places."""
@@ -144,8 +158,8 @@ class UsdWalk:
                    at=str(node.prim.GetPath()))
         if hidden:
             self.left_out[f"{hidden} invisible or inactive instances of {node.prim.GetPath()}"] += 1
-        return [UsdNode(prim=prim, name=f"{node.name}[{number}]", matrix=node.matrix @ matrix, parent=node,
-                        depth=node.depth + 1, purpose=_purpose(prim, node.purpose), placed=True)
+        return [UsdNode(prim=prim, name=f"{node.name}[{number}]", matrix=node.matrix @ matrix, local=matrix,
+                        parent=node, depth=node.depth + 1, purpose=_purpose(prim, node.purpose), placed=True)
                 for number, prim, matrix in found]
 
 
