@@ -110,7 +110,8 @@ def model_asset(model: FileModel, world_from_file: np.ndarray, *, name: str, cat
     sizes = [len(part.faces) for part in model.parts]
     mesh, mended = repair(whole, part=np.repeat(np.arange(len(sizes)), sizes))
     meta = {"licence": licence, "contains": f"{model.contains}; {pieces_text(mended)}",
-            "left_out": "; ".join(_left_out(model)), "repair": repair_text(mended, [part.name for part in model.parts]),
+            "left_out": "; ".join(left_out_of(model)),
+            "repair": repair_text(mended, [part.name for part in model.parts]),
             "shape": "; ".join([*repair_notes(mended), *shape_faults(mesh).notes])}
     return Asset(name=name, category=category, mesh=mesh, materials=_materials(model), meta=meta)
 
@@ -143,7 +144,8 @@ def _colored_or_not(model: FileModel) -> list[bool]:
     return sorted({part.colors is not None for part in model.parts if part.material < 0})
 
 
-def _left_out(model: FileModel) -> list[str]:
+def left_out_of(model: FileModel) -> list[str]:
+    """What a file says and is not honoured, that of its materials first."""
     return [*(f"{each.material.name}: {', '.join(each.left_out)}" for each in model.materials if each.left_out),
             *model.left_out]
 
