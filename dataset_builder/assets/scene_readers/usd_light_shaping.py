@@ -59,9 +59,8 @@ def shaped(inputs: "LightInputs", plan: LightPlan, frame: LightFrame, *, area: f
 
 def _say_unread(inputs: "LightInputs") -> None:
     """Say what shapes light besides cones."""
-    if (focus := inputs.number("shaping:focus", 0.0, low=-1e6, high=1e6)) > 0:
-        tint = np.asarray(inputs.value("shaping:focusTint", (0, 0, 0)), dtype=float)
-        if not np.allclose(tint, 1):
-            inputs.say(f"focus {focus:g}")
+    focus = inputs.number("shaping:focus", 0.0, low=-1e6, high=1e6)
+    if focus > 0 and not np.allclose(inputs.numbers("shaping:focusTint", (0, 0, 0)), 1):
+        inputs.say(f"focus {focus:g}")
     if path := getattr(inputs.value("shaping:ies:file"), "path", ""):
         inputs.say(f"IES profile {path}")
