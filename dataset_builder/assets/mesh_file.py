@@ -101,10 +101,12 @@ def file_named(path: Path) -> Iterator[None]:
         raise UserError([replace(problem, where=problem.where or str(path)) for problem in error.problems]) from error
 
 
-def model_asset(model: FileModel, world_from_file: np.ndarray, *, name: str, category: str, licence: str) -> Asset:
+def model_asset(model: FileModel, world_from_file: np.ndarray, *, name: str, category: str, licence: str,
+                look: bool = True) -> Asset:
     """What a reader took out of a file, of at least one part, as one asset: moved by a (4, 4) affine map to metres with
     Z up, welded and mended. `meta` says what the file contains, what of it was left out, what was mended of which part,
-    and what is wrong with its shape. Raises UserError for what is no surface."""
+    and what is wrong with its shape; look: whether to look for that, which takes most of the time. Raises UserError for
+    what is no surface."""
     plain = _colored_or_not(model)
     whole = transform(concatenate([_mesh(part, model, plain) for part in model.parts]), world_from_file)
     sizes = [len(part.faces) for part in model.parts]
@@ -112,7 +114,7 @@ def model_asset(model: FileModel, world_from_file: np.ndarray, *, name: str, cat
     meta = {"licence": licence, "contains": f"{model.contains}; {pieces_text(mended)}",
             "left_out": "; ".join(left_out_of(model)),
             "repair": repair_text(mended, [part.name for part in model.parts]),
-            "shape": "; ".join([*repair_notes(mended), *shape_faults(mesh).notes])}
+            "shape": "; ".join([*repair_notes(mended), *(shape_faults(mesh).notes if look else ())])}
     return Asset(name=name, category=category, mesh=mesh, materials=_materials(model), meta=meta)
 
 
