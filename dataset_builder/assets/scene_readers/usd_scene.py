@@ -99,7 +99,8 @@ def _take(scene: _Scene, node: UsdNode) -> None:
 
     path = scene.opened.path
     if is_light(node.prim):
-        light = read_light(path, node.prim, scene.world @ node.matrix, image=lambda asset: _image(scene, asset))
+        light = read_light(path, node.prim, scene.world @ node.matrix, image=lambda asset: _image(scene, asset),
+                           unit=float(np.cbrt(np.linalg.det(scene.world[:3, :3]))))
         scene.lights += [replace(light.light, name=node.name)] if light.light else []
         scene.said |= dict.fromkeys(light.said)
     elif node.prim.IsA(UsdGeom.Camera):
