@@ -69,9 +69,10 @@ def frame_of(path: Path, at: str, world: np.ndarray, unit: float) -> LightFrame:
 
 
 def rectangle_turn(frame: LightFrame) -> float:
-    """Degrees that a rectangle is turned about its direction so that its first side lies along the frame's x."""
+    """Degrees that a rectangle is turned about its direction so that its first side lies along the frame's -x, which is
+    to the right for who sees it shine with its y upwards."""
     right, above = rectangle_axes(frame.down, 0.0)
-    x = frame.axes[0]
+    x = -frame.axes[0]
     return degrees(atan2(float(x @ above), float(x @ right)))
 
 

@@ -158,8 +158,8 @@ def _rect(inputs: LightInputs, frame: LightFrame, image: ImageFinder | None) -> 
         return None
     shown = shown_image(inputs, image, TEXTURE_SUFFIXES, on_sphere=False)
     area = width * height
-    if shown:
-        inputs.say("its image is shown with left and right exchanged")
+    if shown and np.dot(np.cross(x, y), frame.down) > 0:
+        inputs.say("a mirrored image; it is shown unmirrored")
     plan = _plan("area", frame, inputs, _radiance(inputs, frame, area) * (shown.mean if shown else 1.0), size=width,
                  length=height, turn=rectangle_turn(frame), **(shown.fields if shown else {}))
     return shaped(inputs, plan, frame, area=area, width=max(width, height))
