@@ -12,7 +12,7 @@ from dataset_builder.assets.asset import Material, Wrap, reflectance_at
 from dataset_builder.assets.file_model import FileMaterial, refuse
 from dataset_builder.assets.image_maps import ImageFile, make_texture, opened_image, read_texels
 from dataset_builder.digest import read_regular
-from dataset_builder.spec.file_reference import MOST_BYTES, is_inside
+from dataset_builder.spec.file_reference import MOST_BYTES, is_within
 from dataset_builder.spec.scene import MAX_SPECULAR
 from dataset_builder.spec.usd_references import UDIM
 
@@ -45,6 +45,7 @@ class _Draft:
     path: Path
     shader: "UsdShade.Shader"
     max_texture: int
+    folders: tuple[Path, ...]
     maps: dict[str, np.ndarray] = field(default_factory=dict)
     left_out: list[str] = field(default_factory=list)
     layout: tuple[str, tuple[float, ...], str, str] | None = None
@@ -52,9 +53,11 @@ class _Draft:
     colors: str = ""
 
 
-def read_preview_surface(path: Path, shader: "UsdShade.Shader", name: str, max_texture: int) -> UsdMaterial:
-    """The material of a UsdPreviewSurface. Raises UserError where a texture cannot be read."""
-    draft = _Draft(path=path, shader=shader, max_texture=max_texture)
+def read_preview_surface(path: Path, shader: "UsdShade.Shader", name: str, max_texture: int,
+                         folders: tuple[Path, ...]) -> UsdMaterial:
+    """The material of a UsdPreviewSurface, whose textures lie in one of some folders. Raises UserError where a texture
+    cannot be read."""
+    draft = _Draft(path=path, shader=shader, max_texture=max_texture, folders=folders)
     base = _color(draft, "diffuseColor", "base_color", DIFFUSE)
     roughness, alpha = _number(draft, "roughness", "roughness", 0.5), _number(draft, "opacity", "alpha", 1.0)
     coat = _number(draft, "clearcoat", "coat", 0.0)
@@ -62,6 +65,8 @@ def read_preview_surface(path: Path, shader: "UsdShade.Shader", name: str, max_t
     emission = _color(draft, "emissiveColor", "emission", 0.0)
     metallic, specular = _reflection(draft)
     cutoff = _constant(draft, "opacityThreshold", 0.0)
+    if cutoff <= 0 and (alpha < 1 or "alpha" in draft.maps) and _input(shader, "opacityMode") != "presence":
+        draft.left_out.append("opacity of mode transparent, taken as presence: its highlights go with it")
     _normal(draft)
     _name_the_rest(draft)
     names, matrix, wrap_s, wrap_t = draft.layout or ("st", (1.0, 0.0, 0.0, 0.0, 1.0, 0.0), "repeat", "repeat")
@@ -75,7 +80,9 @@ def read_preview_surface(path: Path, shader: "UsdShade.Shader", name: str, max_t
 
 def _reflection(draft: _Draft) -> tuple[float, float]:
     """Metallic and specular: by index of refraction, or from a specular colour that dielectrics have."""
-    from_ior = reflectance_at(max(1.0, _constant(draft, "ior", 1.5)))
+    ior = _constant(draft, "ior", 1.5)
+    draft.left_out += [f"ior {ior:g}, taken as 1"] if ior < 1 else []
+    from_ior = reflectance_at(max(1.0, ior))
     if not _constant(draft, "useSpecularWorkflow", 0):
         if from_ior > MAX_SPECULAR:
             draft.left_out.append(f"ior whose reflectance is {from_ior:.3g}, taken as {MAX_SPECULAR}")
@@ -214,7 +221,7 @@ def _image(draft: _Draft, shader: "UsdShade.Shader") -> ImageFile | None:
         refuse(draft.path, f"expected one image, got the tiles {asset.path}", "bake them into one texture",
                at=str(shader.GetPath()))
     outer, inner = Ar.SplitPackageRelativePathOuter(asset.resolvedPath)
-    if not outer or not is_inside(draft.path.parent, outer):
+    if not outer or not is_within(draft.folders, outer):
         refuse(draft.path, f"expected an existing file in its folder or below it, got {asset.path}",
                at=str(shader.GetPath()))
     if not inner:
