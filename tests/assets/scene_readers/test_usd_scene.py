@@ -189,3 +189,19 @@ def test_one_side_and_category_labels_are_said(tmp_path):
         "m", more="uniform bool doubleSided = 0")), mesh("n")))
     assert model.things[0].category == "sofa" and place(model.things[1]) == (0.5, 0.5, 0)
     assert "surfaces of one side are seen from both" in model.left_out
+
+
+def test_images_of_lights_are_companions_where_they_may_be_read(tmp_path):
+    """One that is not there, or elsewhere, is said with its light, which is there without it."""
+    (tmp_path / "in").mkdir()
+    for folder in (tmp_path, tmp_path / "in"):
+        write_image(folder, "sky.png", (255, 255, 255))
+    dome = 'float inputs:intensity = 1\nasset inputs:texture:file = @{}@'
+    text = METRES + prim("Xform", "World", CHAIR, *(prim("DomeLight", name, dome.format(file)) for name, file in (
+        ("here", "sky.png"), ("gone", "none.png"), ("elsewhere", "../sky.png"))))
+    write(tmp_path / "in", text)
+    assert companions(tmp_path / "in/a.usda") == ("sky.png",)
+    model = load_scene(SceneSource(source="a.usda", licence="CC0-1.0"), tmp_path / "in")
+    assert len(model.lights) == 3
+    assert [sum(f"/World/{name}" in line and "sky.png" in line or "none.png" in line for line in model.left_out) > 0
+            for name in ("gone", "elsewhere")] == [True, True]
