@@ -146,7 +146,8 @@ def _textures(layer: "Sdf.Layer") -> list[tuple[str, str]]:
                 return
             times = layer.ListTimeSamplesForPath(where)
             values = [layer.GetAttributeAtPath(where).default, *(layer.QueryTimeSample(where, time) for time in times)]
-            found.extend((where.name, value.path) for value in values if isinstance(value, Sdf.AssetPath) and value.path)
+            found.extend((where.name, value.path) for value in values
+                         if isinstance(value, Sdf.AssetPath) and value.path)
 
     layer.Traverse(Sdf.Path.absoluteRootPath, visit)
     return [*dict.fromkeys(found)]
