@@ -1,1 +1,1 @@
-"""An example of a dataset -> a USD stage that other programs open: prims of all that its plan places, lights, camera."""
+"""An example of a dataset -> a USD stage that other programs open: all that its plan places, lights and camera."""

@@ -14,7 +14,7 @@ from dataset_builder.exporting.texel_files import TexelFiles
 from dataset_builder.geometry.pinhole import look_at
 from dataset_builder.label.scene_plan import IlluminationPlan, LightPlan
 from dataset_builder.light_kinds import LIGHT_KINDS
-from dataset_builder.planning.view.emission import BEAM_SHARE
+from dataset_builder.planning.view.emission import beam_of
 from dataset_builder.spec.image_uses import ENVIRONMENT_SUFFIXES, TEXTURE_SUFFIXES
 
 if TYPE_CHECKING:
@@ -112,7 +112,7 @@ class LightWriter:
         if light.kind == "spot":
             shaping = UsdLux.ShapingAPI.Apply(ball.GetPrim())
             shaping.CreateShapingConeAngleAttr(light.cutoff)
-            shaping.CreateShapingConeSoftnessAttr(1 - BEAM_SHARE)
+            shaping.CreateShapingConeSoftnessAttr(1 - beam_of(light) / light.cutoff)
         return ball
 
     def _show(self, prim: "UsdLux.DomeLight | UsdLux.RectLight", light: LightPlan) -> None:
@@ -138,7 +138,8 @@ def world_from_light(light: LightPlan) -> np.ndarray:
         # The same choice as of the emitters, so that images stand upright alike
         up = (1.0, 0.0, 0.0) if abs(direction[2]) > 0.9 else (0.0, 0.0, 1.0)
         right, above, ahead = look_at(np.zeros(3), direction, up)
-        matrix[:3, :3] = np.stack([right, above, -ahead], axis=1) @ _turned(light)
+        axes = (ahead, above, right) if light.kind == "cylinder" else (right, above, -ahead)
+        matrix[:3, :3] = np.stack(axes, axis=1) @ _turned(light)
     if not LIGHT_KINDS[light.kind].outside:
         matrix[:3, 3] = light.position
     return matrix

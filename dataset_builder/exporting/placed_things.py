@@ -71,8 +71,9 @@ def _around(plan: ExamplePlan, soup: Soup) -> list[PlacedThing]:
         faces = (soup.part == index) & ((soup.instance == ROOM_INSTANCE) | (part != "furniture"))
         if faces.any():
             name = "rest" if part == "furniture" else part
-            building.append(PlacedThing(name=name, category=name, licence=plan.room.scene.file.licence or FREE, part=name,
-                                        instance=ROOM_INSTANCE, world=np.eye(4), soup=soup.only(faces)))
+            licence = plan.room.scene.file.licence or FREE
+            building.append(PlacedThing(name=name, category=name, licence=licence, instance=ROOM_INSTANCE, part=name,
+                                        world=np.eye(4), soup=soup.only(faces)))
     furniture = [_object(placed, soup.only(soup.instance == placed.instance)) for placed in plan.furniture]
     for thing in plan.room.scene.things:
         own = soup.only(soup.instance == thing.instance)
