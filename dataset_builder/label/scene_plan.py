@@ -60,7 +60,8 @@ class ObjectPlan(Model):
     """The scene file of a thing; empty for all else."""
     thing: str = ""
     """Name of a thing in its scene; empty for all else."""
-    linear: tuple[float, float, float, float, float, float, float, float, float] = (1, 0, 0, 0, 1, 0, 0, 0, 1)
+    linear: tuple[float, float, float, float, float, float, float, float, float] = (
+        1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
     """(3, 3) by rows: what a thing's mesh is multiplied by to come to the object's frame; it scales, tilts and mirrors,
     and leaves the turn about +Z to `yaw`. 1 for all else."""
 
@@ -175,8 +176,8 @@ class LightPlan(Model):
     beam: float = 0.0
     """Degrees from the axis of a spot to where it begins to fall off; 0 for three quarters of `cutoff`."""
     radiance: Vector
-    """Red, green, blue, linear Rec.709, 0 or more: W/(m^2 sr) of a dome, area, sphere, disk or cylinder, W/m^2 of a sun,
-    W/sr of a point or spot. Lights of a scene file have its own units, times one factor for all."""
+    """Red, green, blue, linear Rec.709, 0 or more: W/(m^2 sr) of a dome, area, sphere, disk or cylinder, W/m^2 of a
+    sun, W/sr of a point or spot. Lights of a scene file have its own units, times one factor for all."""
     temperature: float
     """Colour temperature in kelvin that the colour was drawn from; 0 where it was not."""
     image: str = ""

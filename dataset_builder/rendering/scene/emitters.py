@@ -21,6 +21,7 @@ import mitsuba as mi
 import numpy as np
 
 from dataset_builder.errors import PlanError
+from dataset_builder.geometry.light_axes import upward
 from dataset_builder.label.scene_plan import IlluminationPlan, LightPlan
 from dataset_builder.light_kinds import LIGHT_KINDS, Image, LightName
 from dataset_builder.planning.view.emission import beam_of
@@ -159,8 +160,7 @@ def _with_opaque(plugin: mi.Object, **values: Any) -> Any:
 def _facing(light: LightPlan) -> mi.ScalarTransform4f:
     """Transform whose +Z is the light's direction; a rectangle's turn comes first."""
     position, direction = np.array(light.position), np.array(light.direction)
-    up = [1.0, 0.0, 0.0] if abs(direction[2]) > 0.9 * np.linalg.norm(direction) else [0.0, 0.0, 1.0]
-    facing = mi.ScalarTransform4f().look_at(list(position), list(position + direction), up)
+    facing = mi.ScalarTransform4f().look_at(list(position), list(position + direction), upward(light.direction))
     return facing @ mi.ScalarTransform4f().rotate([0, 0, 1], light.turn) if light.turn else facing
 
 
