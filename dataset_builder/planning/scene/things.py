@@ -170,8 +170,9 @@ def unknown_names(loaded: LoadedSpec, scene: ScenePlan, facts: SceneFacts) -> It
     for number, pattern in enumerate(scene.file.leave_out):
         if unmatched([pattern], things):
             yield _unknown(loaded, scene, ("leave_out", number), pattern, things, "thing")
-    for pattern in unmatched(scene.file.lights.dim, facts.lights):
-        yield _unknown(loaded, scene, ("lights", "dim", pattern), pattern, facts.lights, "light")
+    lights = [light.name for light in facts.lights]
+    for pattern in unmatched(scene.file.lights.dim, lights):
+        yield _unknown(loaded, scene, ("lights", "dim", pattern), pattern, lights, "light")
 
 
 def _unknown(loaded: LoadedSpec, scene: ScenePlan, path: KeyPath, pattern: str, known: Sequence[str],
