@@ -147,6 +147,8 @@ class UsdWalk:
 
     def _placed(self, node: UsdNode) -> list[UsdNode]:
         """What a PointInstancer places."""
+        from pxr import UsdGeom
+
         if sum(each.prim == node.prim for each in node.above()) > 1:
             refuse(self.path, "expected prototypes that are not instances of themselves, got one that is",
                    at=str(node.prim.GetPath()))
@@ -156,6 +158,10 @@ class UsdWalk:
             refuse(self.path, f"expected at most {MOST_INSTANCES:,} instances of PointInstancers in all, got "
                               f"{self.instances:,} or more", "deactivate the prim, or make some of them inactive",
                    at=str(node.prim.GetPath()))
+        each = [str(primvar.GetPrimvarName()) for primvar in UsdGeom.PrimvarsAPI(node.prim).GetPrimvarsWithValues()
+                if primvar.GetInterpolation() != "constant"]
+        if each:
+            self.left_out[f"{', '.join(each)} of each instance of {node.prim.GetPath()}"] += 1
         if hidden:
             self.left_out[f"{hidden} invisible or inactive instances of {node.prim.GetPath()}"] += 1
         return [UsdNode(prim=prim, name=f"{node.name}[{number}]", matrix=node.matrix @ matrix, local=matrix,
