@@ -63,9 +63,18 @@ def _lights(scene: object) -> dict:
             data, matrix = thing.data, np.array(thing.matrix_world)
             found[thing.name] = {
                 "type": data.type, "position": matrix[:3, 3].tolist(), "direction": (-matrix[:3, 2]).tolist(),
-                "energy": data.energy, "color": list(data.color), "radius": getattr(data, "shadow_soft_size", 0.0),
+                "energy": data.energy * _surface(data), "color": list(data.color), "radius": getattr(data, "shadow_soft_size", 0.0),
                 "size": getattr(data, "size", 0.0), "cone": np.degrees(getattr(data, "spot_size", 0.0)) / 2}
     return found
+
+
+def _surface(data: object) -> float:
+    """Square metres that a lamp's energy is multiplied by, where it is not that of the whole lamp."""
+    if data.normalize or data.type == "SUN":
+        return 1.0
+    if data.type == "AREA":
+        return data.size * (data.size_y if data.shape in ("RECTANGLE", "ELLIPSE") else data.size)
+    return 4 * np.pi * data.shadow_soft_size ** 2
 
 
 def _camera(thing: object) -> dict:

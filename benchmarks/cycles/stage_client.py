@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from cycles.client import Blender, CyclesImage
+from .client import Blender, CyclesImage
 
 SIDE = Path(__file__).with_name("blender_stage.py")
 OVERLAY = """#usda 1.0
@@ -11,7 +11,7 @@ OVERLAY = """#usda 1.0
     defaultPrim = "Example"
     metersPerUnit = 1
     upAxis = "Z"
-    subLayers = [@./{stage}@]
+    subLayers = [@{stage}@]
 )
 
 over "Example" (
@@ -39,9 +39,10 @@ class StageViewer(Blender):
 
     def open(self, stage: Path, *, illumination: str, geometry: str, width: int, height: int,
              bounces: int) -> dict[str, Any]:
-        """What Blender makes of a stage in these variants; a layer that chooses them is written beside it."""
-        chosen = stage.with_name(f"{illumination}-{geometry}.usda")
-        chosen.write_text(OVERLAY.format(stage=stage.name, illumination=illumination, geometry=geometry))
+        """What Blender makes of a stage in these variants, which a layer of its own chooses."""
+        chosen = Path(self._folder.name) / f"{illumination}-{geometry}.usda"
+        chosen.write_text(OVERLAY.format(stage=stage.resolve().as_posix(), illumination=illumination,
+                                         geometry=geometry))
         return self.ask(do="open", path=str(chosen), width=width, height=height, bounces=bounces)
 
     def picture(self, spp: int, seed: int = 1) -> CyclesImage:

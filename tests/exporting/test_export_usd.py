@@ -16,6 +16,7 @@ from dataset_builder.exporting import export_usd as module
 from dataset_builder.exporting.export_usd import Exported, ExportJob, export_usd
 from dataset_builder.label.example_label import ExampleLabel
 from dataset_builder.rendering.scene.triangle_soup import clean, rough_twin, surroundings
+from dataset_builder.shards.exr import decode
 from dataset_builder.shards.reader import open_dataset
 from tests.exporting.conftest import KEY
 
@@ -128,9 +129,9 @@ def test_layers_and_label_come_along(exported: Exported, small_dataset: Path) ->
     dataset = open_dataset(small_dataset)
     stage = chosen(exported)
     files = {attribute.GetName(): attribute.Get() for attribute in
-             stage.GetPrimAtPath("/Example/Layers").GetAttributes() if attribute.GetTypeName() == Sdf.ValueTypeNames.Asset}
+             stage.GetPrimAtPath("/Example/Layers").GetAttributes()
+             if attribute.GetTypeName() == Sdf.ValueTypeNames.Asset}
     assert set(files) == {f"layers:{name}" for name in dataset.layers}
-    from dataset_builder.shards.exr import decode
     for name in dataset.layers:
         read = decode(Path(files[f"layers:{name}"].resolvedPath).read_bytes())
         np.testing.assert_array_equal(read, dataset[KEY][name])

@@ -69,8 +69,9 @@ def test_the_plan_comes_back(there: ExamplePlan, back: tuple[ExamplePlan, Path])
         assert (one.kind, one.position) == (other.kind, pytest.approx(other.position, abs=1e-6))
         assert one.radiance == pytest.approx(other.radiance, rel=1e-6)
         assert one.size == pytest.approx(other.size, rel=1e-6)
-    assert [(thing.name, thing.instance) for thing in plan.room.scene.things] == [
-        ("/Example/Furniture/train_scene00_stool_00", 3)]
+    assert [(thing.name, thing.category, thing.instance) for thing in plan.room.scene.things] == [
+        ("/Example/Furniture/train_scene00_stool_00", "stool", 3)]
+    assert plan.target.object.category == there.target.object.category
 
 
 def pictures(plan: ExamplePlan, folder: Path, seeds: range) -> dict[str, np.ndarray]:
