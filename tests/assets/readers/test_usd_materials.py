@@ -115,7 +115,8 @@ def test_coordinates_are_scaled_turned_and_moved(tmp_path):
     ("float inputs:opacity = 0.5", (TRANSPARENT,)),
     ('float inputs:opacity = 0.5\ntoken inputs:opacityMode = "transparent"', (TRANSPARENT,)),
     ('float inputs:opacity = 0.5\ntoken inputs:opacityMode = "presence"', ()),
-    ("float inputs:opacity = 0.5\nfloat inputs:opacityThreshold = 0.1", ()), ("float inputs:ior = 0.5", ("ior 0.5, taken as 1",))])
+    ("float inputs:opacity = 0.5\nfloat inputs:opacityThreshold = 0.1", ()),
+    ("float inputs:ior = 0.5", ("ior 0.5, taken as 1",))])
 def test_what_opacity_means_is_said(tmp_path, inputs, named):
     assert made(tmp_path, inputs)[0].left_out == named
 
