@@ -63,8 +63,9 @@ def _lights(scene: object) -> dict:
             data, matrix = thing.data, np.array(thing.matrix_world)
             found[thing.name] = {
                 "type": data.type, "position": matrix[:3, 3].tolist(), "direction": (-matrix[:3, 2]).tolist(),
-                "energy": data.energy * _surface(data), "color": list(data.color), "radius": getattr(data, "shadow_soft_size", 0.0),
-                "size": getattr(data, "size", 0.0), "cone": np.degrees(getattr(data, "spot_size", 0.0)) / 2}
+                "energy": data.energy * _surface(data), "color": list(data.color),
+                "radius": getattr(data, "shadow_soft_size", 0.0), "size": getattr(data, "size", 0.0),
+                "cone": np.degrees(getattr(data, "spot_size", 0.0)) / 2}
     return found
 
 
