@@ -1,5 +1,6 @@
 """Names with * and ?, as specs write them for things, lights and parts of a scene."""
 
+from collections.abc import Iterable, Sequence
 from fnmatch import fnmatchcase
 
 
@@ -10,3 +11,8 @@ def fits(name: str, pattern: str) -> bool:
     (True, False)
     """
     return fnmatchcase(name, pattern.replace("[", "[[]"))
+
+
+def unmatched(patterns: Iterable[str], names: Sequence[str]) -> list[str]:
+    """The patterns that no name fits, each once."""
+    return [pattern for pattern in dict.fromkeys(patterns) if not any(fits(name, pattern) for name in names)]

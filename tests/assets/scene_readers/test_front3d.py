@@ -3,15 +3,16 @@
 import pytest
 
 from dataset_builder.assets.scene_file import load_scene
-from dataset_builder.assets.scene_readers.front3d_json import read_front3d
 from tests.front3d_faults import FAULTS
 from tests.front3d_files import house
+
+SMALL = {"rooms": ("Bedroom-31", "Kitchen-44"), "models": ("bed", "nightstand", "wardrobe", "lshape", "stool")}
 
 
 @pytest.fixture(scope="module")
 def clean(tmp_path_factory):
     folder = tmp_path_factory.mktemp("house")
-    return load_scene(house().write(folder), folder, max_texture=64)
+    return load(folder, house(**SMALL))
 
 
 def load(folder, made):
@@ -21,7 +22,7 @@ def load(folder, made):
 @pytest.mark.parametrize("name", FAULTS)
 def test_faults_are_lived_with_and_named(tmp_path, clean, name):
     plant, kind, more = FAULTS[name]
-    made = house()
+    made = house(**SMALL)
     plant(made)
     model = load(tmp_path, made)
     assert len(model.things) == len(clean.things) + more
