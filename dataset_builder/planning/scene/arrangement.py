@@ -17,7 +17,7 @@ from dataset_builder.planning.scene.layout import Piece, Place, furnish, lay_out
 from dataset_builder.planning.scene.mesh_shell import shell_of
 from dataset_builder.planning.scene.object_size import advice_on
 from dataset_builder.planning.scene.room_parts import room_parts
-from dataset_builder.planning.scene.shell import Geometry, Shell
+from dataset_builder.planning.scene.shell import Geometry, Shell, box_of
 from dataset_builder.planning.scene.stage import FURNITURE_INSTANCE, TARGET_INSTANCE, extent_of, stage
 from dataset_builder.seeding import rng
 from dataset_builder.spec.resolve import LoadedSpec
@@ -64,11 +64,13 @@ class Arrangement:
         """Half the diagonal of the target's box."""
         return float(np.linalg.norm(np.diff(self._target_box, axis=0)) / 2)
 
+    @cached_property
+    def _bounds(self) -> list[np.ndarray]:
+        return [corner for part in self.geometry if len(part[1]) for corner in box_of(part)]
+
     def diagonal(self, camera: Vector) -> float:
         """Longest way through the air of a view from `camera`, metres."""
-        bounds = [bound(positions[np.unique(faces)], axis=0) for positions, faces, _ in self.geometry if len(faces)
-                  for bound in (np.min, np.max)]
-        return self.shell.diagonal(np.array([*bounds, camera]))
+        return self.shell.diagonal(np.array([*self._bounds, camera]))
 
 
 def _piece(plan: ObjectPlan, place: Place, mesh_root: Path, draws: Callable[[], np.random.Generator]) -> Piece:

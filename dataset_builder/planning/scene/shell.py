@@ -12,6 +12,13 @@ Geometry = tuple[np.ndarray, np.ndarray, int]
 """World positions (V, 3), faces (F, 3), instance."""
 
 
+def box_of(geometry: Geometry) -> tuple[np.ndarray, np.ndarray]:
+    """(3,) low and (3,) high corner of what has faces."""
+    positions, faces, _ = geometry
+    used = positions[np.unique(faces)]
+    return used.min(axis=0), used.max(axis=0)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Reach:
     """Whether one light is kept, and why."""

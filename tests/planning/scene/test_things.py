@@ -53,7 +53,8 @@ def test_every_object_of_a_scene_is_a_target_once_and_the_others_are_around(tmp_
     for plan in made:
         other = {"Chair_01": "Table", "Table": "Chair_01"}[plan.target.object.thing]
         assert plan.room.scene.hidden == (plan.target.object.thing,)
-        assert [(each.name, each.instance, each.licence) for each in plan.room.scene.things] == [(other, 3, "CC-BY-4.0")]
+        there = [(each.name, each.instance, each.licence) for each in plan.room.scene.things]
+        assert there == [(other, 3, "CC-BY-4.0")]
         assert plan.target.instance == 1 and plan.target.object.licence == "CC-BY-4.0"
     assert {plan.target.object.name.rstrip("01") for plan in made} == {"train-scene00-chair-", "train-scene00-table-"}
     assert (made[0].room.width, made[0].room.depth, made[0].room.ceiling) == (pytest.approx(4.1), pytest.approx(4.1),
@@ -101,8 +102,8 @@ def test_a_part_of_the_building_is_a_target_only_by_its_whole_name(tmp_path: Pat
     ("{name: '*'}", 3, "expected 3 things in stage.gltf, got 2 of 5 (lower the count, or ask for more with *)"),
     ("{category: tabel}", 1, "expected 1 thing with category 'tabel' in stage.gltf, got 0 of 5 (nearest known "
                              "category: table)"),
-    ("{name: Table, size: [1.1, 2]}", 1, "expected 1 thing with name 'Table', size [1.1, 2.0] in stage.gltf, got 0 of 5 (the "
-                                       "longest sides of those with that name are 1.02 to 1.02 m)"),
+    ("{name: Table, size: [1.1, 2]}", 1, "expected 1 thing with name 'Table', size [1.1, 2.0] in stage.gltf, got 0 of "
+                                         "5 (the longest sides of those with that name are 1.02 to 1.02 m)"),
 ])
 def test_too_few_things_are_refused_with_what_there_is(tmp_path: Path, query: str, count: int, rule: str) -> None:
     said = refused(write_dataset(tmp_path, dataset=things(query, count)))
