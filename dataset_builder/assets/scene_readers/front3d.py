@@ -35,6 +35,9 @@ from dataset_builder.spec.problems import name_alike
 
 LARGE = 5.0
 """Scale that pieces of furniture seldom have (ATISS drops rooms with larger ones)."""
+MOST_THINGS, MOST_PIECES = 20_000, 2_000
+"""Children of rooms of a scene, and pieces of furniture up to which overlaps are looked for; real houses have some
+hundred."""
 NAMED = 3
 """Faults of a kind that are told one by one."""
 
@@ -46,6 +49,8 @@ def read(source: SceneSource, root: Path, max_texture: int) -> SceneModel:
     """
     path = root / source.source
     scene = read_front3d(path)
+    if (children := sum(len(room.children) for room in scene.rooms)) > MOST_THINGS:
+        refuse(path, f"expected at most {MOST_THINGS:,} things, got {children:,}")
     models, textures = (_folder(path, root, key, name) for key, name in
                         (("models", source.models), ("textures", source.textures)))
     house = _House(scene, FaultNotes(list(scene.faults)), models, textures, max_texture,
@@ -54,7 +59,7 @@ def read(source: SceneSource, root: Path, max_texture: int) -> SceneModel:
     if not things:
         refuse(path, f"expected walls, floors or furniture, got a scene without any: {house.contains(things)}",
                "; ".join(fault_texts(house.notes.found)))
-    pairs, in_walls = overlaps(things)
+    pairs, in_walls = overlaps(things) if house.placed <= MOST_PIECES else ([], [])
     for kind, found in (("pieces of furniture that stand in each other, as they are", pairs),
                         ("pieces of furniture that stand in walls, as they are", in_walls)):
         for one, other in found:
@@ -193,6 +198,8 @@ class _House:
         """What is not honoured, and what was decided."""
         lamps = f": {', '.join(f'{number} {kind}' for kind, number in sorted(self.dark.items()))}" if self.dark else ""
         yield f"no lights: scenes of 3D-FRONT have none, and lamps give no light{lamps}"
+        if self.placed > MOST_PIECES:
+            yield f"overlaps, which are looked for among up to {MOST_PIECES:,} pieces of furniture"
         if self.unnamed:
             yield f"{counted(self.unnamed, 'piece')} of furniture: the spec names no folder of models"
         if self.building.unnamed:
