@@ -4,7 +4,7 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -14,7 +14,7 @@ from dataset_builder.importing.find_models import file_names
 from dataset_builder.importing.front3d_models import FutureModel, find_future_models
 from dataset_builder.importing.front3d_split import SplitProposal, propose_split
 from dataset_builder.importing.front3d_texts import Folders, split_texts
-from dataset_builder.importing.import_specs import move, refuse_existing
+from dataset_builder.importing.in_place import move, refuse_existing
 from dataset_builder.importing.index_file import IndexFile
 from dataset_builder.importing.index_folder import FolderIndex, Watch, index_folder, made_by, scene_files
 from dataset_builder.importing.scene_index import SceneIndex
@@ -80,10 +80,11 @@ def import_front3d(job: Front3dJob, *, watch: Watch, picture: Picture | None) ->
     refuse_existing(job.out, ["objects", "scenes", FAULTS, KINDS, SCENES, SHEET, f"{job.name}.yaml"])
     with IndexFile(job.out / INDEX, made_by()) as lines:
         index = index_folder(job.folder, lines, workers=job.workers, watch=watch)
-        check = TargetCheck(job.models or job.folder)
+        check = TargetCheck()
         proposal = propose_split(index.scenes, models, seed=job.seed, check=check)
         ready = bool(proposal.splits) and all(split.targets for split in proposal.splits)
-        with output_errors(job.out), TemporaryDirectory(dir=job.out.resolve(), prefix=".staging-") as folder:
+        out = job.out.resolve()
+        with output_errors(job.out), TemporaryDirectory(dir=out.parent, prefix=f".{out.name}-") as folder:
             staging = Path(folder)
             _write_report(lines, index.scenes, models, staging)
             names = [FAULTS, KINDS, SCENES]
@@ -91,7 +92,7 @@ def import_front3d(job: Front3dJob, *, watch: Watch, picture: Picture | None) ->
                 names += _write_specs(job, proposal, check, staging)
             if picture and proposal.splits and picture(proposal, models, staging / SHEET):
                 names.append(SHEET)
-            move(names, staging, job.out.resolve())
+            move(names, staging, out)
     return Front3dImported(index=index, models=models, proposal=proposal, files=(INDEX, *names),
                            dataset=job.out / f"{job.name}.yaml" if ready else None)
 
@@ -116,9 +117,13 @@ def _write_specs(job: Front3dJob, proposal: SplitProposal, check: TargetCheck, s
     texts = split_texts(proposal, check.scales, folders, name=job.name, out=job.out.resolve(), seed=job.seed,
                         share=job.share)
     for name, text in texts.items():
-        # In the staging folder, which lies in the output folder, paths of data begin with one more `..`
         (staging / name).parent.mkdir(parents=True, exist_ok=True)
         (staging / name).write_text(text, encoding="utf-8")
+    try:
+        load_dataset(staging / f"{job.name}.yaml")
+    except UserError as error:
+        raise UserError(replace(problem, where=problem.where.replace(str(staging), str(job.out)))
+                        for problem in error.problems) from error
     return [*dict.fromkeys(name.partition("/")[0] for name in texts)]
 
 

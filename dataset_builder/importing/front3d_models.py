@@ -9,9 +9,9 @@ from pathlib import Path
 
 from dataset_builder.digest import read_regular
 from dataset_builder.errors import Problem, UserError
+from dataset_builder.spec.front3d_references import MODEL_FILES, MODEL_LIST, folder_name, model_file
 from dataset_builder.spec.usual_sizes import usual_of, words_of
 
-MODEL, INFO = "raw_model.obj", "model_info.json"
 MOST_BYTES = 2**26
 GROUPS = {"chair": ("chair", "armchair"), "sofa": ("sofa",), "table": ("table", "desk"),
           "cabinet": ("cabinet", "wardrobe", "bookshelf", "nightstand"), "bed": ("bed", "bunk bed", "crib"),
@@ -30,6 +30,8 @@ class FutureModel:
     """A model that is there."""
 
     jid: str
+    file: Path
+    """Its OBJ file."""
     category: str = ""
     """As `model_info.json` has it; empty where it says nothing."""
 
@@ -43,22 +45,23 @@ def find_future_models(folder: Path | None, info: Path | None) -> dict[str, Futu
         return {}
     try:
         with os.scandir(folder) as entries:
-            names = sorted(entry.name for entry in entries if re.fullmatch(r"[\w-]{1,100}", entry.name)
-                           and os.path.isfile(os.path.join(entry.path, MODEL)))
+            files = {entry.name: model_file(folder, entry.name) for entry in entries if folder_name(entry.name)}
     except OSError as error:
         rule = f"expected the folder of the models, got: {error.strerror}"
         raise UserError([Problem(where=str(folder), path="--models", rule=rule,
-                                 hint=f"name the folder that holds ID/{MODEL}")]) from error
+                                 hint=f"name the folder that holds ID/{MODEL_FILES[0]}")]) from error
+    names = sorted(name for name, file in files.items() if file)
     if not names:
-        rule = f"expected folders that hold a {MODEL}, found none"
+        rule = f"expected folders that hold a {MODEL_FILES[0]}, found none"
         raise UserError([Problem(where=str(folder), path="--models", rule=rule, hint=_deeper(folder))])
-    told = _categories(info or folder / INFO, required=info is not None)
-    return {name: FutureModel(jid=name, category=told.get(name, "")) for name in names}
+    told = _categories(info or folder / MODEL_LIST, required=info is not None)
+    return {name: FutureModel(jid=name, file=file, category=told.get(name, "")) for name in names
+            if (file := files[name])}
 
 
 def _deeper(folder: Path) -> str:
     """Where they may lie instead."""
-    below = sorted(path.parent.parent for path in folder.glob(f"*/*/{MODEL}"))
+    below = sorted(path.parent.parent for path in folder.glob(f"*/*/{MODEL_FILES[0]}"))
     return f"perhaps {below[0]}" if below else "name the folder that the archives of 3D-FUTURE were unpacked into"
 
 

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from statistics import median
 
 from dataset_builder.importing.front3d_models import GROUPS, FutureModel, category_in, target_group
@@ -22,6 +23,8 @@ class TargetChoice:
     """A model that is proposed as a target."""
 
     jid: str
+    file: Path
+    """Its OBJ file."""
     group: str
     """Of `GROUPS`."""
     category: str
@@ -167,6 +170,6 @@ def _pool(scenes: Sequence[SceneIndex], models: Mapping[str, FutureModel], stand
         size = tuple(map(median, zip(*sizes[jid], strict=False)))
         if group and (not size or max(size) >= LEAST):
             strange = not any(jid in counts for other, counts in standing.items() if other != name)
-            pool.append(TargetChoice(jid=jid, group=group, category=word, told=category, size=size, strange=strange,
-                                     scenes=standing[name][jid]))
+            pool.append(TargetChoice(jid=jid, file=models[jid].file, group=group, category=word, told=category,
+                                     size=size, strange=strange, scenes=standing[name][jid]))
     return pool

@@ -9,7 +9,6 @@ from pathlib import Path
 
 from dataset_builder.errors import printable
 from dataset_builder.importing.find_models import file_names
-from dataset_builder.importing.front3d_models import MODEL
 from dataset_builder.importing.front3d_split import PAPER, SplitChoice, SplitProposal, TargetChoice
 
 VIEWS = {"train": (4, "the paper does not say; as many examples as the paper's 6,000 for evaluation"),
@@ -102,7 +101,8 @@ def _from(out: Path, path: Path) -> str:
 
 def _scene(file: str, uid: str, folders: Folders, out: Path) -> str:
     textures = f"  textures: {_from(out, folders.textures)}\n" if folders.textures else ""
-    return (f"# 3D-FRONT scene {printable(uid) or 'without a uid'}\nfile:\n  path: {_from(out, folders.scenes / file)}\n"
+    return (f"# 3D-FRONT scene {printable(uid) or 'without a uid'}\n"
+            f"file:\n  path: {_from(out, folders.scenes / file)}\n"
             f"  licence: {folders.licence}\n  models: {_from(out, folders.models)}\n{textures}"
             "# The target stands on free floor; `slot` lets it take the place of furniture\ntarget: floor\n")
 
@@ -112,7 +112,7 @@ def _object(target: TargetChoice, split: SplitChoice, scale: float, why: str, fo
     told = f"{printable(target.told)}{f', declared {sizes} m' * bool(sizes)}"
     met = "stands in no scene of another split" if target.strange else "stands in scenes of another split, too"
     return (f"# Target of {split.name}: {told}; in {target.scenes} of its {len(split.scenes)} scenes, {met}\n"
-            f"file: {_from(out, folders.models / target.jid / MODEL)}\n"
+            f"file: {_from(out, folders.models / target.jid / target.file.name)}\n"
             f"category: {json.dumps(target.category)}\nlicence: {folders.licence}\n"
             f"scale: {scale:g}  # metres per unit of the file: {why}\nup: y\n")
 

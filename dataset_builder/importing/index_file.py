@@ -6,10 +6,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
 
+from dataset_builder.assets.scene_readers.front3d_values import SceneFault
 from dataset_builder.digest import open_regular
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.files import output_errors
-from dataset_builder.importing.scene_index import SceneFault, SceneIndex, scene_of_line
+from dataset_builder.importing.scene_index import SceneIndex, scene_of_line
 
 FORMAT = "index of 3D-FRONT scenes"
 
@@ -52,11 +53,13 @@ class IndexFile:
 
     def told(self) -> Iterator[tuple[SceneIndex, tuple[SceneFault, ...]]]:
         """Every scene whose line holds, with its faults, in order of the file: one at a time."""
+        left = dict(self.known)
         with open_regular(self.path) as stream:
             next(stream, None)
             for line in stream:
                 scene, faults = scene_of_line(line.decode())
-                if self.known.get(scene.file) == scene:
+                if left.get(scene.file) == scene:
+                    del left[scene.file]
                     yield scene, faults
 
     def _write(self, line: str) -> None:

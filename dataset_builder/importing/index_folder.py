@@ -1,6 +1,6 @@
 """A folder of 3D-FRONT scenes to their index: files read by several processes, told of in order of name."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,10 +8,10 @@ from dataset_builder.digest import sha256_file
 from dataset_builder.engine.local import run
 from dataset_builder.engine.source import source_digest
 from dataset_builder.errors import OutputError, Problem, UserError
-from dataset_builder.importing.front3d_models import INFO
 from dataset_builder.importing.index_file import IndexFile
 from dataset_builder.importing.read_scene import read_scene
 from dataset_builder.importing.scene_index import SceneIndex, index_line
+from dataset_builder.spec.front3d_references import MODEL_LIST
 
 MADE_BY = "importing.read_scene"
 """What turns a scene into its line."""
@@ -46,13 +46,13 @@ def scene_files(folder: Path) -> list[Path]:
     """The JSON files of a folder in order of name, without hidden ones and `model_info.json`. Raises UserError where
     the folder is not there or holds none."""
     try:
-        found = sorted(path for path in folder.iterdir() if path.suffix.lower() == ".json" and path.name != INFO
+        found = sorted(path for path in folder.iterdir() if path.suffix.lower() == ".json" and path.name != MODEL_LIST
                        and not path.name.startswith(".") and path.is_file())
     except OSError as error:
         rule = f"expected a folder of 3D-FRONT scenes, got: {error.strerror}"
         raise UserError([Problem(where=str(folder), path="", rule=rule)]) from error
     if not found:
-        below = sorted({path.parent for path in folder.glob("*/*.json") if path.name != INFO})
+        below = sorted({path.parent for path in folder.glob("*/*.json") if path.name != MODEL_LIST})
         raise UserError([Problem(where=str(folder), path="", rule="expected a folder with the scenes of 3D-FRONT, one "
                                  "JSON file each, found no JSON file", hint=f"perhaps {below[0]}" if below else
                                  "name the folder that 3D-FRONT.zip was unpacked into")])
@@ -96,6 +96,10 @@ def _said(problem: Problem) -> Problem:
 def _index(unit: tuple[int, Path, str]) -> IndexedFile:
     """Read one file, unless its digest is the one that is known."""
     number, path, known = unit
+    if not path.name.isprintable():
+        line = index_line(SceneIndex(file=path.name, sha256="", size=0, broken="its name holds control characters or "
+                                     "bytes that are not UTF-8: rename it"))
+        return IndexedFile(number=number, size=0, line=line)
     try:
         size, sha256 = path.stat().st_size, sha256_file(path)
     except OSError as error:

@@ -7,6 +7,8 @@ from dataclasses import asdict, dataclass, field
 from functools import lru_cache
 from typing import Any
 
+from dataset_builder.assets.scene_readers.front3d_values import SceneFault
+
 LEAST_AREA = 4.0
 """m^2; a camera and a target need room."""
 BROKEN, NO_FLOOR, SMALL, EMPTY, UNPUBLISHED = ("cannot be read", "no floor", f"less than {LEAST_AREA:g} m^2",
@@ -54,17 +56,6 @@ class RoomIndex:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class SceneFault:
-    """Something that is wrong with a scene and was lived with."""
-
-    kind: str
-    where: str
-    """In the file."""
-    text: str
-    """What is there, and what was done about it."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
 class SceneIndex:
     """A scene of a folder."""
 
@@ -100,7 +91,7 @@ class SceneIndex:
 
 def index_line(scene: SceneIndex, faults: tuple[SceneFault, ...] = ()) -> str:
     """A scene with its faults as a line of JSON, without the end of the line."""
-    plain = {**asdict(scene), "told": [(fault.kind, fault.where, fault.text) for fault in faults]}
+    plain = {**asdict(scene), "told": [(fault.kind, fault.where, fault.said) for fault in faults]}
     return json.dumps(plain, ensure_ascii=True, separators=(",", ":"))
 
 
@@ -108,7 +99,7 @@ def scene_of_line(line: str) -> tuple[SceneIndex, tuple[SceneFault, ...]]:
     """What `index_line` made a line of. Raises ValueError where it is none, such as one that was cut off."""
     try:
         data = json.loads(line)
-        told = tuple(SceneFault(kind=kind, where=where, text=text) for kind, where, text in data.pop("told"))
+        told = tuple(SceneFault(kind, where, said) for kind, where, said in data.pop("told"))
         rooms = tuple(_room(room) for room in data.pop("rooms"))
         return SceneIndex(rooms=rooms, **data), told
     except (TypeError, KeyError, AttributeError, RecursionError) as error:

@@ -1,13 +1,11 @@
 """Whether a model can be a target: its file is read, its unit found, and no other target has the same mesh."""
 
 from collections.abc import Sequence
-from pathlib import Path
 from statistics import median
 
 from dataset_builder.assets.mesh_file import load_mesh_file
 from dataset_builder.digest import sha256_file
 from dataset_builder.errors import UserError
-from dataset_builder.importing.front3d_models import MODEL
 from dataset_builder.importing.front3d_split import LEAST, TargetChoice
 from dataset_builder.spec.usual_sizes import length, size_advice
 
@@ -20,8 +18,7 @@ ALIKE = 1.5
 class TargetCheck:
     """Called with one target after the other; remembers scales and meshes."""
 
-    def __init__(self, models: Path) -> None:
-        self.models = models
+    def __init__(self) -> None:
         self.scales: dict[str, tuple[float, str]] = {}
         """Of each model that held: metres per unit of its file, and what told it."""
         self.meshes: dict[str, str] = {}
@@ -29,7 +26,7 @@ class TargetCheck:
 
     def __call__(self, choice: TargetChoice) -> str:
         """Why it cannot be a target; "" where it can."""
-        path = self.models / choice.jid / MODEL
+        path = choice.file
         try:
             asset = load_mesh_file(path, name=choice.jid, category=choice.category, licence="", up="y", max_texture=16)
             digest = sha256_file(path)
