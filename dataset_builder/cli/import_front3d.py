@@ -2,7 +2,7 @@
 
 import argparse
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING
@@ -14,6 +14,7 @@ from dataset_builder.processes import cores
 if TYPE_CHECKING:
     from dataset_builder.importing.front3d_models import FutureModel
     from dataset_builder.importing.front3d_split import SplitProposal
+    from dataset_builder.importing.index_folder import IndexedFile
 
 VERB = "import front3d"
 """Parsed as one word."""
@@ -79,12 +80,18 @@ def _import(options: argparse.Namespace) -> int:
     def picture(proposal: "SplitProposal", models: "Mapping[str, FutureModel]", target: Path) -> bool:
         return _sheet(proposal, models, job.folder, target, job.workers)
 
-    start = monotonic()
-    done = import_front3d(job, watch=watched, picture=None if options.no_sheet else picture)
+    took = list[float]()
+
+    def watch(files: "Iterable[IndexedFile]", count: int) -> "Iterator[IndexedFile]":
+        start = monotonic()
+        yield from watched(files, count)
+        took.append(monotonic() - start)
+
+    done = import_front3d(job, watch=watch, picture=None if options.no_sheet else picture)
     console.print(usable_table(done))
     if any(scene.faults for scene in done.index.scenes):
         console.print(fault_table(done.index.scenes))
-    lines = [*front3d_lines(done, seconds=monotonic() - start, models_named=job.models is not None),
+    lines = [*front3d_lines(done, seconds=sum(took), models_named=job.models is not None),
              f"report: {job.out}/scenes.csv, faults.csv, faults/",
              *([f"plans of the scenes: {job.out / SHEET}"] if SHEET in done.files else []),
              *([f"next: dataset-builder plan {done.dataset}"] if done.dataset else [])]

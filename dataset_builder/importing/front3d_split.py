@@ -73,8 +73,9 @@ def propose_split(scenes: Sequence[SceneIndex], models: Mapping[str, FutureModel
                   check: Check = lambda choice: "") -> SplitProposal:
     """Scenes and targets for the paper's splits, disjoint both; in the paper's proportions where there are fewer.
 
-    A target is furniture of its own split's scenes. Models that stand in no scene of the other split come first, so
-    that nothing of an evaluation target was seen in training if that can be had. Groups of categories take turns.
+    A target is furniture of its own split's scenes. Models that stand in a scene of the other split, too, are taken
+    only where the others do not suffice: as furniture in its background, a target would have been seen in training.
+    Groups of categories take turns. check: called with each target before it is taken.
     """
     different, copies = _different(scene for scene in scenes if not scene.unusable(models))
     order = [different[index] for index in rng(seed, "front3d", "scenes").permutation(len(different))]
@@ -126,18 +127,19 @@ def _targets(own: Mapping[str, Sequence[SceneIndex]], standing: Mapping[str, Map
     distinct = {choice.jid for pool in pools.values() for choice in pool}
     wanted = dict(zip(PAPER, _shares(len(distinct), [count for _, count in PAPER.values()]), strict=True))
     taken, refused = set[str](), dict[str, str]()
-    found = dict[str, tuple[TargetChoice, ...]]()
+    found: dict[str, list[TargetChoice]] = {name: [] for name in own}
     # The smaller split first: the larger one has more to choose from
     for name in sorted(pools, key=lambda name: wanted[name]):
-        pool = pools[name]
-        order = rng(seed, "front3d", "targets", name).permutation(len(pool))
-        ranked = sorted((pool[index] for index in order), key=lambda choice: not choice.strange)
-        found[name] = _by_turns(ranked, wanted[name] if len(own) > 1 else PAPER[name][1], taken, refused, check)
-    return {name: found[name] for name in own}, refused
+        pool, most = pools[name], wanted[name] if len(own) > 1 else PAPER[name][1]
+        order = [pool[index] for index in rng(seed, "front3d", "targets", name).permutation(len(pool))]
+        for strange in (True, False):
+            ranked = [choice for choice in order if choice.strange is strange]
+            found[name] += _by_turns(ranked, most - len(found[name]), taken, refused, check)
+    return {name: tuple(sorted(found[name], key=lambda choice: (choice.category, choice.jid))) for name in own}, refused
 
 
 def _by_turns(ranked: Sequence[TargetChoice], wanted: int, taken: set[str], refused: dict[str, str],
-              check: Check) -> tuple[TargetChoice, ...]:
+              check: Check) -> list[TargetChoice]:
     """The first of each group that holds, then the second of each and so on, until there are as many as wanted."""
     queues = {group: [choice for choice in ranked if choice.group == group] for group in GROUPS}
     found = list[TargetChoice]()
@@ -153,7 +155,7 @@ def _by_turns(ranked: Sequence[TargetChoice], wanted: int, taken: set[str], refu
                 taken.add(choice.jid)
                 found.append(choice)
                 break
-    return tuple(sorted(found, key=lambda choice: (choice.category, choice.jid)))
+    return found
 
 
 def _pool(scenes: Sequence[SceneIndex], models: Mapping[str, FutureModel], standing: Mapping[str, Mapping[str, int]],

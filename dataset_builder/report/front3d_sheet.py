@@ -139,17 +139,17 @@ def _draw_box(canvas: _Canvas, box: FurnitureBox, models: Mapping[str, FutureMod
 
 
 def _name_rooms(image: Image.Image, canvas: _Canvas, rooms: Sequence[RoomOutline]) -> None:
-    """The kinds of rooms at the middle of their floors, where there is space for them."""
+    """The kinds of rooms in the lower left corner of their floors, where there is space for them."""
     draw = ImageDraw.Draw(image)
     for room in rooms:
         if not len(room.floor):
             continue
-        font = ImageFont.load_default(10)
-        x, y = canvas.at(room.floor.reshape(-1, 2).mean(axis=0)[None])[0]
-        wide = (np.ptp(room.floor.reshape(-1, 2)[:, 0]) * canvas.scale) / FINER
-        if draw.textlength(room.kind, font=font) < wide:
-            draw.text((x / FINER, y / FINER), room.kind, fill=INK, font=font, anchor="mm", stroke_width=2,
-                      stroke_fill=(255, 255, 255))
+        font = ImageFont.load_default(9)
+        points = room.floor.reshape(-1, 2)
+        left, bottom = canvas.at(points.min(axis=0)[None])[0]
+        if draw.textlength(room.kind, font=font) < np.ptp(points[:, 0]) * canvas.scale / FINER - 6:
+            draw.text((left / FINER + 4, bottom / FINER - 3), room.kind, fill=INK, font=font, anchor="ls",
+                      stroke_width=1, stroke_fill=FLOOR)
 
 
 def _text(image: Image.Image, place: tuple[int, int], text: str, size: int,
