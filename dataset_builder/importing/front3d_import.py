@@ -23,6 +23,8 @@ from dataset_builder.spec.load import load_dataset
 
 INDEX, SCENES, KINDS, FAULTS, SHEET = "index.jsonl", "scenes.csv", "faults.csv", "faults", "scenes.png"
 """Files and folders of the output, beside the specs."""
+MISSING = "models that are not there, left out"
+"""Kind of fault of a model that a scene says is published, once for a scene, as the reader of scenes has it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,6 +82,8 @@ def import_front3d(job: Front3dJob, *, watch: Watch, picture: Picture | None) ->
     refuse_existing(job.out, ["objects", "scenes", FAULTS, KINDS, SCENES, SHEET, f"{job.name}.yaml"])
     with IndexFile(job.out / INDEX, made_by()) as lines:
         index = index_folder(job.folder, lines, workers=job.workers, watch=watch)
+        if models:
+            index = replace(index, scenes=tuple(_with_missing(scene, models) for scene in index.scenes))
         check = TargetCheck()
         proposal = propose_split(index.scenes, models, seed=job.seed, check=check)
         ready = bool(proposal.splits) and all(split.targets for split in proposal.splits)
@@ -135,13 +139,20 @@ def _write_report(lines: IndexFile, scenes: Sequence[SceneIndex], models: Mappin
     kinds = sorted({kind for scene in scenes for kind in scene.faults})
     (staging / FAULTS).mkdir()
     for scene, told in lines.told():
-        if scene.file in files and told:
-            _write_table(staging / FAULTS / f"{files[scene.file]}.csv", ("kind", "where", "text"),
-                         ((fault.kind, fault.where, fault.said) for fault in told))
+        rows = [(fault.kind, fault.where, fault.said) for fault in told]
+        rows += [(MISSING, jid, "") for jid in (scene.missing(models) if models else ())]
+        if scene.file in files and rows:
+            _write_table(staging / FAULTS / f"{files[scene.file]}.csv", ("kind", "where", "said"), rows)
     _write_table(staging / KINDS, ("kind", "scenes", "times"), fault_counts(scenes))
     _write_table(staging / SCENES, ("file", "uid", "usable", "why_not", "rooms", "usable_rooms", "furniture",
                                     "furniture_with_model", "area_m2", "bytes", "faults", *kinds),
                  (_row(scene, models, kinds) for scene in scenes))
+
+
+def _with_missing(scene: SceneIndex, models: Mapping[str, FutureModel]) -> SceneIndex:
+    """A scene with models that are not there among its faults."""
+    count = len(scene.missing(models))
+    return replace(scene, faults={**scene.faults, MISSING: count}) if count else scene
 
 
 def _row(scene: SceneIndex, models: Mapping[str, FutureModel], kinds: Sequence[str]) -> tuple[object, ...]:

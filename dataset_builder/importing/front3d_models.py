@@ -1,18 +1,21 @@
 """The folder of 3D-FUTURE models: which there are, what each is, and which can be targets."""
 
-import json
 import os
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from dataset_builder.digest import read_regular
+from dataset_builder.assets.scene_readers.front3d_models import categories_of, category_word
 from dataset_builder.errors import Problem, UserError
-from dataset_builder.spec.front3d_references import MODEL_FILES, MODEL_LIST, folder_name, model_file
+from dataset_builder.spec.front3d_references import (
+    MODEL_FILES,
+    MODEL_LIST,
+    folder_name,
+    front3d_document,
+    model_file,
+)
 from dataset_builder.spec.usual_sizes import usual_of, words_of
 
-MOST_BYTES = 2**26
 GROUPS = {"chair": ("chair", "armchair"), "sofa": ("sofa",), "table": ("table", "desk"),
           "cabinet": ("cabinet", "wardrobe", "bookshelf", "nightstand"), "bed": ("bed", "bunk bed", "crib"),
           "stool": ("stool", "ottoman", "bench"), "lamp": ("lamp", "floor lamp")}
@@ -22,7 +25,7 @@ HANGING = {"pendant", "ceiling", "wall", "chandelier", "spotlight", "hanging"}
 """Words for what does not stand."""
 SEVERAL = {"cabinet/shelf/desk": "cabinet", "sideboard/side cabinet/console table": "cabinet",
            "bookcase/jewelry armoire": "bookshelf"}
-"""Categories that name several things, of which the last would mislead; in lower case, without spaces round signs."""
+"""Categories that name several things, of which the last would mislead; as `category_word` has them."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -33,7 +36,7 @@ class FutureModel:
     file: Path
     """Its OBJ file."""
     category: str = ""
-    """As `model_info.json` has it; empty where it says nothing."""
+    """As `model_info.json` has it, in lower case; empty where it says nothing."""
 
 
 def find_future_models(folder: Path | None, info: Path | None) -> dict[str, FutureModel]:
@@ -66,25 +69,20 @@ def _deeper(folder: Path) -> str:
 
 
 def _categories(path: Path, *, required: bool) -> dict[str, str]:
-    """Category of each model, its super-category where it has none."""
+    """Category of each model that is listed."""
     try:
-        entries = json.loads(read_regular(path, most=MOST_BYTES))
+        entries = front3d_document(path)
         if not isinstance(entries, list):
             raise ValueError(f"expected a list of models, got a {type(entries).__name__}")
     except FileNotFoundError as error:
         if not required:
             return {}
         raise UserError([Problem(where=str(path), path="--model-info", rule="expected a file, found none")]) from error
-    except (OSError, ValueError, RecursionError) as error:
+    except (OSError, ValueError) as error:
         rule = f"cannot be read: {getattr(error, 'strerror', None) or error}"
         raise UserError([Problem(where=str(path), path="", rule=rule,
                                  hint="name another with --model-info")]) from error
-    told = dict[str, str]()
-    for entry in entries:
-        if isinstance(entry, dict) and isinstance(jid := entry.get("model_id"), str):
-            told[jid] = next((text for key in ("category", "super-category")
-                              if isinstance(text := entry.get(key), str) and text), "")
-    return told
+    return {jid: listed.category for jid, listed in categories_of(entries).items()}
 
 
 def target_group(category: str) -> tuple[str, str]:
@@ -96,13 +94,13 @@ def target_group(category: str) -> tuple[str, str]:
     >>> target_group("Pendant Lamp"), target_group("Lighting"), target_group("Floor Lamp")
     (('', ''), ('', ''), ('lamp', 'floor lamp'))
     """
-    usual = usual_of(SEVERAL.get(re.sub(r"\s*/\s*", "/", category.strip().lower()), category))
+    usual = usual_of(SEVERAL.get(category_word(category), category))
     if usual is None or HANGING & set(words_of(category)):
         return "", ""
     return next(((group, usual.name) for group, names in GROUPS.items() if usual.name in names), ("", ""))
 
 
-def category_in(scene_says: str, models: Mapping[str, FutureModel], jid: str) -> str:
+def category_in(models: Mapping[str, FutureModel], jid: str, scene_says: str) -> str:
     """What a piece is: by its model, else as the scene file says."""
     model = models.get(jid)
-    return (model.category if model else "") or scene_says
+    return (model.category if model else "") or category_word(scene_says)

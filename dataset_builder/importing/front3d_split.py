@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from statistics import median
 
 from dataset_builder.importing.front3d_models import GROUPS, FutureModel, category_in, target_group
 from dataset_builder.importing.scene_index import SceneIndex
@@ -31,8 +30,8 @@ class TargetChoice:
     """Its word for specs."""
     told: str
     """Its category in 3D-FUTURE."""
-    size: tuple[float, ...]
-    """Declared width, depth and height, metres; empty where no scene declares any."""
+    sizes: tuple[tuple[float, ...], ...]
+    """What its scenes declare; the order of sides varies."""
     strange: bool
     """Whether it stands in no scene of another split."""
     scenes: int
@@ -161,17 +160,16 @@ def _by_turns(ranked: Sequence[TargetChoice], wanted: int, taken: set[str], refu
 def _pool(scenes: Sequence[SceneIndex], models: Mapping[str, FutureModel], standing: Mapping[str, Mapping[str, int]],
           name: str) -> list[TargetChoice]:
     """Models that may be targets: furniture that stands on the floor of a room that can be used, in order of id."""
-    told, sizes = dict[str, str](), dict[str, list[tuple[float, ...]]]()
+    told, sizes = dict[str, str](), dict[str, dict[tuple[float, ...], None]]()
     for piece in (piece for scene in scenes for room in scene.usable(models) for piece in room.pieces):
         if piece.valid and piece.jid in models and abs(piece.bottom) <= FLOOR:
-            told.setdefault(piece.jid, category_in(piece.category, models, piece.jid))
-            sizes.setdefault(piece.jid, []).extend([piece.size] if piece.size else [])
+            told.setdefault(piece.jid, category_in(models, piece.jid, piece.category))
+            sizes.setdefault(piece.jid, {}).update(dict.fromkeys(piece.sizes))
     pool = list[TargetChoice]()
     for jid, category in sorted(told.items()):
         group, word = target_group(category)
-        size = tuple(map(median, zip(*sizes[jid], strict=False)))
-        if group and (not size or max(size) >= LEAST):
+        if group and max(map(max, sizes[jid]), default=LEAST) >= LEAST:
             strange = not any(jid in counts for other, counts in standing.items() if other != name)
             pool.append(TargetChoice(jid=jid, file=models[jid].file, group=group, category=word, told=category,
-                                     size=size, strange=strange, scenes=standing[name][jid]))
+                                     sizes=tuple(sizes[jid]), strange=strange, scenes=standing[name][jid]))
     return pool

@@ -108,13 +108,16 @@ def _scene(file: str, uid: str, folders: Folders, out: Path) -> str:
 
 
 def _object(target: TargetChoice, split: SplitChoice, scale: float, why: str, folders: Folders, out: Path) -> str:
-    sizes = " x ".join(f"{each:.2f}" for each in target.size)
-    told = f"{printable(target.told)}{f', declared {sizes} m' * bool(sizes)}"
-    met = "stands in no scene of another split" if target.strange else "stands in scenes of another split, too"
-    return (f"# Target of {split.name}: {told}; in {target.scenes} of its {len(split.scenes)} scenes, {met}\n"
+    told = printable(target.told)
+    if target.sizes:
+        told += ", declared " + " x ".join(f"{side:g}" for side in target.sizes[0])
+    met = "in none of another split" if target.strange else "in some of another split"
+    return (f"# Target of {split.name}: {told}; stands in {target.scenes} of its {len(split.scenes)} scenes and {met}\n"
             f"file: {_from(out, folders.models / target.jid / target.file.name)}\n"
             f"category: {json.dumps(target.category)}\nlicence: {folders.licence}\n"
-            f"scale: {scale:g}  # metres per unit of the file: {why}\nup: y\n")
+            f"scale: {scale:g}  # metres per unit of the file: {why}\nup: y\n"
+            "# Libraries of these models make wood glow and shine through; scenes have it reset, too\n"
+            "materials: {\"*\": {emission: [0, 0, 0], transmission: 0}}\n")
 
 
 def _dataset(proposal: SplitProposal, names: Mapping[str, str], licence: str, name: str, seed: int,

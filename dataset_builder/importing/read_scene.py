@@ -1,12 +1,13 @@
 """A scene of 3D-FRONT to its entry of the index, and to a plan of its floors seen from above."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from dataset_builder.assets.scene_readers.front3d_building import role_of
 from dataset_builder.assets.scene_readers.front3d_json import (
     FrontChild,
     FrontFurniture,
@@ -14,6 +15,7 @@ from dataset_builder.assets.scene_readers.front3d_json import (
     FrontScene,
     read_front3d,
 )
+from dataset_builder.assets.scene_readers.front3d_models import CENTIMETRE, LONGEST
 from dataset_builder.assets.scene_readers.front3d_values import SceneFault
 from dataset_builder.errors import UserError
 from dataset_builder.importing.scene_index import FurniturePiece, RoomIndex, SceneIndex
@@ -33,22 +35,35 @@ def read_scene(path: Path, sha256: str) -> tuple[SceneIndex, tuple[SceneFault, .
         broken = "; ".join(f"{problem.path}: {problem.rule}" if problem.path else problem.rule
                            for problem in error.problems)
         return SceneIndex(file=path.name, sha256=sha256, size=size, broken=broken), ()
-    return SceneIndex(file=path.name, sha256=sha256, size=size, uid=scene.uid,
-                      rooms=tuple(_room(scene, room) for room in scene.rooms),
-                      faults=dict(sorted(Counter(fault.kind for fault in scene.faults).items()))), scene.faults
+    rooms = tuple(_room(scene, room) for room in scene.rooms)
+    faults = (*scene.faults, *_faults(scene, rooms))
+    return SceneIndex(file=path.name, sha256=sha256, size=size, uid=scene.uid, rooms=rooms,
+                      faults=dict(sorted(Counter(fault.kind for fault in faults).items()))), faults
+
+
+def _faults(scene: FrontScene, rooms: Sequence[RoomIndex]) -> Iterator[SceneFault]:
+    """What the reader of whole scenes finds without models, in its words."""
+    for room, indexed in zip(scene.rooms, rooms, strict=True):
+        for child in room.children:
+            entry = scene.furniture.get(child.ref)
+            if entry is not None and not entry.valid:
+                said = "not described" if entry.valid is None else "valid is false"
+                yield SceneFault("pieces of furniture that were not published, left out", child.name,
+                                 f"{child.ref}, {said}")
+        if not indexed.area:
+            yield SceneFault("rooms without a floor", room.name, room.kind)
 
 
 def _room(scene: FrontScene, room: FrontRoom) -> RoomIndex:
-    floors = [_flat(triangles) for _, triangles in _surfaces(scene, room, "floor")]
+    floors = [_flat(triangles) for triangles in _surfaces(scene, room, _is_floor)]
     pieces = tuple(_piece(entry, scene.matrix @ room.matrix @ child.matrix)
                    for child, entry in _furniture(scene, room))
     return RoomIndex(name=room.name, kind=room.kind, area=round(sum(map(_area, floors)), 2), pieces=pieces)
 
 
 def _piece(entry: FrontFurniture, matrix: np.ndarray) -> FurniturePiece:
-    size = tuple(round(each, 3) for each in entry.sizes[0]) if entry.sizes else ()
-    return FurniturePiece(jid=entry.jid, category=entry.category, valid=entry.valid is not False,
-                          bottom=round(float(matrix[1, 3]), 2), size=size)
+    return FurniturePiece(jid=entry.jid, category=entry.category, valid=bool(entry.valid), sizes=entry.sizes,
+                          bottom=round(float(matrix[1, 3]), 2))
 
 
 def _furniture(scene: FrontScene, room: FrontRoom) -> Iterator[tuple[FrontChild, FrontFurniture]]:
@@ -59,13 +74,25 @@ def _furniture(scene: FrontScene, room: FrontRoom) -> Iterator[tuple[FrontChild,
             yield child, entry
 
 
-def _surfaces(scene: FrontScene, room: FrontRoom, word: str) -> Iterator[tuple[str, np.ndarray]]:
-    """(F, 3, 3) triangles in the world, in the file's axes, of meshes whose type has a word in it, with the type."""
+def _is_floor(kind: str) -> bool:
+    return role_of(kind) == "floor"
+
+
+def _is_wall(kind: str) -> bool:
+    return "wall" in kind.lower()
+
+
+def _is_door(kind: str) -> bool:
+    return "door" in kind.lower()
+
+
+def _surfaces(scene: FrontScene, room: FrontRoom, wanted: Callable[[str], bool]) -> Iterator[np.ndarray]:
+    """(F, 3, 3) triangles in the world, in the file's axes, of each mesh whose type is wanted."""
     for child in room.children:
         mesh = scene.meshes.get(child.ref)
-        if mesh is not None and word in mesh.kind.lower():
+        if mesh is not None and wanted(mesh.kind):
             matrix = scene.matrix @ room.matrix @ child.matrix
-            yield mesh.kind, (mesh.positions @ matrix[:3, :3].T + matrix[:3, 3])[mesh.faces]
+            yield (mesh.positions @ matrix[:3, :3].T + matrix[:3, 3])[mesh.faces]
 
 
 def _flat(triangles: np.ndarray) -> np.ndarray:
@@ -126,15 +153,15 @@ def floor_plan(path: Path) -> FloorPlan | str:
     except UserError as error:
         return str(error)
     rooms = tuple(_outline(scene, room) for room in scene.rooms)
-    walls = [triangles for room in scene.rooms for _, triangles in _surfaces(scene, room, "wall")]
-    doors = [triangles for room in scene.rooms for _, triangles in _surfaces(scene, room, "door")]
+    walls = [triangles for room in scene.rooms for triangles in _surfaces(scene, room, _is_wall)]
+    doors = [triangles for room in scene.rooms for triangles in _surfaces(scene, room, _is_door)]
     low, high, leaves = (_joined([_cut(each, height) for each in of], (0, 2, 2))
                          for of, height in ((walls, FLOOR_CUT), (walls, WALL_CUT), (doors, WALL_CUT)))
     return FloorPlan(file=path.name, rooms=rooms, low_walls=low, walls=high, doors=leaves)
 
 
 def _outline(scene: FrontScene, room: FrontRoom) -> RoomOutline:
-    floors = [_flat(triangles) for _, triangles in _surfaces(scene, room, "floor")]
+    floors = [_flat(triangles) for triangles in _surfaces(scene, room, _is_floor)]
     boxes = tuple(_box(entry, scene.matrix @ room.matrix @ child.matrix) for child, entry in _furniture(scene, room))
     return RoomOutline(name=room.name, kind=room.kind, floor=_joined(floors, (0, 3, 2)), furniture=boxes)
 
@@ -161,7 +188,9 @@ def _cut(triangles: np.ndarray, height: float) -> np.ndarray:
 def _box(entry: FrontFurniture, matrix: np.ndarray) -> FurnitureBox:
     """The declared box of a piece, its front towards +Z of the model."""
     width, depth, height = entry.sizes[0] if entry.sizes else (0.2, 0.2, 0.2)
+    if max(width, depth, height) > LONGEST:
+        width, depth, height = CENTIMETRE * width, CENTIMETRE * depth, CENTIMETRE * height
     x, z = width / 2, depth / 2
     corners = np.array([[-x, 0, z, 1], [x, 0, z, 1], [x, 0, -z, 1], [-x, 0, -z, 1]]) @ matrix.T
-    return FurnitureBox(jid=entry.jid, category=entry.category, valid=entry.valid is not False,
+    return FurnitureBox(jid=entry.jid, category=entry.category, valid=bool(entry.valid),
                         corners=corners[:, (0, 2)] * (1, -1), top=float(matrix[1, 3]) + height)

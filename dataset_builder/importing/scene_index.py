@@ -28,8 +28,8 @@ class FurniturePiece:
     """Whether the scene file says that its model is published."""
     bottom: float = 0.0
     """Height of its origin, which models have at their bottom, metres."""
-    size: tuple[float, ...] = ()
-    """Declared width, depth and height of its model, metres; empty where there are none."""
+    sizes: tuple[tuple[float, ...], ...] = ()
+    """What the scene file declares of its model, the order of sides varies; metres, as a rule."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -88,6 +88,11 @@ class SceneIndex:
         """Models that stand in it and are there, each as often as it stands; in rooms that are of no use, too."""
         return (piece.jid for room in self.rooms for piece in room.pieces if piece.valid and piece.jid in models)
 
+    def missing(self, models: Mapping[str, Any]) -> list[str]:
+        """Models that it says are published and that are not there, each once."""
+        pieces = (piece for room in self.rooms for piece in room.pieces)
+        return sorted({piece.jid for piece in pieces if piece.valid and piece.jid not in models})
+
 
 def index_line(scene: SceneIndex, faults: tuple[SceneFault, ...] = ()) -> str:
     """A scene with its faults as a line of JSON, without the end of the line."""
@@ -107,7 +112,7 @@ def scene_of_line(line: str) -> tuple[SceneIndex, tuple[SceneFault, ...]]:
 
 
 def _room(data: dict[str, Any]) -> RoomIndex:
-    pieces = tuple(_piece(**{**piece, "size": tuple(piece["size"])}) for piece in data.pop("pieces"))
+    pieces = tuple(_piece(**{**piece, "sizes": tuple(map(tuple, piece["sizes"]))}) for piece in data.pop("pieces"))
     return RoomIndex(pieces=pieces, **data)
 
 

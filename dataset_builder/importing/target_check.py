@@ -1,18 +1,11 @@
 """Whether a model can be a target: its file is read, its unit found, and no other target has the same mesh."""
 
-from collections.abc import Sequence
-from statistics import median
-
 from dataset_builder.assets.mesh_file import load_mesh_file
+from dataset_builder.assets.scene_readers.front3d_models import metres_per_unit
 from dataset_builder.digest import sha256_file
 from dataset_builder.errors import UserError
 from dataset_builder.importing.front3d_split import LEAST, TargetChoice
 from dataset_builder.spec.usual_sizes import length, size_advice
-
-UNITS = {1.0: "metres", 0.01: "centimetres"}
-"""Scales that models of 3D-FUTURE need, and the units that they are in."""
-ALIKE = 1.5
-"""How many times a size may differ from the declared one, which is rounded and of some other release."""
 
 
 class TargetCheck:
@@ -36,7 +29,8 @@ class TargetCheck:
             return f"cannot be read: {error}"
         if (first := self.meshes.get(digest)) is not None:
             return f"the same mesh as {first}"
-        scale, told = unit_of(asset.mesh.size, choice.size)
+        scale, fault, said = metres_per_unit(asset.mesh.size, choice.sizes)
+        told = f"{fault}: {said}" if fault else "it has its declared size" if choice.sizes else "no size is declared"
         size = [extent * scale for extent in asset.mesh.size]
         advice = size_advice((size[0], size[1], size[2]), category=choice.category, suffix=path.suffix, scale=scale,
                              up="y")
@@ -47,21 +41,3 @@ class TargetCheck:
         self.meshes[digest] = choice.jid
         self.scales[choice.jid] = scale, told
         return ""
-
-
-def unit_of(extents: Sequence[float], declared: Sequence[float]) -> tuple[float, str]:
-    """Metres per unit of a file whose mesh has these extents, and what told it. The sides are compared by length, since
-    their order varies.
-
-    >>> unit_of((60, 55, 90), (0.6, 0.9, 0.55))
-    (0.01, 'its extents are 100 times the declared size')
-    """
-    if not declared:
-        scale = 0.01 if max(extents) > 10 else 1.0
-        return scale, f"no size is declared; of extents of {max(extents):.3g} units {UNITS[scale]} are likely"
-    factor = median(sorted(extents)[side] / max(sorted(declared)[side], 1e-6) for side in range(3))
-    for scale in UNITS:
-        if 1 / ALIKE <= factor * scale <= ALIKE:
-            return scale, "its extents are " + ("the declared size" if scale == 1
-                                                else f"{1 / scale:g} times the declared size")
-    return 1.0, f"its extents are {factor:.3g} times the declared size, which fits no unit"

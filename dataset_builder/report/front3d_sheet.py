@@ -128,7 +128,7 @@ def _drawing(scene: SceneIndex, plan: FloorPlan, models: Mapping[str, FutureMode
 
 def _draw_box(canvas: _Canvas, box: FurnitureBox, models: Mapping[str, FutureModel], targets: set[str]) -> None:
     """A box; a line joins the middle with the front."""
-    group, _ = target_group(category_in(box.category, models, box.jid))
+    group, _ = target_group(category_in(models, box.jid, box.category))
     there = box.valid and box.jid in models
     corners = canvas.at(box.corners)
     edge = TARGET if box.jid in targets else PALE if there else COLOURS[group]
