@@ -104,6 +104,8 @@ class _House:
     """Children of rooms that are pieces of furniture."""
     placed: int = 0
     """Those that are there."""
+    kinds: set[str] = field(default_factory=set)
+    """Their jids."""
 
     def things(self) -> Iterator[SceneThing]:
         """What stands in the rooms, then meshes that no room has, in the order of the file."""
@@ -169,15 +171,15 @@ class _House:
             if "light" in f"{category} {listed.above}" or "lamp" in category:
                 self.dark[category] += 1
             self.placed += 1
+            self.kinds.add(piece.jid)
             yield _thing(model, name, category, "object", matrix)
 
     def contains(self, things: tuple[SceneThing, ...]) -> str:
         """For people."""
-        kinds = len({id(thing.asset) for thing in things}) - (len(things) - self.placed)
         triangles = sum(len(thing.asset.mesh.faces) for thing in things)
         return ", ".join((counted(len(self.scene.rooms), "room"),
                           f"{self.placed:,} of {counted(self.wanted, 'piece')} of furniture",
-                          counted(kinds, "model"),
+                          counted(len(self.kinds), "model"),
                           counted(len(things) - self.placed, "mesh of the building", "meshes of the building"),
                           counted(triangles, "triangle")))
 
