@@ -48,6 +48,8 @@ def add(verbs: common.Verbs) -> None:
                       help="categories of the models (default: model_info.json in their folder)")
     verb.add_argument("--out", type=Path, default=Path("front3d-specs"), metavar="DIR",
                       help="folder for the index, the report and the specs (default: front3d-specs)")
+    verb.add_argument("--index", type=Path, metavar="FILE",
+                      help="what was read of scenes, to go on with or to use again (default: index.jsonl in --out)")
     verb.add_argument("--licence", default="", metavar="SPDX",
                       help="licence of scenes and models: LicenseRef-NAME for the terms that you signed")
     verb.add_argument("--workers", type=common.positive, default=cores(), metavar="N",
@@ -74,8 +76,8 @@ def _import(options: argparse.Namespace) -> int:
 
     console = common.wide_console()
     job = Front3dJob(folder=options.folder, out=options.out, licence=options.licence.strip(), models=options.models,
-                     textures=options.textures, model_info=options.model_info, workers=options.workers,
-                     seed=options.seed, share=options.share)
+                     textures=options.textures, model_info=options.model_info, index=options.index,
+                     workers=options.workers, seed=options.seed, share=options.share)
 
     def picture(proposal: "SplitProposal", models: "Mapping[str, FutureModel]", target: Path) -> bool:
         return _sheet(proposal, models, job.folder, target, job.workers)

@@ -39,6 +39,8 @@ class Front3dJob:
     models: Path | None = None
     textures: Path | None = None
     model_info: Path | None = None
+    index: Path | None = None
+    """The index, where it is not to lie in the output folder."""
     workers: int = 1
     seed: int = 0
     share: float = 1.0
@@ -64,7 +66,7 @@ class Front3dImported:
     dataset: Path | None
     """The dataset file; None where there is no scene or no target for one."""
     files: tuple[str, ...]
-    """Files and folders in the output folder."""
+    """Files and folders in the output folder, without the index."""
 
 
 def import_front3d(job: Front3dJob, *, watch: Watch, picture: Picture | None) -> Front3dImported:
@@ -80,7 +82,7 @@ def import_front3d(job: Front3dJob, *, watch: Watch, picture: Picture | None) ->
     if job.textures is not None and not job.textures.is_dir():
         raise UserError([Problem(where=str(job.textures), path="--textures", rule="expected a folder, found none")])
     refuse_existing(job.out, ["objects", "scenes", FAULTS, KINDS, SCENES, SHEET, f"{job.name}.yaml"])
-    with IndexFile(job.out / INDEX, made_by()) as lines:
+    with IndexFile(job.index or job.out / INDEX, made_by()) as lines:
         index = index_folder(job.folder, lines, workers=job.workers, watch=watch)
         if models:
             index = replace(index, scenes=tuple(_with_missing(scene, models) for scene in index.scenes))
@@ -88,6 +90,7 @@ def import_front3d(job: Front3dJob, *, watch: Watch, picture: Picture | None) ->
         proposal = propose_split(index.scenes, models, seed=job.seed, check=check)
         ready = bool(proposal.splits) and all(split.targets for split in proposal.splits)
         out = job.out.resolve()
+        out.parent.mkdir(parents=True, exist_ok=True)
         with output_errors(job.out), TemporaryDirectory(dir=out.parent, prefix=f".{out.name}-") as folder:
             staging = Path(folder)
             _write_report(lines, index.scenes, models, staging)
@@ -97,7 +100,7 @@ def import_front3d(job: Front3dJob, *, watch: Watch, picture: Picture | None) ->
             if picture and proposal.splits and picture(proposal, models, staging / SHEET):
                 names.append(SHEET)
             move(names, staging, out)
-    return Front3dImported(index=index, models=models, proposal=proposal, files=(INDEX, *names),
+    return Front3dImported(index=index, models=models, proposal=proposal, files=tuple(names),
                            dataset=job.out / f"{job.name}.yaml" if ready else None)
 
 

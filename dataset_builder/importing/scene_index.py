@@ -107,7 +107,7 @@ def scene_of_line(line: str) -> tuple[SceneIndex, tuple[SceneFault, ...]]:
         told = tuple(SceneFault(kind, where, said) for kind, where, said in data.pop("told"))
         rooms = tuple(_room(room) for room in data.pop("rooms"))
         return SceneIndex(rooms=rooms, **data), told
-    except (TypeError, KeyError, AttributeError, RecursionError) as error:
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
         raise ValueError("no line of an index") from error
 
 

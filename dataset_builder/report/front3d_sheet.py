@@ -139,17 +139,18 @@ def _draw_box(canvas: _Canvas, box: FurnitureBox, models: Mapping[str, FutureMod
 
 
 def _name_rooms(image: Image.Image, canvas: _Canvas, rooms: Sequence[RoomOutline]) -> None:
-    """The kinds of rooms in the lower left corner of their floors, where there is space for them."""
-    draw = ImageDraw.Draw(image)
-    for room in rooms:
-        if not len(room.floor):
-            continue
-        font = ImageFont.load_default(9)
-        points = room.floor.reshape(-1, 2)
-        left, bottom = canvas.at(points.min(axis=0)[None])[0]
-        if draw.textlength(room.kind, font=font) < np.ptp(points[:, 0]) * canvas.scale / FINER - 6:
-            draw.text((left / FINER + 4, bottom / FINER - 3), room.kind, fill=INK, font=font, anchor="ls",
-                      stroke_width=1, stroke_fill=FLOOR)
+    """The kinds of rooms along the lower edges of their floors, or the upper ones, where there is space."""
+    draw, font = ImageDraw.Draw(image), ImageFont.load_default(9)
+    for room in (room for room in rooms if len(room.floor)):
+        for anchor, turn, shift in (("ls", 1, -3), ("lt", -1, 4)):
+            levels = turn * room.floor[:, :, 1]
+            edge = room.floor[levels.min(axis=1) < levels.min() + 0.1].reshape(-1, 2)
+            place = np.array([[edge[:, 0].min(), turn * levels.min()]])
+            if draw.textlength(room.kind, font=font) < np.ptp(edge[:, 0]) * canvas.scale / FINER - 6:
+                x, y = canvas.at(place)[0]
+                draw.text((x / FINER + 4, y / FINER + shift), room.kind, fill=INK, font=font, anchor=anchor,
+                          stroke_width=1, stroke_fill=FLOOR)
+                break
 
 
 def _text(image: Image.Image, place: tuple[int, int], text: str, size: int,
