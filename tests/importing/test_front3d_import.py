@@ -138,7 +138,7 @@ def test_models_in_centimetres_get_their_scale(run: Run, tmp_path: Path) -> None
     (("--licence", "my terms"), "--licence: expected an SPDX identifier of letters, digits, . + and -, got my terms"),
     (("--licence", "LicenseRef-"), "--licence: expected an SPDX identifier"),
     ((*LICENCE, "--models", "nowhere"), "nowhere: --models: expected the folder of the models, got: No such file"),
-    ((*LICENCE, "--models", "."), r".: --models: expected folders that hold a raw_model.obj, found none (perhaps models"),
+    ((*LICENCE, "--models", "."), ".: --models: expected folders that hold a raw_model.obj, found none"),
     ((*LICENCE, "--textures", "nowhere"), "nowhere: --textures: expected a folder, found none"),
     ((*LICENCE, "--models", "models", "--model-info", "no.json"), "no.json: --model-info: expected a file, found none"),
     ((*LICENCE, "--models", "models", "--model-info", "scenes/house 0.json"), "expected a list of models, got a dict"),
