@@ -6,14 +6,15 @@ TextURE", IJCV 2021. What the files are known to get wrong is lived with and lis
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from dataset_builder.assets.file_model import counted, refuse
+from dataset_builder.assets.mesh_file import scaled_world
 from dataset_builder.assets.scene_model import Role, SceneModel, SceneThing
-from dataset_builder.assets.scene_readers.front3d_building import FrontBuilding, role_of
+from dataset_builder.assets.scene_readers.front3d_building import FrontBuilding, front_role
 from dataset_builder.assets.scene_readers.front3d_json import FrontScene, Names, read_front3d
 from dataset_builder.assets.scene_readers.front3d_models import (
     LONGEST,
@@ -26,6 +27,7 @@ from dataset_builder.assets.scene_readers.front3d_models import (
 )
 from dataset_builder.assets.scene_readers.front3d_overlaps import overlaps
 from dataset_builder.assets.scene_readers.front3d_values import FaultNotes, SceneFault
+from dataset_builder.assets.scene_readers.roles import said_role
 from dataset_builder.geometry.mesh import transform
 from dataset_builder.label.scene_source import SceneSource
 from dataset_builder.spec.problems import name_alike
@@ -45,8 +47,9 @@ def read(source: SceneSource, root: Path, max_texture: int) -> SceneModel:
     scene = read_front3d(path)
     models, textures = (_folder(path, root, key, name) for key, name in
                         (("models", source.models), ("textures", source.textures)))
-    house = _House(scene, FaultNotes(list(scene.faults)), models, textures, max_texture)
-    things = tuple(house.things())
+    house = _House(scene, FaultNotes(list(scene.faults)), models, textures, max_texture,
+                   scaled_world(source.scale, "y"))
+    things = tuple(replace(thing, role=said_role(thing.name, source) or thing.role) for thing in house.things())
     if not things:
         refuse(path, f"expected walls, floors or furniture, got a scene without any: {house.contains(things)}",
                "; ".join(fault_texts(house.notes.found)))
@@ -93,6 +96,8 @@ class _House:
     models: Path | None
     textures: Path | None
     max_texture: int
+    world_from_file: np.ndarray
+    """(4, 4), with the scale that the spec gives."""
     categories: dict[str, FrontCategory] = field(default_factory=dict)
     unnamed: int = 0
     """Pieces of furniture, where the spec names no folder of models."""
@@ -118,7 +123,7 @@ class _House:
         placed: dict[tuple[str, bytes], str] = {}
         for room in scene.rooms:
             for child in room.children:
-                matrix = WORLD_FROM_FRONT @ scene.matrix @ room.matrix @ child.matrix @ WORLD_FROM_FRONT.T
+                matrix = self.world_from_file @ scene.matrix @ room.matrix @ child.matrix @ WORLD_FROM_FRONT.T
                 key = child.ref, (np.round(matrix, 5) + 0.0).tobytes()
                 if key in placed:
                     self.notes.add("things placed twice, the second left out", child.name, f"as {placed[key]}")
@@ -134,16 +139,16 @@ class _House:
         for uid in scene.meshes:
             if uid not in used:
                 self.notes.add("meshes of no room, in place", uid, scene.meshes[uid].kind)
-                matrix = WORLD_FROM_FRONT @ scene.matrix @ WORLD_FROM_FRONT.T
+                matrix = self.world_from_file @ scene.matrix @ WORLD_FROM_FRONT.T
                 yield from self._part(uid, names.free(f"house/{uid}"), matrix)
 
     def _is_floor(self, ref: str) -> bool:
-        return ref in self.scene.meshes and role_of(self.scene.meshes[ref].kind) == "floor"
+        return ref in self.scene.meshes and front_role(self.scene.meshes[ref].kind) == "floor"
 
     def _part(self, uid: str, name: str, matrix: np.ndarray) -> Iterator[SceneThing]:
         mesh = self.scene.meshes[uid]
         if model := self.building.model(mesh, name):
-            yield _thing(model, name, mesh.kind.lower(), role_of(mesh.kind), matrix)
+            yield _thing(model, name, mesh.kind.lower(), front_role(mesh.kind), matrix)
 
     def _piece(self, uid: str, name: str, matrix: np.ndarray, library: FrontModels | None) -> Iterator[SceneThing]:
         piece = self.scene.furniture[uid]
