@@ -12,8 +12,8 @@ from dataset_builder.errors import UserError, printable
 from dataset_builder.processes import cores
 
 if TYPE_CHECKING:
-    from dataset_builder.importing.front3d_models import FutureModel
     from dataset_builder.importing.front3d_split import SplitProposal
+    from dataset_builder.importing.future_models import FutureModel
     from dataset_builder.importing.index_folder import IndexedFile
 
 VERB = "import front3d"
