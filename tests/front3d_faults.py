@@ -123,6 +123,7 @@ FAULTS: dict[str, tuple[Plant, str, int]] = {
     "null in uv": (_nothing_in("uv", None), "texture coordinates that are no numbers, taken for 0", 0),
     "NaN in xyz": (_nothing_in("xyz", float("nan")), "faces with corners that are no numbers, left out", 0),
     "face beyond": (_nothing_in("faces", 999), "faces with corners that are not there, left out", 0),
+    "face twice": (lambda house: house.mesh("Floor")["faces"].extend([0, 1, 2]), "meshes that were mended", 0),
     "half a face": (lambda house: house.mesh("Floor")["faces"].append(0), "lists that end within a row, cut", 0),
     "empty mesh": (_mesh("Baseboard", faces=[]), "meshes without faces, left out", -1),
     "mesh of NaN": (_mesh("Baseboard", xyz=[float("nan")] * 18), "meshes without faces, left out", -1),

@@ -28,6 +28,7 @@ from dataset_builder.assets.scene_readers.front3d_models import (
 from dataset_builder.assets.scene_readers.front3d_overlaps import overlaps
 from dataset_builder.assets.scene_readers.front3d_values import FaultNotes, SceneFault
 from dataset_builder.assets.scene_readers.roles import said_role
+from dataset_builder.errors import printable
 from dataset_builder.geometry.mesh import transform
 from dataset_builder.label.scene_source import SceneSource
 from dataset_builder.spec.problems import name_alike
@@ -66,14 +67,14 @@ def fault_texts(faults: Iterable[SceneFault]) -> list[str]:
     """A sentence for each kind of fault, in the order in which kinds are met: how many, and the first few.
 
     >>> fault_texts([SceneFault("rugs that fly", "Hall/3", "2 m up"), SceneFault("rugs that fly", "Hall/4")])
-    ['2 rugs that fly: Hall/3 (2 m up), Hall/4']
+    ['rugs that fly (2): Hall/3 (2 m up), Hall/4']
     """
     kinds: dict[str, list[SceneFault]] = {}
     for fault in faults:
         kinds.setdefault(fault.kind, []).append(fault)
-    return [f"{len(found):,} {kind}: " + ", ".join(
+    return [printable(f"{kind} ({len(found):,}): " + ", ".join(
         f"{fault.where} ({fault.said})" if fault.said else fault.where for fault in found[:NAMED])
-        + (f" and {len(found) - NAMED:,} more" if len(found) > NAMED else "") for kind, found in kinds.items()]
+        + (f" and {len(found) - NAMED:,} more" if len(found) > NAMED else "")) for kind, found in kinds.items()]
 
 
 def _folder(scene: Path, root: Path, key: str, name: str) -> Path | None:

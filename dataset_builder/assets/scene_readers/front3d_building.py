@@ -1,6 +1,6 @@
 """Meshes that a 3D-FRONT scene holds itself -> assets: their part of the building by type, colours and textures."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -69,10 +69,15 @@ class FrontBuilding:
         part = FilePart(name=name, positions=mesh.positions, faces=mesh.faces, material=0 if found else -1, uvs=uvs)
         model = FileModel(parts=(part,), materials=(found,) if found else (), contains=mesh.kind)
         try:
-            return FrontModel(*thing_asset(model, WORLD_FROM_FRONT, name=name, category=mesh.kind.lower(), licence=""))
+            asset, content = thing_asset(model, WORLD_FROM_FRONT, name=name, category=mesh.kind.lower(), licence="")
         except UserError as error:
             self.notes.add("meshes without area, left out", name, error.problems[0].rule)
             return None
+        # Meshes of these files share no vertices, and sheets of walls have no inside: nothing to tell of each
+        if mended := [text for text in asset.meta["repair"].split(", ") if text and not text.endswith(" welded")]:
+            self.notes.add("meshes that were mended", name, ", ".join(mended))
+        quiet = {"repair": ""} if front_role(mesh.kind) == "object" else {"repair": "", "shape": ""}
+        return FrontModel(replace(asset, meta=asset.meta | quiet), content)
 
     def _material(self, mesh: FrontMesh, name: str) -> FileMaterial | None:
         """The material of a mesh; None for none, which is noted."""
