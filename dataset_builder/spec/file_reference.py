@@ -33,4 +33,5 @@ def is_inside(folder: Path, name: str) -> bool:
 
 def is_within(folders: tuple[Path, ...], name: str) -> bool:
     """Whether a file, relative to the first of some folders, `is_inside` one of them."""
-    return any(is_inside(folder, os.path.join(folders[0], name)) for folder in folders)
+    file = os.path.join(os.path.abspath(folders[0]), name)
+    return any(is_inside(folder, file) for folder in folders)
