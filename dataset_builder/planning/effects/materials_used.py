@@ -58,12 +58,14 @@ def glass_share(ior: float, thin: bool) -> float:
     return float(np.mean(2 * face / (1 + face) if thin else face))
 
 
-def scattered_share(material: Material) -> float:
-    """Largest share of light from everywhere that a material scatters, over channels, texels and its lobes.
+def scattered_share(material: Material, vertices: Sequence[float] | np.ndarray = (1.0, 1.0, 1.0)) -> float:
+    """Largest share of light from everywhere that a material scatters, over channels, texels and its lobes. vertices:
+    largest red, green and blue of its vertices.
 
     In [0, 1]. What goes into glass or back inside it is not in it: that goes on as it came and counts as crossings.
     """
-    base, (low, high) = np.asarray(material.base_color) * _brightest(material.texture), range_of(material, "metallic")
+    base = np.asarray(material.base_color) * np.asarray(vertices) * _brightest(material.texture)
+    low, high = range_of(material, "metallic")
     # What is opaque scatters most at one of them: 1 - that is a product of two lines
     opaque = np.maximum(_opaque(material, base, low), _opaque(material, base, high))
     least, most = range_of(material, "transmission")
@@ -164,16 +166,19 @@ def _facts(asset: Asset) -> _Facts:
     if asset not in _known:
         faces = np.unique(asset.mesh.material).tolist()
         shown = tuple(asset.materials[index] for index in faces)
-        alphas = vertex_alphas(asset.mesh.material, asset.mesh.colors)
-        figures = tuple(_figures(asset.materials[index], alphas.get(index)) for index in faces)
+        alphas, colors = vertex_alphas(asset.mesh.material, asset.mesh.colors), asset.mesh.colors
+        figures = tuple(_figures(asset.materials[index], alphas.get(index), (1.0, 1.0, 1.0) if colors is None else
+                                 colors[asset.mesh.material == index, :, :3].max(axis=(0, 1))) for index in faces)
         _known[asset] = _Facts(materials=shown, smooth=_is_smooth(asset), figures=figures)
     return _known[asset]
 
 
-def _figures(material: Material, vertices: tuple[float, float] | None) -> dict[str, Any]:
-    """vertices: least and largest alpha of its coloured vertices, if it has any."""
+def _figures(material: Material, vertices: tuple[float, float] | None,
+             brightest: Sequence[float] | np.ndarray) -> dict[str, Any]:
+    """vertices: least and largest alpha of its coloured vertices, if it has any. brightest: largest red, green and blue
+    of all of its vertices."""
     smoothest, roughest = range_of(material, "roughness")
-    return {"scattered": scattered_share(material), "smoothest": smoothest, "roughest": roughest,
+    return {"scattered": scattered_share(material, brightest), "smoothest": smoothest, "roughest": roughest,
             "coverage": coverage_range(material, vertices or (1.0, 1.0)), "coloured": vertices is not None}
 
 

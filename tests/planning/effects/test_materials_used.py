@@ -84,3 +84,10 @@ def test_glass_scatters_what_its_faces_reflect() -> None:
 def test_no_material_scatters_more_than_all(**figures: object) -> None:
     figures["base_color"] = figures.pop("base")
     assert 0 <= scattered_share(material(**figures)) <= 1
+
+
+def test_colours_of_vertices_bound_what_a_material_scatters() -> None:
+    """As a base colour does; a path depth from white would be without end."""
+    white = Material(name="vertex colours", base_color=(1, 1, 1), specular=0.0)
+    assert scattered_share(white, (0.5, 0.4, 0.3)) == pytest.approx(0.5)
+    assert scattered_share(white) == pytest.approx(1)
