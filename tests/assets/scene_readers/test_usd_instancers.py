@@ -5,6 +5,7 @@ import pytest
 
 from dataset_builder.assets.readers import usd_instancers
 from dataset_builder.assets.readers.usd import read
+from dataset_builder.assets.scene_readers import usd_scene
 from tests.assets.readers.usd_files import write
 from tests.assets.scene_readers.usd_stages import METRES, at, mesh, moved, names, place, prim, refused, scene
 
@@ -86,6 +87,11 @@ def test_too_many_instances_are_refused_by_name(tmp_path, monkeypatch):
     text = grass(indices=", ".join(["0"] * many), positions=", ".join(["(0,0,0)"] * many))
     assert f"/Grass: expected at most 20,000 instances of PointInstancers in all, got {many:,}" in refused(
         tmp_path, text)
+
+
+def test_too_many_triangles_of_instances_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(usd_scene, "MOST_TRIANGLES", 5)
+    assert "expected at most 5 triangles, instances counted each, got 6" in refused(tmp_path, grass())
 
 
 def test_instances_of_instances_are_counted_each(tmp_path):

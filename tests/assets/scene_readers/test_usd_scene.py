@@ -100,6 +100,8 @@ def test_other_folders_are_read_if_the_spec_names_them(tmp_path):
     (prim("Xform", "a", mesh("m", indices="0,1,2,9")), "/a/m: expected indices in [0, 4), got 1 faces with others"),
     (prim("Xform", "a", "matrix4d xformOp:transform = ((1,0,0,0), (0,1,0,0), (0,0,1,0), (nan,0,0,1))\n"
           'uniform token[] xformOpOrder = ["xformOp:transform"]', mesh("m")), "/a: expected an affine transform"),
+    (prim("Mesh", "a", "double points = 3", "int[] faceVertexCounts = [3]"), "/a: "),
+    (prim("Xform", "a", 'token[] xformOpOrder = ["xformOp:x"]\nstring xformOp:x = "y"', mesh("m")), "/a: "),
     ("".join(f'def "p{n}" {{\n' for n in range(600)) + mesh("m") + "}\n" * 600, "expected prims at most 500 deep")])
 def test_what_makes_no_scene_is_refused(tmp_path, text, error):
     assert error in refused(tmp_path, METRES + text)
@@ -189,3 +191,19 @@ def test_one_side_and_category_labels_are_said(tmp_path):
         "m", more="uniform bool doubleSided = 0")), mesh("n")))
     assert model.things[0].category == "sofa" and place(model.things[1]) == (0.5, 0.5, 0)
     assert "surfaces of one side are seen from both" in model.left_out
+
+
+def test_images_of_lights_are_companions_where_they_may_be_read(tmp_path):
+    """One that is not there, or elsewhere, is said with its light, which is there without it."""
+    (tmp_path / "in").mkdir()
+    for folder in (tmp_path, tmp_path / "in"):
+        write_image(folder, "sky.png", (255, 255, 255))
+    dome = 'float inputs:intensity = 1\nasset inputs:texture:file = @{}@'
+    text = METRES + prim("Xform", "World", CHAIR, *(prim("DomeLight", name, dome.format(file)) for name, file in (
+        ("here", "sky.png"), ("gone", "none.png"), ("elsewhere", "../sky.png"))))
+    write(tmp_path / "in", text)
+    assert companions(tmp_path / "in/a.usda") == ("sky.png",)
+    model = load_scene(SceneSource(source="a.usda", licence="CC0-1.0"), tmp_path / "in")
+    assert len(model.lights) == 3
+    for name, file in (("gone", "none.png"), ("elsewhere", "../sky.png")):
+        assert any(f"/World/{name}" in line and file in line for line in model.left_out)
