@@ -39,6 +39,8 @@ LAYERS = (("i_s", "frame"), ("i_t", "frame"), ("depth", "frame"), ("instance", "
 REPETITIONS = 24
 FAILURES = 1e-3
 """That a test of equal pictures fails by chance."""
+BRIGHTER = 1.03
+"""What such a test must notice."""
 
 
 @pytest.fixture(scope="module")
@@ -102,6 +104,8 @@ def test_the_pictures_come_back(there: ExamplePlan, back: tuple[ExamplePlan, Pat
         np.testing.assert_allclose(*(each.mean(axis=0)[~noisy] for each in blocks), rtol=1e-4)
         p = stats.ttest_ind(*(each[:, noisy] for each in blocks), axis=0, equal_var=False).pvalue
         assert p.size > 60 and p.min() > FAILURES / 2 / p.size, layer
+        brighter = stats.ttest_ind(blocks[0][:, noisy], BRIGHTER * blocks[1][:, noisy], axis=0, equal_var=False).pvalue
+        assert brighter.min() < FAILURES / 2 / p.size, layer
 
 
 def test_no_other_kernels(there: ExamplePlan, back: tuple[ExamplePlan, Path], small_spec: Path) -> None:
