@@ -111,13 +111,14 @@ def test_too_few_things_are_refused_with_what_there_is(tmp_path: Path, query: st
 
 
 def test_names_that_fit_nothing_are_refused_together_with_their_lines(tmp_path: Path) -> None:
-    scene = SPEC + "  leave_out: [Table, Chiar_01]\n  slot: {name: Stool}\n  lights:\n    use: kept\n    dim: {Lamp: 0.5}\n"
+    scene = (SPEC + "  leave_out: [Table, Chiar_01]\n  slot: {name: Stool}\n"
+             "  lights:\n    dim: {Lamp: 0.5}\n    use: kept\n")
     said = refused(write_dataset(tmp_path, scene=scene, dataset=DATASET.replace(
         'things: {name: "*"}, count: 2', "from: [stool.yaml], count: 1"), stool="family: stool\n"))
     assert said.split("\n") == [
         "scene.yaml:4: file.leave_out[1]: expected the name of a thing in stage.gltf, got 'Chiar_01' (nearest known "
         "thing: Chair_01)",
-        "scene.yaml:8: file.lights.dim.Lamp: expected the name of a light in stage.gltf, got 'Lamp' (it has no lights)",
+        "scene.yaml:7: file.lights.dim.Lamp: expected the name of a light in stage.gltf, got 'Lamp' (it has no lights)",
         "scene.yaml:5: file.slot: expected 1 thing with name 'Stool' in stage.gltf, got 0 of 5 (known names: Floor, "
         "Wall_back, Wall_left, Chair_01, Table)"]
 
@@ -156,8 +157,18 @@ def test_a_target_in_a_slot_stands_where_the_thing_stood(tmp_path: Path) -> None
 def test_a_target_that_its_slot_is_too_small_for_is_told_of(tmp_path: Path) -> None:
     objects = DATASET.replace('things: {name: "*"}, count: 2', "from: [sofa.yaml], count: 1")
     path = write_dataset(tmp_path, dataset=objects, scene=SPEC + "  slot: {category: chair}\n", sofa="family: sofa\n")
-    assert ("the target takes the place of Chair_01, but does not fit the free space there: its box meets those of "
+    assert ("the target takes the place of Chair_01, but does not fit the free space there: its box meets "
             "Table") in plans(path)[0].notes
+
+
+def test_a_target_that_runs_into_a_wall_in_its_slot_is_told_of(tmp_path: Path) -> None:
+    objects = DATASET.replace('things: {name: "*"}, count: 2', "from: [sofa.yaml], count: 1")
+    chair = {**CHAIR, "world": at(-1.7, -1.0, 0, (0.5, 0.5, 0.9))}
+    path = write_dataset(tmp_path, [*ROOM, chair], objects, scene=SPEC + "  slot: {name: Chair_01}\n",
+                         sofa="family: sofa\nparams: {width: 2.0}\n")
+    planner = Planner(load_dataset(path))
+    assert ("the target takes the place of Chair_01, but does not fit the free space there: its box meets the "
+            "building") in planner.arrangement(planner.examples[0].view.pair).notes
 
 
 def test_the_scene_is_read_once_however_many_views_there_are(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from dataset_builder.assets.asset import Asset, Material
-from dataset_builder.geometry.edges import unit
-from dataset_builder.geometry.mesh import TriangleMesh, transform
+from dataset_builder.geometry.edges import corner_normals, unit
+from dataset_builder.geometry.mesh import TriangleMesh, concatenate, transform
 from dataset_builder.label.example_plan import ExamplePlan
+from dataset_builder.label.scene_plan import RoomPlan
 from dataset_builder.planning.plan import plan_example
-from dataset_builder.planning.scene.room_parts import RoomPart
+from dataset_builder.planning.scene.room_parts import RoomPart, room_parts
 from dataset_builder.rendering.examples import Rendered, render_view
-from dataset_builder.rendering.scene.triangle_soup import part_soup
+from dataset_builder.rendering.scene.triangle_soup import PARTS, merge, part_soup
 from dataset_builder.spec.load import load_dataset
 from tests.gltf_scenes import CHAIR, DATASET, ROOM, WEDGE, WEDGE_FACES, at, thing, write_dataset
 
@@ -66,6 +67,20 @@ def test_a_place_that_flattens_leaves_normals() -> None:
     made = part_soup(part(np.diag([1.0, 1.0, 0.0, 1.0])))
     assert np.linalg.norm(made.normals, axis=2) == pytest.approx(1)
     assert np.isfinite(made.normals).all()
+
+
+def test_panes_belong_to_the_walls_of_a_room_in_code(tmp_path: Path) -> None:
+    """As one mesh, to the last bit: they share no corner, and follow the walls' triangles and materials."""
+    plan = RoomPlan(name="room", seed="5", width=4, depth=3, height=2.5, ceiling=True, glazing=True, windows=2,
+                    skirting=0.08)
+    floor, walls, panes, ceiling = room_parts(plan, tmp_path)
+    assert [part.name for part in (floor, walls, panes, ceiling)] == ["floor", "walls", "walls", "ceiling"]
+    assert [part.clear for part in (floor, walls, panes, ceiling)] == [False, False, True, False]
+    both = concatenate([walls.asset.mesh, panes.asset.mesh], material_offsets=[0, len(walls.asset.materials)])
+    made = merge([part_soup(walls), part_soup(panes)])
+    assert np.array_equal(made.corners, both.corners) and np.array_equal(made.material, both.material)
+    assert np.array_equal(made.normals, corner_normals(both)) and np.array_equal(made.uvs, both.uvs)
+    assert set(made.part) == {PARTS.index("walls")} and set(made.instance) == {2}
 
 
 def render(plan: ExamplePlan, root: Path) -> Rendered:
