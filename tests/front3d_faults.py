@@ -111,6 +111,7 @@ FAULTS: dict[str, tuple[Plant, str, int]] = {
     "scale of 6": (_child("stool", scale=[6, 1, 1]), "pieces of furniture with scales above 5, as they are", 0),
     "scale of 40": (_child("stool", scale=[40, 40, 40]), "pieces of furniture longer than 10 m, left out", -1),
     "no rotation": (_child("stool", rot=[0, 0, 0, 0]), "rotations that are none, left out", -1),
+    "rotation without end": (_child("stool", rot=[0, 1e300, 0, 1e300]), "rotations that are none, left out", -1),
     "rotation of length 2": (_child("stool", rot=[0, 0, 0, 2]), "rotations of another length than 1, made 1", 0),
     "place is NaN": (_child("stool", pos=[float("nan"), 0, 0]), PLACES, -1),
     "place is null": (_child("stool", pos=None), PLACES, -1),

@@ -22,9 +22,9 @@ from dataset_builder.spec.front3d_references import texture_file
 
 ROLE_WORDS: tuple[tuple[Role, tuple[str, ...]], ...] = (
     ("object", ("lamp", "lightband", "cabinet", "furniture", "platform", "stair", "personalized")),
-    ("ceiling", ("ceil",)),
+    ("ceiling", ("ceil", "cornice", "beam")),
     ("floor", ("floor",)),
-    ("walls", ("wall", "window", "door", "baseboard", "cornice", "wainscot", "background", "beam", "column", "flue",
+    ("walls", ("wall", "window", "door", "baseboard", "wainscot", "background", "column", "flue",
                "pipe", "slab", "hole", "pocket", "front", "back")),
 )
 """What part of the building a type of mesh is, by words in it, the first that fits; others are objects. The types are

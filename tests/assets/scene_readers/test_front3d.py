@@ -1,5 +1,6 @@
 """Scenes of 3D-FRONT: every known fault lived with and named, and what is refused."""
 
+import doctest
 import json
 import os
 
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 
 from dataset_builder.assets.scene_file import load_scene
+from dataset_builder.assets.scene_readers import front3d, front3d_building, front3d_models
 from dataset_builder.assets.scene_readers.front3d_models import metres_per_unit
 from dataset_builder.errors import UserError
 from tests.front3d_faults import FAULTS
@@ -25,6 +27,12 @@ def clean(tmp_path_factory):
 
 def load(folder, made):
     return load_scene(made.write(folder), folder, max_texture=64)
+
+
+@pytest.mark.parametrize("module", [front3d, front3d_building, front3d_models])
+def test_examples_in_docstrings_hold(module):
+    found = doctest.testmod(module)
+    assert (found.failed, found.attempted > 0) == (0, True)
 
 
 def test_a_house_without_faults_has_none(clean):
