@@ -62,7 +62,7 @@ def test_a_folder_becomes_the_papers_split(run: Run, tmp_path: Path, capsys: pyt
     assert (len(train.scenes.source), len(evaluation.scenes.source)) == (5, 2)
     assert not set(train.objects.source) & set(evaluation.objects.source)
     assert not set(train.scenes.source) & set(evaluation.scenes.source)
-    specs = tmp_path / "deep" / "My Split" / "scenes"
+    specs = tmp_path / "deep" / "My Split"
     for scene in loaded.scenes.values():
         assert scene.file is not None and scene.file.licence == "LicenseRef-3D-FRONT"
         assert (specs / scene.file.path).is_file()
