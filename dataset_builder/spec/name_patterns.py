@@ -3,6 +3,9 @@
 from collections.abc import Iterable, Sequence
 from fnmatch import fnmatchcase
 
+WILD = "*?"
+"""Characters that stand for others."""
+
 
 def fits(name: str, pattern: str) -> bool:
     """Whether a name fits a pattern: * is any text, slashes too, ? any character; all else is itself.

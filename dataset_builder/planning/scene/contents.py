@@ -18,6 +18,7 @@ from dataset_builder.spec.dataset import SplitSpec
 from dataset_builder.spec.families import FAMILIES, FamilyParam
 from dataset_builder.spec.file_scene import SceneFileSpec, ThingQuery
 from dataset_builder.spec.licences import FREE
+from dataset_builder.spec.name_patterns import WILD
 from dataset_builder.spec.numbers import AnyNumber, draw
 from dataset_builder.spec.resolve import LoadedSpec
 from dataset_builder.spec.scene import FogSpec, ObjectSpec, RoomSpec
@@ -132,7 +133,7 @@ def fog_plan(spec: FogSpec | None, seed: int, path: Path) -> FogPlan:
     return FogPlan(**{key: draw(getattr(spec, key), rng(seed, *path, key)) for key in FogPlan.model_fields})
 
 
-def _scene_plan(loaded: LoadedSpec, split: str, index: int, key: str) -> ScenePlan:
+def _scene_plan(loaded: LoadedSpec, split: str, index: int, key: str, things: ThingQuery | None) -> ScenePlan:
     spec, seed, path = loaded.scenes[key], loaded.dataset.seed, (split, "scene", index)
     pieces = list[PiecePlan]()
     for entry, furniture in enumerate(spec.furniture):
@@ -141,22 +142,24 @@ def _scene_plan(loaded: LoadedSpec, split: str, index: int, key: str) -> ScenePl
                                f"scene{index:02d}")
             pieces.append(PiecePlan(object=plan, place=furniture.place, number=(entry, copy)))
     name = f"{split}-room-{index:02d}"
-    room = (_file_room(loaded, spec.file, key, name) if spec.file is not None else
+    room = (_file_room(loaded, spec.file, key, name, things) if spec.file is not None else
             room_plan(loaded.rooms[str(spec.room)], name, seed, (*path, "room")))
     return ScenePlan(room=room, furniture=tuple(pieces), target=spec.target,
                      fog=fog_plan(spec.fog, seed, (*path, "fog")), number=index, key=key, file=spec.file)
 
 
-def _file_room(loaded: LoadedSpec, file: SceneFileSpec, key: str, name: str) -> RoomPlan:
-    """A scene from a file that has not been read."""
+def _file_room(loaded: LoadedSpec, file: SceneFileSpec, key: str, name: str, things: ThingQuery | None) -> RoomPlan:
+    """A scene from a file that has not been read. What a query names in full is one thing, a group of things, too."""
     suffix = PurePosixPath(file.path).suffix.lower()
     kind: SceneKind = "usd" if suffix in USD_SUFFIXES else "front3d" if suffix == FRONT_SUFFIX else "file"
     variants = tuple(VariantChoice(prim=prim, set=group, variant=variant)
                      for prim, chosen in file.variants.items() for group, variant in chosen.items())
-    parts = tuple(PartPatterns(part=part, patterns=patterns) for part, patterns in file.parts.items())
+    parts = [PartPatterns(part=part, patterns=patterns) for part, patterns in file.parts.items()]
+    parts += [PartPatterns(part="object", patterns=(query.name,)) for query in (things, file.slot)
+              if query is not None and not any(character in query.name for character in WILD)]
     source = SceneSource(source=file.path, source_sha256=loaded.scene_files[key].digest, licence=file.licence,
                          scale=file.scale, up=file.up, roots=file.roots, variants=variants, models=file.models,
-                         textures=file.textures, parts=parts)
+                         textures=file.textures, parts=tuple(parts))
     return RoomPlan(name=name, seed="0", width=0.0, depth=0.0, height=0.0, ceiling=False, windows=0, skirting=0.0,
                     kind=kind, scene=SceneFilePlan(file=source))
 
@@ -170,7 +173,7 @@ def split_contents(loaded: LoadedSpec, split: SplitSpec) -> SplitContents:
     objects = tuple(object_plan(loaded, key, split.name, (split.name, "object", index), index, "")
                     for index, key in enumerate(_in_turn(split.objects.source, split.objects.count))
                     ) if split.objects.things is None else ()
-    scenes = tuple(_scene_plan(loaded, split.name, index, key)
+    scenes = tuple(_scene_plan(loaded, split.name, index, key, split.objects.things)
                    for index, key in enumerate(_in_turn(split.scenes.source, split.scenes.count)))
     return SplitContents(name=split.name, objects=objects, scenes=scenes, things=split.objects.things,
                          count=split.objects.count)

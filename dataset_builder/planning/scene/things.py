@@ -16,17 +16,15 @@ from dataset_builder.planning.scene.scene_models import SceneFacts, ThingFacts, 
 from dataset_builder.seeding import rng
 from dataset_builder.spec.document import Path as KeyPath
 from dataset_builder.spec.file_scene import EVERY_SIZE, ThingQuery
-from dataset_builder.spec.name_patterns import fits, unmatched
+from dataset_builder.spec.name_patterns import WILD, fits, unmatched
 from dataset_builder.spec.problems import nearest, shown
 from dataset_builder.spec.resolve import LoadedSpec
 from dataset_builder.spec.usual_sizes import words_of
 
-WILD = "*?"
-
 
 def left_out(scene: ScenePlan, facts: SceneFacts) -> frozenset[str]:
-    """Names of the things that the spec takes away."""
-    patterns = scene.file.leave_out if scene.file else ()
+    """Names of the things that the spec takes away: a path takes what is below it."""
+    patterns = [below for each in (scene.file.leave_out if scene.file else ()) for below in (each, f"{each}/*")]
     return frozenset(thing.name for thing in facts.things if any(fits(thing.name, each) for each in patterns))
 
 
@@ -161,6 +159,11 @@ def _unusable(thing: ThingFacts, without: frozenset[str]) -> str:
             "it is an object")
 
 
+def _groups(names: Sequence[str]) -> dict[str, None]:
+    """Every path above those of some things, once."""
+    return {name[:end]: None for name in names for end, character in enumerate(name) if character == "/" and end}
+
+
 def unknown_names(loaded: LoadedSpec, scene: ScenePlan, facts: SceneFacts) -> Iterator[Problem]:
     """A problem for every pattern of a scene spec that names nothing in its file."""
     if scene.file is None:
@@ -169,7 +172,8 @@ def unknown_names(loaded: LoadedSpec, scene: ScenePlan, facts: SceneFacts) -> It
     # What a reader parts into floor, walls and ceiling has been named as a whole
     whole = [*things, *(name.rpartition("#")[0] for name in things if "#" in name)]
     named: list[tuple[KeyPath, str, Sequence[str], str]] = [
-        *((("leave_out", k), pattern, things, "thing") for k, pattern in enumerate(scene.file.leave_out)),
+        *((("leave_out", k), pattern, [*things, *_groups(things)], "thing")
+          for k, pattern in enumerate(scene.file.leave_out)),
         *((("parts", part, k), pattern, whole, "thing") for part, patterns in scene.file.parts.items()
           for k, pattern in enumerate(patterns)),
         *((("lights", "dim", pattern), pattern, lights, "light") for pattern in scene.file.lights.dim)]
