@@ -10,7 +10,6 @@ from dataclasses import fields
 from pathlib import Path
 
 import pytest
-import trimesh
 from ruamel.yaml import YAML
 
 import dataset_builder
@@ -24,7 +23,7 @@ from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.load import load_dataset
 from dataset_builder.spec.mesh_source import MESH_SUFFIXES
 from dataset_builder.spec.scene import ObjectSpec
-from tests.front3d_files import house
+from tests.docs_site import write_flat, write_houses, write_models, write_teapot
 from tools import spec_tables
 
 ROOT = Path(__file__).parent.parent
@@ -40,6 +39,8 @@ TINY_TRAINING = ("--set", "steps=2", "--set", "model={width: 4, downs: 2}", "--s
                  "data={crop: 16, batch: 1, workers: 0}", "--device", "cpu")
 PLAIN_TOOLS = ("cp", "diff")
 FEW_BYTES = 1_500_000
+OWN_SPECS = ("own-meshes", "scenes")
+"""Pages whose specs are whole files, with files of their own."""
 
 
 def blocks(page: Path, language: str) -> list[str]:
@@ -91,7 +92,7 @@ def cheap(arguments: list[str]) -> list[str]:
     if arguments[0] == "import":
         return [*arguments, "--no-sheet"]
     if arguments[0] == "build":
-        return [*arguments, *(CHEAP if "teapots" in arguments[1] else CHEAP_MINI)]
+        return [*arguments, *(CHEAP_MINI if MINI in arguments[1] else CHEAP)]
     return arguments
 
 
@@ -102,28 +103,12 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copytree(ROOT / "scene_specs", site / "scene_specs")
     spec, out = site / "scene_specs" / f"{MINI}.yaml", site / "datasets" / MINI
     assert main(["build", str(spec), "--out", str(out), *CHEAP_MINI]) == 0
-    objects = site / "teapots" / "objects"
-    objects.mkdir(parents=True)
-    trimesh.creation.box(extents=(40, 30, 20)).export(objects / "teapot.glb")
-    texts = blocks(ROOT / "docs" / "own-meshes.md", "yaml")
-    (objects / "teapot.yaml").write_text(texts[0])
-    (site / "teapots" / "teapots.yaml").write_text(texts[1])
+    pages = ROOT / "docs"
+    write_teapot(site, blocks(pages / "own-meshes.md", "yaml"))
+    write_flat(site / "house", blocks(pages / "scenes.md", "yaml"))
     write_houses(site)
-    (site / "models").mkdir()
-    for name, extents in (("chair", (0.5, 0.9, 0.5)), ("table", (1.2, 0.8, 0.7))):
-        trimesh.creation.box(extents=extents).export(site / "models" / f"{name}.glb")
+    write_models(site)
     return site
-
-
-def write_houses(site: Path) -> None:
-    """Folders as those of 3D-FRONT and 3D-FUTURE, with two houses."""
-    made = house()
-    made.write(site / "downloads")
-    for kind, name in (("models", "3D-FUTURE-model"), ("textures", "3D-FRONT-texture")):
-        (site / "downloads" / kind).rename(site / name)
-    (site / "3D-FRONT").mkdir()
-    for uid in ("one", "two"):
-        (site / "3D-FRONT" / f"{uid}.json").write_text(json.dumps({**made.document, "uid": uid}))
 
 
 @pytest.fixture
@@ -173,6 +158,18 @@ def test_shell_blocks_run(page: Path, site: Path) -> None:
         else:
             assert tool in PLAIN_TOOLS, f"{line}: teach this test to run it"
             assert subprocess.run([tool, *arguments], check=False).returncode == 0, line
+
+
+@pytest.mark.parametrize("number", range(2, len(blocks(ROOT / "docs" / "scenes.md", "yaml"))))
+def test_scenes_of_the_scenes_page_can_be_planned(number: int, tmp_path: Path) -> None:
+    """Every scene spec after the first, with a target that it can have."""
+    scene, dataset = (blocks(ROOT / "docs" / "scenes.md", "yaml")[index] for index in (number, 1))
+    if "slot" in scene:
+        dataset = dataset.replace("{things: {category: chair}, count: 2}", "{from: [stool.yaml], count: 1}")
+    write_flat(tmp_path / "house", [scene, dataset.replace("views: 2", "views: 1").replace("count: 2", "count: 1")])
+    (tmp_path / "house" / "stool.yaml").write_text("family: stool\n")
+    assert main(["plan", str(tmp_path / "house" / "house.yaml"), "--views", "1", "--set", "target.brightness=[0, 100]",
+                 "--set", "camera.coverage=[0.01, 0.9]"]) == 0
 
 
 def test_the_message_of_the_meshes_page(site: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -269,7 +266,7 @@ def test_keys_of_specs_exist(page: Path) -> None:
             assert path.removesuffix("[]") in keys, code
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if page.stem != "own-meshes" and blocks(page, "yaml")],
+@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "yaml") and page.stem not in OWN_SPECS],
                          ids=lambda page: page.stem)
 def test_yaml_blocks_are_valid(page: Path) -> None:
     """Parts of dataset files fit into the mini dataset's, whole object files are object files."""
