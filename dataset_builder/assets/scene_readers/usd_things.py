@@ -4,16 +4,18 @@ A thing is, for each mesh or shape, what comes first of
 1. the lowest prim at or above it that a pattern of the spec's `parts` names in full,
 2. the outermost component of the model hierarchy (`kind`), or else the outermost subcomponent,
 3. the outermost instance of a PointInstancer,
-4. the lowest scene-graph instance,
-5. the lowest Xform above it; the only root prim that holds anything is none,
-6. the mesh itself.
-Things hold no other things: an instance or Xform (4, 5) that would is no thing, and its own meshes are.
+4. the lowest scene-graph instance, or else the lowest Xform above it; the only root prim that holds anything is none.
+   Or the outermost Xform around that which is called after one kind of thing: a `Table` with its legs,
+5. the mesh itself.
+Things hold no other things: an instance or Xform (4) that would, and is not called so, is no thing, and its own meshes
+are.
 """
 
 from collections.abc import Collection, Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from dataset_builder.assets.readers.usd_walk import UsdNode
+from dataset_builder.assets.scene_readers.thing_tree import is_one_kind
 
 if TYPE_CHECKING:
     from pxr import Usd
@@ -47,13 +49,11 @@ def _root_of(node: UsdNode, named: Collection[str], *, alone: bool) -> tuple[Usd
             return models[-1], False
     if placed := [each for each in chain if each.placed]:
         return placed[-1], False
-    for each in chain:
-        if each.prim.IsInstance():
-            return each, True
-    for each in chain[1:]:
-        if each.prim.IsA(UsdGeom.Xformable) and not each.prim.IsA(UsdGeom.Gprim) and not (alone and each.depth == 1):
-            return each, True
-    return node, False
+    groups = [each for each in chain[1:] if each.prim.IsA(UsdGeom.Xformable) and not each.prim.IsA(UsdGeom.Gprim)
+              and not (alone and each.depth == 1)]
+    own = next((each for each in chain if each.prim.IsInstance()), groups[0] if groups else node)
+    called = [each for each in groups if each.depth <= own.depth and is_one_kind(each.prim.GetName())]
+    return (called[-1], False) if called else (own, own is not node)
 
 
 def _is_kind(prim: "Usd.Prim", kind: str) -> bool:
