@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.label.scene_plan import ObjectPlan
 from dataset_builder.planning.scene.contents import ScenePlan, SplitContents, across
+from dataset_builder.planning.scene.object_size import scene_size_problem
 from dataset_builder.planning.scene.scene_models import scene_facts
 from dataset_builder.planning.scene.things import left_out, slots, targets, unknown_names
 from dataset_builder.spec.licences import contradiction
@@ -13,7 +14,7 @@ from dataset_builder.spec.resolve import LoadedSpec
 
 def scene_problems(loaded: LoadedSpec, drawn: Mapping[str, SplitContents]) -> list[Problem]:
     """Everything that is wrong with the scene files of a spec, each problem with the line that it is about: what cannot
-    be read, names and queries that nothing in a scene fits, licences, and splits that share a target."""
+    be read, names and queries that nothing in a scene fits, sizes, licences, and splits that share a target."""
     found = dict[str, list[tuple[str, str]]]()
     problems = list[Problem]()
     for split in drawn.values():
@@ -45,6 +46,8 @@ def _problems(loaded: LoadedSpec, scene: ScenePlan) -> Iterator[Problem]:
         return
     facts = scene_facts(scene.room, loaded.path.parent)
     yield from unknown_names(loaded, scene, facts)
+    if odd := scene_size_problem(facts, scene, loaded):
+        yield odd
     gone = left_out(scene, facts)
     own = {f"{thing.name} of {scene.file.path}": thing.licence for thing in facts.things if thing.name not in gone}
     if why := contradiction(loaded.dataset.licence, own):
