@@ -79,13 +79,14 @@ def is_one_kind(name: str) -> bool:
     return is_kind(name) and not is_building(name)
 
 
-def category_in(path: str) -> str:
-    """The kind of thing that the last part of a path tells that tells of one and is no place; `object` where none does.
+def category_in(*paths: str) -> str:
+    """The kind of thing that the last part of a path tells that tells of one and is no place, of the first path that
+    has such a part; `object` where none does.
 
-    >>> category_in("Room/Chair_01/Object_4"), category_in("Bed room/Object_4")
-    ('chair', 'object')
+    >>> category_in("Room/Chair_01/Object_4"), category_in("Bed room/Object_4"), category_in("a/b", "a/stool")
+    ('chair', 'object', 'stool')
     """
-    return category_of(name for name in reversed(path.split("/")) if not is_place(name))
+    return category_of(name for path in paths for name in reversed(path.split("/")) if not is_place(name))
 
 
 def _is_plural(name: str) -> bool:

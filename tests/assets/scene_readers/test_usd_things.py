@@ -28,7 +28,8 @@ def test_an_xform_that_is_called_after_one_thing_is_that_thing(tmp_path):
         "Xform", "root", prim("Xform", "Table", at(5), prim("Xform", "Table_top", mesh("m")), *legs),
         prim("Xform", "Chairs", *(prim("Xform", f"Chair_{k}", at(k), prim("Xform", "seat", mesh("m")))
                                   for k in range(2))),
-        prim("Xform", "Bedroom", prim("Xform", "Bits", mesh("m"))), prim("Xform", "Door", prim("Xform", "b", mesh("m")))))
+        prim("Xform", "Bedroom", prim("Xform", "Bits", mesh("m"))),
+        prim("Xform", "Door", prim("Xform", "b", mesh("m")))))
     assert names(model) == ["/root/Table", "/root/Chairs/Chair_0", "/root/Chairs/Chair_1", "/root/Bedroom/Bits",
                             "/root/Door/b"]
     assert [thing.category for thing in model.things[:3]] == ["table", "chair", "chair"]
@@ -80,6 +81,15 @@ def test_instances_share_an_asset_each_at_its_place(tmp_path):
     assert [place(thing)[0] for thing in model.things] == [0.5, 10.5, 20.5, 1]
     assert len({id(thing.asset) for thing in model.things}) == 2
     assert len({thing.content for thing in model.things}) == 2
+
+
+def test_things_that_share_an_asset_are_called_each_by_its_own_name(tmp_path):
+    proto = 'class Xform "Proto" {\n' + mesh("a") + "}\n"
+    model = scene(tmp_path, METRES + proto + prim("Xform", "World", *(
+        prim("Xform", name, metadata="instanceable = true; references = </Proto>")
+        for name in ("thing", "Chair", "Lamp"))))
+    assert len({id(thing.asset) for thing in model.things}) == 1
+    assert [thing.category for thing in model.things] == ["object", "chair", "lamp"]
 
 
 def test_instances_with_materials_or_colours_of_their_own_do_not_share(tmp_path):
