@@ -99,11 +99,14 @@ def files_table(files: Mapping[str, Sequence[tuple[str, str]]]) -> Table:
 
 
 def decisions_table(plan: ExamplePlan) -> Table:
-    """What an example's passes simulate and why."""
+    """What an example's passes simulate and why, and what was decided about it; `files_table` tells of its scene."""
     title = f"What is simulated: example {plan.key}, {plan.target.object.name} in {plan.room.name}"
     table = Table("effect", "choice", "why", title=title, title_justify="left")
     for decision in plan.effects.decisions:
-        table.add_row(*map(Text, (decision.effect, decision.choice, decision.reason)))
+        if decision.effect != "scene file" or decision.choice == "taken away":
+            table.add_row(*map(Text, (decision.effect, decision.choice, decision.reason)))
+    for note in plan.notes:
+        table.add_row("note", "", Text(note))
     return table
 
 

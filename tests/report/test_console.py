@@ -151,9 +151,14 @@ def test_a_dataset_in_tables(small_dataset: Path, tmp_path: Path) -> None:
 def test_decisions_in_a_table() -> None:
     plan = example_plan()
     decision = Decision(effect="lights of rough", choice="1 of 2", reason="dome [left out]: no way in")
-    plan = plan.model_copy(update={"effects": plan.effects.model_copy(update={"decisions": (decision,)})})
+    scene = [Decision(effect="scene file", choice=choice, reason=reason) for choice, reason in (
+        ("contains", "14 things"), ("taken away", "Chair"))]
+    effects = plan.effects.model_copy(update={"decisions": (decision, *scene)})
+    plan = plan.model_copy(update={"effects": effects, "notes": ("a [note]",)})
     text = printed([decisions_table(plan)])
     assert row(text, "lights of rough") == ["1 of 2", "dome [left out]: no way in"]
+    assert row(text, "note")[-1] == "a [note]"
+    assert row(text, "scene file") == ["taken away", "Chair"] and "14 things" not in text
     assert plan.key in text and plan.target.object.name in text
 
 
