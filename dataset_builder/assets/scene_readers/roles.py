@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from dataset_builder.assets.file_model import of_each
 from dataset_builder.assets.scene_model import Role, SceneThing
 from dataset_builder.assets.scene_readers.parted_building import parted
 from dataset_builder.assets.scene_readers.shape_roles import boxes_of, encloses, slab_role
@@ -57,11 +58,13 @@ def classified(things: Sequence[SceneThing], source: SceneSource) -> tuple[tuple
     made = [thing for thing, _ in named]
     boxes = boxes_of(things)
     told = np.array([known for _, known in named], dtype=bool)
+    shaped = dict[Role, list[str]]()
     for number in np.flatnonzero(~told).tolist():
         if (role := slab_role(number, boxes)) is not None:
             made[number], told[number] = replace(made[number], role=role), True
+            shaped.setdefault(role, []).append(made[number].name)
     found: list[SceneThing] = []
-    decided: list[str] = []
+    decided = [of_each("thing", names, f"{role} by shape and place") for role, names in shaped.items()]
     for number, thing in enumerate(made):
         others = boxes[[at for at, other in enumerate(made) if other.role == "object" and at != number]]
         if told[number] or not encloses(thing, others):

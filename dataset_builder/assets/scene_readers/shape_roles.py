@@ -16,7 +16,9 @@ COVER = 0.6
 NEAR = 0.3
 """Metres that a floor may end above the lowest of the rest, and a ceiling begin below the highest."""
 BORDER = 0.15
-"""Share of the scene's extent from its border within which a wall stands."""
+"""Share of the scene's extent from its border within which a wall stands that spans most of it."""
+FULL, STOREY = 0.85, 2.0
+"""Share of the scene's height, and metres, from which a slab parts rooms or goes round a corner, wherever it stands."""
 TALL, WIDE = 1.8, 1.5
 """Metres of height and of either side of what people can be in."""
 MOST = 0.5
@@ -40,7 +42,7 @@ def slab_role(number: int, boxes: np.ndarray) -> Role | None:
     """The part of a building that a thing is by its box and those of the others, (N, 2, 3); None for no slab.
 
     A floor lies flat below the rest, a ceiling above it, and a wall stands upright at its border; each spans most of
-    it.
+    it. What stands elsewhere is a wall where it goes from floor to ceiling.
     """
     low, high = boxes[number]
     rest = np.delete(boxes, number, axis=0)
@@ -59,8 +61,9 @@ def slab_role(number: int, boxes: np.ndarray) -> Role | None:
         along = 1 - across
         middle = (low[across] + high[across]) / 2
         border = min(middle - ends[0, across], ends[1, across] - middle) <= BORDER * whole[across]
-        if (size[across] <= THIN and size[2] >= max(TALL, COVER * whole[2]) and border
-                and size[along] >= max(WIDE, COVER * whole[along])):
+        spans = border and size[2] >= COVER * whole[2] and size[along] >= COVER * whole[along]
+        if (size[across] <= THIN and size[2] >= TALL and size[along] >= WIDE
+                and (spans or size[2] >= max(STOREY, FULL * whole[2]))):
             return "walls"
     return None
 

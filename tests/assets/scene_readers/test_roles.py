@@ -63,6 +63,18 @@ def test_slabs_by_where_they_lie() -> None:
     assert roles(thing("Plane", ((-5, -5, 0), (5, 5, 0.01)))) == {"Plane": "floor"}
 
 
+def test_walls_between_rooms_and_round_corners_stand_anywhere() -> None:
+    """An L of 8 x 8 m with rooms of 4 x 4 m, named in no language that the words are of."""
+    things = [thing("Boden", ((0, 0, -0.2), (8, 8, 0))), thing("Decke", ((0, 0, 2.6), (8, 8, 2.8))),
+              thing("innen", ((3.9, 0, 0), (4.1, 4, 2.6))), thing("Ecke", ((4, 4, 0), (8, 4.1, 2.6))),
+              thing("Regal", ((1, 2, 0), (3, 2.3, 2))), thing("Pfosten", ((6, 2, 0), (6.2, 2.2, 2.6)))]
+    assert roles(*things) == {"Boden": "floor", "Decke": "ceiling", "innen": "walls", "Ecke": "walls",
+                              "Regal": "object", "Pfosten": "object"}
+    assert classified(things, SceneSource(source="a.glb"))[1] == (
+        "thing Boden: floor by shape and place", "thing Decke: ceiling by shape and place",
+        "2 things (innen, Ecke): walls by shape and place")
+
+
 def test_only_what_encloses_the_rest_is_parted() -> None:
     assert set(roles(thing("A", BODY), thing("B", CHAIR)).values()) == {"floor", "walls", "ceiling", "object"}
     beside = ((5.0, 0.0, 0.0), (5.5, 0.5, 0.5))

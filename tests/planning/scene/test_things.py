@@ -112,7 +112,7 @@ def test_too_few_things_are_refused_with_what_there_is(tmp_path: Path, query: st
 
 def test_names_that_fit_nothing_are_refused_together_with_their_lines(tmp_path: Path) -> None:
     scene = SPEC + ("  leave_out: [Table, Chiar_01]\n  slot: {name: Stool}\n"
-                    "  lights:\n    use: kept\n    dim: {Lamp: 0.5}\n")
+                    "  lights:\n    use: added\n    dim: {Lamp: 0.5}\n")
     said = refused(write_dataset(tmp_path, scene=scene, dataset=DATASET.replace(
         'things: {name: "*"}, count: 2', "from: [stool.yaml], count: 1"), stool="family: stool\n"))
     assert said.split("\n") == [
