@@ -17,6 +17,8 @@ KEPT = 4
 ABOUT = 0.2
 """Metres about the target's middle: a camera has a free line to one point of these at least, and a roof above half of
 them is a roof above the target."""
+AROUND = 10.0
+"""Metres about a small scene without a building: lamps stand at distances that are usual in rooms."""
 SAMPLES, FINER = 48, 2
 """Points of a way that are tried, and how often the last good step is tried again as finely."""
 UP, DOWN = np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -1.0])
@@ -76,8 +78,8 @@ class MeshSpace:
 
     @cached_property
     def _bounds(self) -> np.ndarray:
-        """(2, 3) corners of what cameras stay in: the extent and its diagonal about it."""
-        pad = max(float(np.linalg.norm(self.extent[1] - self.extent[0])), 1.0)
+        """(2, 3) corners of what cameras and lamps stay in: the extent and its diagonal about it, or `AROUND`."""
+        pad = max(float(np.linalg.norm(self.extent[1] - self.extent[0])), AROUND)
         return self.extent + np.array([[-pad], [pad]])
 
     @cached_property
