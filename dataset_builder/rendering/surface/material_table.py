@@ -32,7 +32,8 @@ class Textures:
     """Features that they call for."""
 
     @classmethod
-    def upload(cls, materials: Sequence[Material], texture_size: int = 4096, sky: float = 1.0) -> Textures:
+    def upload(cls, materials: Sequence[Material], texture_size: int | Sequence[int] = 4096,
+               sky: float = 1.0) -> Textures:
         """Pack and copy; see `texels.pack`. Raises PlanError as that does."""
         arrays = pack(materials, texture_size, sky)
         return cls(factors=owned(mi.Float, arrays.factors), extents=owned(mi.UInt32, arrays.extents),

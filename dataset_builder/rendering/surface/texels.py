@@ -58,20 +58,24 @@ class MaterialArrays:
     """(T, CHANNELS) float16."""
 
 
-def pack(materials: Sequence[Material], texture_size: int = 4096, sky: float = 1.0) -> MaterialArrays:
-    """Arrays of `materials`; textures that materials share are stored once, with sides of at most `texture_size`.
-    sky: radiance of what is sent out per unit of emission.
+def pack(materials: Sequence[Material], texture_size: int | Sequence[int] = 4096, sky: float = 1.0) -> MaterialArrays:
+    """Arrays of `materials`; textures that materials share are stored once, with sides of at most `texture_size`, which
+    may differ by material. sky: radiance of what is sent out per unit of emission.
 
     Raises PlanError for every factor or texel that is not finite or lies outside its range by more than half precision
     rounds off, naming the material and how many texels; smaller overshoot is clipped.
     """
     check(materials)
+    sizes = [texture_size] * len(materials) if isinstance(texture_size, int) else texture_size
+    most: dict[int, int] = {}
+    for material, size in zip(materials, sizes, strict=True):
+        most[id(material.texture)] = max(size, most.get(id(material.texture), 0))
     blocks: dict[int, tuple[int, np.ndarray]] = {}
     extents, first = [], 0
     for material in materials:
         key = id(material.texture)
         if key not in blocks:
-            block = pack_texture(material.texture, texture_size)
+            block = pack_texture(material.texture, most[key])
             blocks[key] = (first, block)
             first += block.size // CHANNELS
         start, block = blocks[key]
