@@ -11,6 +11,7 @@ from dataset_builder.light_kinds import LENGTHS, LIGHT_KINDS, LampName, LightKin
 from dataset_builder.planning.effects.features import scene_features
 from dataset_builder.planning.effects.materials_used import MaterialUse, SceneUse
 from dataset_builder.planning.effects.reach import reach
+from dataset_builder.planning.scene.box_shell import BoxShell
 from dataset_builder.planning.view.emission import direct_irradiance, facing_irradiance
 from dataset_builder.rendering.backend import activate
 from dataset_builder.report.spec_help import export_schema
@@ -88,7 +89,7 @@ def test_frames_scale_what_holds_lengths(kind: LightKind) -> None:
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
 def test_only_what_is_outside_stays_out(kind: LightKind) -> None:
-    assert reach(light(kind.name), CLOSED, ()).kept != kind.outside
+    assert reach(light(kind.name), BoxShell(CLOSED), (), (0.0, 0.0, 0.0)).kept != kind.outside
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)

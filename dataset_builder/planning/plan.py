@@ -128,9 +128,11 @@ class Planner:
         arrangement = shared.arrangement
         render = render_plan(spec, ref.view, from_file=arrangement.room.kind != "procedural")
         fog = self.contents[ref.view.pair.split].scenes[ref.view.pair.scene].fog
-        effects = plan_effects(spec=spec.render, room=arrangement.room, target=arrangement.target,
-                               furniture=arrangement.furniture, source_light=shared.source, target_light=light, fog=fog,
-                               render=render, mesh_root=self.loaded.path.parent, where=_where(ref.view, arrangement))
+        effects = plan_effects(spec=spec.render, room=arrangement.room, shell=arrangement.shell,
+                               diagonal=arrangement.diagonal(shared.view.camera.position),
+                               target=arrangement.target, furniture=arrangement.furniture,
+                               source_light=shared.source, target_light=light, fog=fog, render=render,
+                               mesh_root=self.loaded.path.parent, where=_where(ref.view, arrangement))
         clean = asset_of(arrangement.target.object, self.loaded.path.parent).mesh
         rough = rough_plan(spec, ref, clean)
         return ExamplePlan(

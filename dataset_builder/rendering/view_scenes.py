@@ -1,6 +1,6 @@
 """What the passes of one view trace: geometry in the frame of the target object, and one open scene at a time."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -12,6 +12,7 @@ from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.label.example_plan import ExamplePlan, RoughPlan
 from dataset_builder.label.scene_plan import IlluminationPlan
 from dataset_builder.layers import Pass
+from dataset_builder.planning.scene.box_shell import BoxShell
 from dataset_builder.rendering.pass_inputs import sky_radiance
 from dataset_builder.rendering.passes import ViewSensor
 from dataset_builder.rendering.scene.local_frame import LocalFrame
@@ -142,12 +143,14 @@ class ViewScenes:
 
     @cached_property
     def _fog(self) -> Fog | None:
-        """The medium that fills the box of the room."""
+        """The medium that fills the box of the room, or that of all that a scene from a file holds and the camera."""
         if "fog" not in self.plan.effects.features:
             return None
-        room, fog = self.plan.room, self.local_frame.fog(self.plan.fog)
-        x, y = room.width / 2, room.depth / 2
-        low, high = (self.local_frame.points(np.array(corner)) for corner in ((-x, -y, 0), (x, y, room.height)))
+        fog = self.local_frame.fog(self.plan.fog)
+        if self.plan.room.kind == "procedural":
+            low, high = map(self.local_frame.points, BoxShell(self.plan.room).extent)
+        else:
+            low, high = bounds([self.clean_object.corners, self._room.corners, np.array(self.view.camera.position)])
         return Fog(fog.extinction, fog.albedo, fog.anisotropy, low.tolist(), high.tolist())
 
     def _opened(self, key: object, body: Callable[[], Body], light: IlluminationPlan | None) -> OpenScene:
@@ -155,6 +158,12 @@ class ViewScenes:
             self.close()
             self._open = key, self._scene.enter_context(open_scene(body(), light, self._fog, self.mesh_root))
         return self._open[1]
+
+
+def bounds(points: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """(3,) low and (3,) high corner of all points (..., 3)."""
+    own = [each.reshape(-1, 3) for each in points if each.size]
+    return np.min([each.min(axis=0) for each in own], axis=0), np.max([each.max(axis=0) for each in own], axis=0)
 
 
 def covered_window(camera: Pinhole, points: np.ndarray) -> np.ndarray:

@@ -12,6 +12,7 @@ from dataset_builder.geometry.mesh import TriangleMesh
 from dataset_builder.label.scene_plan import ObjectPlan, PlacedObject, RoomPlan
 from dataset_builder.planning.scene import assets_of_plan
 from dataset_builder.planning.scene.arrangement import Arrangement
+from dataset_builder.planning.scene.box_shell import BoxShell
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.resolve import LoadedSpec
 from dataset_builder.spec.scene import ObjectSpec, RoomSpec, SceneSpec
@@ -112,7 +113,7 @@ def box_arrangement(target: Box, others: tuple[Box, ...] = (), room: RoomPlan | 
     parts = [(target, 1), *((other, 3 + k) for k, other in enumerate(others)), *([(shell, 2)] if closed else [])]
     geometry = tuple((np.array(box_mesh(*box).positions), FACES, instance) for box, instance in parts)
     placed = PlacedObject(object=plan, instance=1, position=(0.0, 0.0, 0.0), yaw=yaw)
-    return Arrangement(room=room, target=placed, furniture=(), geometry=geometry)
+    return Arrangement(room=room, target=placed, furniture=(), geometry=geometry, shell=BoxShell(room))
 
 
 @pytest.fixture(name="box_arrangement")

@@ -13,6 +13,7 @@ from dataset_builder.label.scene_plan import MaterialChange, Param
 from dataset_builder.layers import LAYERS
 from dataset_builder.planning.effects.decisions import plan_effects
 from dataset_builder.planning.plan import plan_example
+from dataset_builder.planning.scene.box_shell import BoxShell
 from dataset_builder.rendering import passes, view_scenes
 from dataset_builder.rendering.examples import Rendered, render_view
 from dataset_builder.shards.gates import check_gates
@@ -30,9 +31,10 @@ def plan(small_spec: Path) -> Plan:
         loaded = load_dataset(small_spec)
         whole = plan_example(loaded, index)
         render = whole.render.model_copy(update={"layers": tuple(layers.items())})
-        effects = plan_effects(spec=loaded.dataset.render, room=whole.room, target=whole.target, render=render,
-                               furniture=whole.furniture, source_light=whole.source_light, fog=whole.fog,
-                               target_light=whole.target_light, mesh_root=loaded.path.parent)
+        effects = plan_effects(spec=loaded.dataset.render, room=whole.room, shell=BoxShell(whole.room), diagonal=9.0,
+                               target=whole.target, render=render, furniture=whole.furniture, fog=whole.fog,
+                               source_light=whole.source_light, target_light=whole.target_light,
+                               mesh_root=loaded.path.parent)
         return whole.model_copy(update={"render": render, "effects": effects})
 
     return make

@@ -4,17 +4,17 @@ Every decision has a reason in words. Nothing here draws, renders or looks at pi
 """
 
 from dataclasses import dataclass
-from math import hypot
 from pathlib import Path
 from typing import get_args
 
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.label.example_plan import Decision, EffectsPlan, Feature, PassEffects, RenderPlan
-from dataset_builder.label.scene_plan import FogPlan, IlluminationPlan, PlacedObject, RoomPlan
+from dataset_builder.label.scene_plan import FogPlan, IlluminationPlan, PlacedObject, RoomPlan, Vector
 from dataset_builder.layers import EVERYWHERE, LAYERS, PASSES, Extent
 from dataset_builder.planning.effects.features import scene_features
 from dataset_builder.planning.effects.materials_used import MaterialUse, SceneUse, scene_use
 from dataset_builder.planning.effects.reach import MAX_DEPTH, path_depth, reaching, said
+from dataset_builder.planning.scene.shell import Shell
 from dataset_builder.spec.render import RenderSpec
 
 ALBEDO = {"i_s": "d", "i_t": "d"}
@@ -29,7 +29,6 @@ REPEATS = 2
 MASKS = {"3dm": ("mask",), "r3dm": ("mask", "mask_rough")}
 """By geometry: where a layer of extent `object` lives is where any of these is above 0."""
 LIT = ("source", "target", "rough")
-DARK = "remove parts of the room with `open`, add windows, remove the ceiling, or put a light inside"
 
 
 def guides_of(name: str) -> tuple[str, ...]:
@@ -54,28 +53,33 @@ class _Scene:
     """What decisions about the passes of one example are made from."""
 
     spec: RenderSpec
-    room: RoomPlan
+    shell: Shell
+    near: Vector
+    """Where the target stands."""
+    diagonal: float
     use: SceneUse
     light: dict[str, IlluminationPlan]
     fog: FogPlan
     render: RenderPlan
 
 
-def plan_effects(*, spec: RenderSpec, room: RoomPlan, target: PlacedObject, furniture: tuple[PlacedObject, ...],
-                 source_light: IlluminationPlan, target_light: IlluminationPlan, fog: FogPlan, render: RenderPlan,
-                 mesh_root: Path, where: str = "") -> EffectsPlan:
-    """What is simulated for one example, with reasons. where: the view, as errors name it.
+def plan_effects(*, spec: RenderSpec, room: RoomPlan, shell: Shell, diagonal: float, target: PlacedObject,
+                 furniture: tuple[PlacedObject, ...], source_light: IlluminationPlan, target_light: IlluminationPlan,
+                 fog: FogPlan, render: RenderPlan, mesh_root: Path, where: str = "") -> EffectsPlan:
+    """What is simulated for one example, with reasons. diagonal: longest way through the air, metres. where: the view,
+    as errors name it.
 
     Features, and what the light-free and source passes simulate, follow from the view alone: no target light changes
     them. Raises PlanError where a mesh file is not the one that was planned, and where no light of a pass that runs can
     reach the object.
     """
     light = {"source": source_light, "target": target_light, "rough": target_light}
-    _require_light(room, light, render, where)
+    _require_light(shell, target.position, light, render, where)
     if spec.effects == "all":
         return _everything(spec, render, light)
     use = scene_use(room, (target, *furniture), mesh_root)
-    scene = _Scene(spec=spec, room=room, use=use, light=light, fog=fog, render=render)
+    scene = _Scene(spec=spec, shell=shell, near=target.position, diagonal=diagonal, use=use, light=light, fog=fog,
+                   render=render)
     planned = [_plan_pass(scene, name) for name in PASSES]
     lights = tuple(each for illumination in (source_light, target_light) for each in illumination.lights)
     features, on_surfaces = scene_features(use, fog, lights, render)
@@ -158,21 +162,23 @@ def _light_free(render: RenderPlan) -> list[Decision]:
 
 def _lights(scene: _Scene, name: str) -> tuple[tuple[int, ...], Decision]:
     lights = scene.light[name].lights
-    found = reaching(scene.light[name], scene.room)
+    found = reaching(scene.light[name], scene.shell, scene.near)
     kept = tuple(index for index, each in enumerate(found) if each.kept)
     return kept, Decision(effect=f"lights of {name}", choice=f"{len(kept)} of {len(lights)}",
                           reason=said(lights, found) or "there are none")
 
 
-def _require_light(room: RoomPlan, light: dict[str, IlluminationPlan], render: RenderPlan, where: str) -> None:
+def _require_light(shell: Shell, near: Vector, light: dict[str, IlluminationPlan], render: RenderPlan,
+                   where: str) -> None:
     """Raise PlanError for every pass that would run in the dark."""
     problems = []
     for name in (name for name in LIT if _runs(render, name)):
-        found = reaching(light[name], room)
+        found = reaching(light[name], shell, near)
         if not any(each.kept for each in found):
             why = said(light[name].lights, found) or "there are none"
             rule = f"expected a light that reaches the object in the pass {name}, got none: {why}"
-            problems.append(Problem(where=where, path="source" if name == "source" else "target", rule=rule, hint=DARK))
+            problems.append(Problem(where=where, path="source" if name == "source" else "target", rule=rule,
+                                    hint=shell.brighter))
     if problems:
         raise PlanError(problems)
 
@@ -184,7 +190,5 @@ def _standing(scene: _Scene, name: str) -> list[MaterialUse]:
 
 
 def _depth(scene: _Scene, name: str) -> tuple[int, Decision]:
-    room = scene.room
-    diagonal = hypot(room.width, room.depth, room.height)
-    found = path_depth(scene.spec.max_depth, scene.spec.bias, _standing(scene, name), scene.fog, diagonal)
+    found = path_depth(scene.spec.max_depth, scene.spec.bias, _standing(scene, name), scene.fog, scene.diagonal)
     return found.depth, Decision(effect=f"path depth of {name}", choice=str(found.depth), reason=found.reason)

@@ -16,12 +16,11 @@ from math import ceil, exp, log
 import numpy as np
 
 from dataset_builder.assets.asset import is_pane, is_solid
-from dataset_builder.label.scene_plan import FogPlan, IlluminationPlan, LightPlan, RoomPlan
+from dataset_builder.label.scene_plan import FogPlan, IlluminationPlan, LightPlan, Vector
 from dataset_builder.light_kinds import LIGHT_KINDS
 from dataset_builder.planning.effects.materials_used import MaterialUse, is_smooth
+from dataset_builder.planning.scene.shell import Reach, Shell
 
-WINDOW_SIDES = np.array([(0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, -1.0, 0.0)])
-"""(4, 3) outward normals of the walls, in the order in which they get windows."""
 MIN_DEPTH, MAX_DEPTH = 3, 64
 SOLID_CROSSINGS, PANE_CROSSINGS = 8, 4
 """Edges added for glass, which takes next to nothing of what passes: two bodies (in and out) or two rough panes behind
@@ -29,46 +28,24 @@ each other, both on the way to a surface and on the way from it to the light. Sm
 edge."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Reach:
-    """Whether one light is kept, and why."""
-
-    kept: bool
-    why: str
-
-
-def reach(light: LightPlan, room: RoomPlan, opened: Sequence[str]) -> Reach:
-    """Whether a light can bring anything to the inside of a room of which the parts `opened` are taken away."""
+def reach(light: LightPlan, shell: Shell, opened: Sequence[str], near: Vector) -> Reach:
+    """Whether a light can bring anything to a target that stands at `near`, with the parts `opened` taken away."""
     if not any(light.radiance):
         return Reach(kept=False, why="sends nothing")
     if not LIGHT_KINDS[light.kind].outside:
-        return Reach(kept=True, why="stands in the room")
+        return Reach(kept=True, why=f"stands in the {shell.noun}")
     if opened:
         return Reach(kept=True, why=f"enters where the {' and '.join(opened)} {_verb(opened)} removed")
-    if not room.ceiling:
-        return Reach(kept=True, why="enters where there is no ceiling")
-    if not room.windows:
-        return Reach(kept=False, why="cannot enter a room with a ceiling and no windows")
-    return _through_windows(light, room)
+    return shell.lets_in(light, np.asarray(near))
 
 
 def _verb(parts: Sequence[str]) -> str:
     return "are" if len(parts) > 1 or parts[0].endswith("s") else "is"
 
 
-def _through_windows(light: LightPlan, room: RoomPlan) -> Reach:
-    """A dome comes in through all windows, a sun through those in walls that it shines at from outside."""
-    sides = WINDOW_SIDES[:room.windows]
-    open_to = len(sides) if LIGHT_KINDS[light.kind].all_round else int((sides @ np.asarray(light.direction) < 0).sum())
-    panes = "glazed " if room.glazing else ""
-    if not open_to:
-        return Reach(kept=False, why=f"does not shine on a wall with one of the {len(sides)} {panes}windows")
-    return Reach(kept=True, why=f"enters through {open_to} {panes}window{'s' if open_to > 1 else ''}")
-
-
-def reaching(illumination: IlluminationPlan, room: RoomPlan) -> tuple[Reach, ...]:
-    """For each light of a pass whether it can reach the inside of the room."""
-    return tuple(reach(light, room, illumination.open) for light in illumination.lights)
+def reaching(illumination: IlluminationPlan, shell: Shell, near: Vector) -> tuple[Reach, ...]:
+    """For each light of a pass whether it can reach a target that stands at `near`."""
+    return tuple(reach(light, shell, illumination.open, near) for light in illumination.lights)
 
 
 def said(lights: Sequence[LightPlan], found: Sequence[Reach]) -> str:

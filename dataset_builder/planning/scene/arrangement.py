@@ -9,20 +9,21 @@ import numpy as np
 
 from dataset_builder.assets.asset import Asset
 from dataset_builder.geometry.raycast import RayScene
-from dataset_builder.label.scene_plan import ObjectPlan, PlacedObject, RoomPlan
+from dataset_builder.label.scene_plan import ObjectPlan, PlacedObject, RoomPlan, Vector
 from dataset_builder.planning.catalogue import PairRef
 from dataset_builder.planning.scene.assets_of_plan import asset_of, room_shell, world_from_object
 from dataset_builder.planning.scene.contents import ScenePlan, SplitContents
-from dataset_builder.planning.scene.layout import Box, Piece, Place, Pose, lay_out
+from dataset_builder.planning.scene.footprints import Box, Pose
+from dataset_builder.planning.scene.layout import Piece, Place, lay_out
+from dataset_builder.planning.scene.mesh_shell import shell_of
 from dataset_builder.planning.scene.object_size import advice_on
+from dataset_builder.planning.scene.shell import Geometry, Shell, box_of
 from dataset_builder.seeding import rng
 
 TARGET_INSTANCE = 1
 ROOM_INSTANCE = 2
 FURNITURE_INSTANCE = 3
 """Value in the `instance` layer of the first piece of furniture."""
-Geometry = tuple[np.ndarray, np.ndarray, int]
-"""World positions (V, 3), faces (F, 3), instance."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -33,6 +34,8 @@ class Arrangement:
     target: PlacedObject
     furniture: tuple[PlacedObject, ...]
     geometry: tuple[Geometry, ...]
+    shell: Shell
+    """The space that all of it stands in."""
     notes: tuple[str, ...] = ()
     """What layout had to leave out, and objects of unusual size."""
 
@@ -62,11 +65,13 @@ class Arrangement:
         """Half the diagonal of the target's box."""
         return float(np.linalg.norm(np.diff(self._target_box, axis=0)) / 2)
 
-    @property
-    def room_bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """(3,) low and (3,) high corner of the room."""
-        half = np.array([self.room.width, self.room.depth]) / 2
-        return np.array([*-half, 0.0]), np.array([*half, self.room.height])
+    @cached_property
+    def _bounds(self) -> list[np.ndarray]:
+        return [corner for part in self.geometry if len(part[1]) for corner in box_of(part)]
+
+    def diagonal(self, camera: Vector) -> float:
+        """Longest way through the air of a view from `camera`, metres."""
+        return self.shell.diagonal(np.array([*self._bounds, camera]))
 
 
 def extent_of(asset: Asset) -> Box:
@@ -104,13 +109,14 @@ def arrange(pair: PairRef, split: SplitContents, seed: int, mesh_root: Path) -> 
     pieces = [_piece(piece.object, piece.place, mesh_root,
                      partial(rng, seed, *pair.path, "furniture", *piece.number, "position"))
               for piece in scene.furniture]
-    layout = lay_out(target, pieces, scene.room)
+    shell, building = shell_of(scene.room, (), ()), _room_geometry(scene)
+    layout = lay_out(target, pieces, shell)
     standing = [(piece.object, pose) for piece, pose in zip(scene.furniture, layout.furniture, strict=True) if pose]
     furniture = tuple(_placed(plan, pose, FURNITURE_INSTANCE + k) for k, (plan, pose) in enumerate(standing))
     placed = _placed(target_plan, layout.target, TARGET_INSTANCE)
-    geometry = [geometry_of(thing, mesh_root) for thing in (placed, *furniture)] + _room_geometry(scene)
+    geometry = [geometry_of(thing, mesh_root) for thing in (placed, *furniture)] + building
     return Arrangement(room=scene.room, target=placed, furniture=furniture, geometry=tuple(geometry),
-                       notes=(*layout.notes, *_odd_sizes((placed, *furniture), mesh_root)))
+                       shell=shell, notes=(*layout.notes, *_odd_sizes((placed, *furniture), mesh_root)))
 
 
 def _odd_sizes(things: Iterable[PlacedObject], mesh_root: Path) -> list[str]:

@@ -29,6 +29,17 @@ _HINT: dict[Cause, str] = {
     "cut": "lower both bounds of `camera.coverage`, or `camera.visibility`",
     "hidden": "lower `camera.visibility`, widen `azimuth` and `elevation`, or use less furniture",
 }
+_OF_FILES: dict[Cause, tuple[str, str]] = {
+    "room": ("beyond walls, floors or the edge of the scene at any coverage (distances needed: {low:.2f} to {high:.2f} "
+             "m)", "widen `fov`, raise `coverage`, or take a smaller object or another place for it"),
+    "clearance": (_SAID["clearance"], "lower `camera.clearance`, widen `azimuth` and `elevation`, or `leave_out` what "
+                                      "stands about the object"),
+    "bounds": (_SAID["bounds"], "lower `camera.clearance`, or let the camera stand nearer: raise `coverage` or widen "
+                                "`fov`"),
+    "hidden": (_SAID["hidden"], "lower `camera.visibility`, widen `azimuth` and `elevation`, or `leave_out` what hides "
+                                "the object"),
+}
+"""What is said and to be done where the space is not a room of ours, but what a file holds."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,20 +53,24 @@ class Miss:
 
 def noted(misses: Sequence[Miss]) -> str:
     """What failed how often, most often first."""
-    return _counted([(miss.reason, miss.figure) for miss in misses])[0]
+    return _counted([(miss.reason, miss.figure) for miss in misses], _SAID)[0]
 
 
-def explained(misses: Sequence[Miss]) -> tuple[str, str]:
-    """Causes with their counts, most frequent first, and what to change about the first."""
-    said, causes = _counted([(miss.cause, miss.figure) for miss in misses])
-    return said, _HINT[causes[0]] if causes else ""
+def explained(misses: Sequence[Miss], noun: str = "room") -> tuple[str, str]:
+    """Causes with their counts, most frequent first, and what to change about the first. noun: `room`, or `scene` for
+    one from a file."""
+    of_file = _OF_FILES if noun == "scene" else {}
+    said, causes = _counted([(miss.cause, miss.figure) for miss in misses],
+                            _SAID | {cause: words for cause, (words, _) in of_file.items()})
+    hints = _HINT | {cause: hint for cause, (_, hint) in of_file.items()}
+    return said, hints[causes[0]] if causes else ""
 
 
-def _counted(figures: Sequence[tuple[Cause, float]]) -> tuple[str, list[Cause]]:
+def _counted(figures: Sequence[tuple[Cause, float]], words: dict[Cause, str]) -> tuple[str, list[Cause]]:
     """Each cause with its count and range in words, and the causes, most frequent first."""
     said, causes = list[str](), list[Cause]()
     for cause, count in Counter(each for each, _ in figures).most_common():
         own = [figure for each, figure in figures if each == cause]
-        said.append(f"{count} {_SAID[cause].format(low=min(own), high=max(own))}")
+        said.append(f"{count} {words[cause].format(low=min(own), high=max(own))}")
         causes.append(cause)
     return "; ".join(said), causes

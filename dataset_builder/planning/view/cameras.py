@@ -73,23 +73,13 @@ def vector(array: np.ndarray) -> Vector:
 
 
 def inside(arrangement: Arrangement, point: np.ndarray, margin: float) -> bool:
-    """Whether a point keeps `margin` metres from the planes that bound the room."""
-    low, high = arrangement.room_bounds
-    return bool((point >= low + margin).all() and (point <= high - margin).all())
+    """Whether a camera or a lamp may be at a point, `margin` metres from what bounds the space about the target."""
+    return arrangement.shell.inside(point, margin, arrangement.centre)
 
 
 def clearance_of(arrangement: Arrangement, spec: CameraSpec) -> float:
     """Least distance of a camera from any surface, metres."""
     return min(CLEARANCE, CLEAR_RADII * arrangement.radius) if spec.clearance == "auto" else spec.clearance
-
-
-def _reach(arrangement: Arrangement, direction: np.ndarray, margin: float) -> float:
-    """How far from the object's centre along `direction` (3,) a point still keeps `margin` from the room's planes."""
-    low, high = arrangement.room_bounds
-    bound = np.where(direction > 0, high - margin, low + margin) - arrangement.centre
-    with np.errstate(divide="ignore", invalid="ignore"):
-        steps = np.where(direction == 0, np.inf, bound / direction)
-    return float(steps.min())
 
 
 def _draw(arrangement: Arrangement, spec: CameraSpec, image: ImageSpec, rng: np.random.Generator) -> _Draw | Miss:
@@ -100,7 +90,7 @@ def _draw(arrangement: Arrangement, spec: CameraSpec, image: ImageSpec, rng: np.
     low, high = (max(bound, MIN_COVERAGE) for bound in spec.coverage)
     nearest = _Draw(direction=direction, aim=aim, fov=fov, image=image, wanted=high,
                     area=silhouette_area(arrangement, direction))
-    reach = _reach(arrangement, direction, clearance_of(arrangement, spec))
+    reach = arrangement.shell.depth(arrangement.centre, direction, clearance_of(arrangement, spec))
     if nearest.distance > reach:
         position = arrangement.centre + direction * nearest.distance
         return Miss(reason="room", figure=nearest.distance, cause=_cause(arrangement, spec, position, "bounds"))
@@ -185,7 +175,7 @@ def place_camera(arrangement: Arrangement, spec: CameraSpec, image: ImageSpec, r
             note = f"camera: draw {attempt + 1} of at most {spec.attempts}; {noted(misses)}".rstrip("; ")
             return PlannedCamera(camera=found[0], sight=found[1], note=note)
         misses.append(found)
-    (low, high), (said, hint) = spec.coverage, explained(misses)
+    (low, high), (said, hint) = spec.coverage, explained(misses, arrangement.shell.noun)
     rule = (f"expected a camera that sees the object on {low:g} to {high:g} of the frame with visibility >= "
             f"{spec.visibility:g} and clearance >= {clearance_of(arrangement, spec):.3g} m, got none in "
             f"{spec.attempts} draws: {said}")

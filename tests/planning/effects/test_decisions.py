@@ -27,6 +27,7 @@ from dataset_builder.planning.effects.features import scene_features
 from dataset_builder.planning.effects.materials_used import MaterialUse, SceneUse
 from dataset_builder.planning.plan import Planner, first_plan
 from dataset_builder.planning.precheck import probe
+from dataset_builder.planning.scene.box_shell import BoxShell
 from dataset_builder.spec.load import load_dataset
 from dataset_builder.spec.render import RenderSpec
 from dataset_builder.spec.resolve import LoadedSpec
@@ -60,8 +61,9 @@ def decide(monkeypatch: pytest.MonkeyPatch, room_of: Callable[..., RoomPlan]) ->
              **spec: Any) -> EffectsPlan:
         render = plans.example_plan(layers=layers).render
         furniture = tuple(placed(3 + k, **figures) for k, figures in enumerate(others))
+        plan = room_of().model_copy(update=room or {})
         return plan_effects(
-            spec=RenderSpec.model_validate(spec), room=room_of().model_copy(update=room or {}),
+            spec=RenderSpec.model_validate(spec), room=plan, shell=BoxShell(plan), diagonal=8.3,
             target=placed(1, **(target or MATTE)), furniture=furniture,
             source_light=IlluminationPlan(lights=(lamp("dome"),), open=opened),
             target_light=IlluminationPlan(lights=lights, open=()), fog=FogPlan(extinction=fog, albedo=0.9),

@@ -24,9 +24,11 @@ from dataset_builder.planning.effects.reach import (
     said,
     with_fog,
 )
+from dataset_builder.planning.scene.box_shell import BoxShell
 
 SHARES, BIASES = st.floats(0, 1), st.floats(1e-6, 0.5)
 CLEAR = FogPlan()
+MIDDLE = (0.0, 0.0, 0.0)
 
 
 def light(kind: str, direction: tuple[float, float, float] = (0, 0, 0), radiance: float = 1.0) -> LightPlan:
@@ -34,39 +36,39 @@ def light(kind: str, direction: tuple[float, float, float] = (0, 0, 0), radiance
                      temperature=0, weight=radiance)  # type: ignore[arg-type]
 
 
-def room(windows: int = 0, ceiling: bool = True, glazing: bool = False) -> RoomPlan:
-    return RoomPlan(name="room", seed="0", width=4, depth=3, height=2.5, ceiling=ceiling, windows=windows, skirting=0,
-                    glazing=glazing)
+def room(windows: int = 0, ceiling: bool = True, glazing: bool = False) -> BoxShell:
+    return BoxShell(RoomPlan(name="room", seed="0", width=4, depth=3, height=2.5, ceiling=ceiling, windows=windows,
+                             skirting=0, glazing=glazing))
 
 
 @pytest.mark.parametrize("kind", ["dome", "sun"])
 def test_nothing_from_outside_gets_into_a_closed_room(kind: str) -> None:
     shining = light(kind, (0.3, -0.9, -0.3))
-    assert not reach(shining, room(), ()).kept
-    assert reach(shining, room(ceiling=False), ()).kept
-    assert reach(shining, room(), ("ceiling",)).kept and reach(shining, room(), ("walls",)).kept
-    assert reach(shining, room(windows=1), ()).kept
+    assert not reach(shining, room(), (), MIDDLE).kept
+    assert reach(shining, room(ceiling=False), (), MIDDLE).kept
+    assert reach(shining, room(), ("ceiling",), MIDDLE).kept and reach(shining, room(), ("walls",), MIDDLE).kept
+    assert reach(shining, room(windows=1), (), MIDDLE).kept
 
 
 def test_panes_let_light_in() -> None:
-    assert reach(light("dome"), room(windows=2, glazing=True), ()).why == "enters through 2 glazed windows"
+    assert reach(light("dome"), room(windows=2, glazing=True), (), MIDDLE).why == "enters through 2 glazed windows"
 
 
 @pytest.mark.parametrize(("windows", "kept"), [(1, False), (2, True), (3, True), (4, True)])
 def test_a_sun_comes_in_through_windows_that_it_shines_at(windows: int, kept: bool) -> None:
     """It travels towards +X and +Y, so it shines at the walls at -X (the second) and -Y (the fourth) from outside."""
-    assert reach(light("sun", (0.7, 0.5, -0.5)), room(windows=windows), ()).kept == kept
+    assert reach(light("sun", (0.7, 0.5, -0.5)), room(windows=windows), (), MIDDLE).kept == kept
 
 
 @pytest.mark.parametrize("kind", get_args(LampName))
 def test_lamps_stay_unless_they_are_dark(kind: str) -> None:
-    assert reach(light(kind), room(), ()).kept
-    assert not reach(light(kind, radiance=0.0), room(), ()).kept
+    assert reach(light(kind), room(), (), MIDDLE).kept
+    assert not reach(light(kind, radiance=0.0), room(), (), MIDDLE).kept
 
 
 def test_reasons_name_every_light_and_count_equal_ones() -> None:
     lights = (light("area"), light("area"), light("dome"))
-    found = reaching(IlluminationPlan(lights=lights, open=()), room())
+    found = reaching(IlluminationPlan(lights=lights, open=()), room(), MIDDLE)
     assert [each.kept for each in found] == [True, True, False]
     assert said(lights, found) == ("2 of kind area: stands in the room; dome left out: cannot enter a room with a "
                                    "ceiling and no windows")

@@ -7,17 +7,9 @@ import pytest
 
 from dataset_builder.errors import PlanError
 from dataset_builder.label.scene_plan import RoomPlan
-from dataset_builder.planning.scene.layout import (
-    Box,
-    Footprint,
-    Layout,
-    Piece,
-    Place,
-    footprint,
-    front_zone,
-    lay_out,
-    overlap,
-)
+from dataset_builder.planning.scene.box_shell import BoxShell
+from dataset_builder.planning.scene.footprints import Box, Footprint, footprint, overlap
+from dataset_builder.planning.scene.layout import Layout, Piece, Place, front_zone, lay_out
 from dataset_builder.seeding import rng
 
 RoomOf = Callable[..., RoomPlan]
@@ -64,7 +56,7 @@ def everything(target: Piece, pieces: list[Piece], layout: Layout) -> list[np.nd
 @pytest.mark.parametrize("seed", range(25))
 def test_nothing_overlaps_and_nothing_leaves_the_room(seed: int, room_of: RoomOf) -> None:
     target, pieces, room = piece("target", (0.9, 0.7, 0.8), "floor", seed), crowd(seed), room_of(4.5, 4.0)
-    layout = lay_out(target, pieces, room)
+    layout = lay_out(target, pieces, BoxShell(room))
     boxes = everything(target, pieces, layout)
     assert all(apart(a, b) for a, b in combinations(boxes, 2))
     for box in boxes:
@@ -80,7 +72,7 @@ def test_the_check_of_this_file_can_fail() -> None:
 @pytest.mark.parametrize("seed", range(10))
 def test_walls_are_at_the_back_and_near_pieces_within_reach(seed: int, room_of: RoomOf) -> None:
     target, pieces, room = piece("target", (0.6, 0.6, 0.8), "floor", seed), crowd(seed), room_of(7.0, 6.0)
-    layout = lay_out(target, pieces, room)
+    layout = lay_out(target, pieces, BoxShell(room))
     stands = corners_of(target, layout.target)
     for thing, pose in zip(pieces, layout.furniture, strict=True):
         if pose is None:
@@ -98,7 +90,7 @@ def test_walls_are_at_the_back_and_near_pieces_within_reach(seed: int, room_of: 
 @pytest.mark.parametrize("seed", range(10))
 def test_the_front_of_the_target_stays_free_where_there_is_room(seed: int, room_of: RoomOf) -> None:
     target, pieces = piece("target", (0.6, 0.6, 0.8), "floor", seed), crowd(seed)[:8]
-    layout = lay_out(target, pieces, room_of(9.0, 9.0))
+    layout = lay_out(target, pieces, BoxShell(room_of(9.0, 9.0)))
     zone = front_zone(footprint(target.extent, *layout.target)).corners()
     boxes = everything(target, pieces, layout)[1:]
     assert all(apart(zone, box) for box in boxes)
@@ -107,22 +99,22 @@ def test_the_front_of_the_target_stays_free_where_there_is_room(seed: int, room_
 
 def test_a_target_that_does_not_fit_is_an_error_with_both_sizes(room_of: RoomOf) -> None:
     with pytest.raises(PlanError, match=r"5\.00 x 1\.00 x 1\.00 m in a room of 3\.00 x 3\.00 x 2\.50 m"):
-        lay_out(piece("target", (5.0, 1.0, 1.0), "floor", 0), [], room_of(3.0, 3.0, 2.5))
+        lay_out(piece("target", (5.0, 1.0, 1.0), "floor", 0), [], BoxShell(room_of(3.0, 3.0, 2.5)))
     with pytest.raises(PlanError, match="fit in the room"):
-        lay_out(piece("target", (1.0, 1.0, 2.6), "wall", 0), [], room_of(3.0, 3.0, 2.5))
+        lay_out(piece("target", (1.0, 1.0, 2.6), "wall", 0), [], BoxShell(room_of(3.0, 3.0, 2.5)))
 
 
 def test_furniture_that_does_not_fit_is_left_out_with_a_note(room_of: RoomOf) -> None:
     huge, small = piece("huge", (3.5, 3.5, 1.0), "floor", 0), piece("small", (0.3, 0.3, 0.3), "floor", 0)
-    layout = lay_out(piece("target", (0.8, 0.8, 0.8), "floor", 0), [huge, small], room_of(4.0, 4.0))
+    layout = lay_out(piece("target", (0.8, 0.8, 0.8), "floor", 0), [huge, small], BoxShell(room_of(4.0, 4.0)))
     assert layout.furniture[0] is None and layout.furniture[1] is not None
     assert layout.notes == ("left out huge: no free place (floor) in 80 draws",)
 
 
 def test_a_piece_more_moves_none_that_was_placed_before_it(room_of: RoomOf) -> None:
     target, pieces = piece("target", (0.9, 0.7, 0.8), "floor", 3), crowd(3)
-    before = lay_out(target, pieces, room_of())
-    after = lay_out(target, [*pieces, piece("more", (0.4, 0.4, 0.4), "floor", 3)], room_of())
+    before = lay_out(target, pieces, BoxShell(room_of()))
+    after = lay_out(target, [*pieces, piece("more", (0.4, 0.4, 0.4), "floor", 3)], BoxShell(room_of()))
     assert after.target == before.target and after.furniture[:-1] == before.furniture
 
 

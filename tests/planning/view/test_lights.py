@@ -11,6 +11,7 @@ from dataset_builder.digest import sha256_file
 from dataset_builder.errors import PlanError
 from dataset_builder.light_kinds import LIGHT_KINDS, LampName
 from dataset_builder.planning.scene.arrangement import Arrangement
+from dataset_builder.planning.scene.box_shell import BoxShell
 from dataset_builder.planning.view import lights as planned
 from dataset_builder.planning.view.cameras import place_camera
 from dataset_builder.planning.view.emission import LUMINANCE, direct_irradiance
@@ -62,7 +63,7 @@ def test_lights_are_in_the_room_clear_of_things_and_within_the_brightness_asked(
     spec = target_spec(lights={"choice": [1, 2, 3]}, brightness=(0.3, 3))
     plan, note = target_light(view, spec, stream_of(seed), "")
     *lights, outside = plan.lights
-    low, high = view.arrangement.room_bounds
+    low, high = BoxShell(view.arrangement.room).extent
     for light in lights:
         reach = max(light.size, 0.02)
         assert (light.position >= low + reach).all() and (light.position <= high - reach).all()
