@@ -22,7 +22,7 @@ from dataset_builder.planning.catalogue import ExampleRef, units
 from dataset_builder.planning.cost import expected_bytes
 from dataset_builder.planning.plan import Planner, layers_asked
 from dataset_builder.planning.precheck import probe
-from dataset_builder.planning.scene.contents import object_sources
+from dataset_builder.planning.scene.sources import object_sources
 from dataset_builder.processes import cores
 from dataset_builder.rendering import oidn
 from dataset_builder.rendering.backend import choose
@@ -193,7 +193,7 @@ def _finish(tasks: Sequence[ShardTask], folder: Path, planner: Planner, progress
     manifest = make_manifest(loaded.dataset, layers=dict(layers_asked(loaded.dataset)), shards=indices,
                              rejected=progress.rejected.values(), spec_digest=loaded.spec_digest,
                              generator=f"dataset-builder {__version__}", denoised=denoised,
-                             parts=object_sources(planner.contents))
+                             parts=object_sources(loaded, planner.contents))
     publish_dataset(folder, manifest)
     Staging(folder).clear()
     return manifest

@@ -33,6 +33,8 @@ class FilePart:
     """(F, 3, 2) by number of the set; (0, 0) is the lower left corner of an image."""
     colors: np.ndarray | None = None
     """(F, 3, 4) linear Rec.709 and coverage, in [0, 1]."""
+    group: str = ""
+    """Object of an .obj file that it belongs to, or its group where the file has no objects."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -46,6 +48,8 @@ class FileMaterial:
     """(2, 3) affine map that texture coordinates take first, in the convention of `FilePart.uvs`."""
     left_out: tuple[str, ...] = ()
     """What the file says of it and is not honoured, in words; the plan and the label print it after its name."""
+    content: str = ""
+    """Digest over what it is made of, bytes of images included; empty where the reader makes none."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

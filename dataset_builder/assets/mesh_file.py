@@ -1,7 +1,7 @@
 """Mesh files -> Asset."""
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -39,11 +39,11 @@ WORLD_FROM_FILE: dict[Up, np.ndarray] = {
 """Rotations by the file's upward axis; with y up, glTF's front +Z comes to -Y."""
 
 
-def checked_references(path: Path) -> tuple[FileReference, ...]:
-    """The files that `path` refers to. Raises UserError that names every one which is not there or unreadable; the mesh
-    reader would pass over a missing texture."""
+def checked_references(path: Path, roots: Sequence[Path] = ()) -> tuple[FileReference, ...]:
+    """The files that `path` refers to, in its own folder or in `roots`. Raises UserError that names every one which is
+    not there or unreadable; the mesh reader would pass over a missing texture."""
     try:
-        found = references(path)
+        found = references(path, roots)
     except (OSError, ValueError) as error:
         problem = Problem(where=str(path), path="", rule=f"expected a readable {path.suffix} file, got: {error}")
         raise UserError([problem]) from error
@@ -81,11 +81,11 @@ def load_mesh_file(path: Path, *, name: str, category: str, licence: str, scale:
     path = Path(path)
     _check_file(path)
     checked_references(path)
-    with _file_named(path):
+    with file_named(path):
         model = READERS[path.suffix.lower()](path, max_texture)
         if not model.parts:
             refuse(path, "expected triangles, got a file without any")
-        asset = model_asset(model, _world_from_file(scale, up), name=name, category=category, licence=licence)
+        asset = model_asset(model, scaled_world(scale, up), name=name, category=category, licence=licence)
     placed, moved, flat = stand(asset.mesh)
     meta = {**asset.meta, "source": path.name, "moved": ", ".join(f"{step:.6g} m" for step in moved),
             "shape": "; ".join(filter(None, [asset.meta["shape"], *flat]))}
@@ -93,7 +93,7 @@ def load_mesh_file(path: Path, *, name: str, category: str, licence: str, scale:
 
 
 @contextmanager
-def _file_named(path: Path) -> Iterator[None]:
+def file_named(path: Path) -> Iterator[None]:
     """Name the file in problems that do not."""
     try:
         yield
@@ -156,7 +156,8 @@ def _check_file(path: Path) -> None:
         refuse(path, "expected an existing file, got none", "paths are relative to the spec that names them")
 
 
-def _world_from_file(scale: float, up: Up) -> np.ndarray:
+def scaled_world(scale: float, up: Up) -> np.ndarray:
+    """(4, 4) from a file whose unit is `scale` metres and whose axis `up` is up, to metres with Z up."""
     matrix = np.eye(4)
     matrix[:3, :3] = scale * WORLD_FROM_FILE[up]
     return matrix

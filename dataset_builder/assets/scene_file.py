@@ -5,13 +5,16 @@ from pathlib import Path
 
 from dataset_builder.assets.file_model import refuse
 from dataset_builder.assets.scene_model import SceneModel
+from dataset_builder.assets.scene_readers import mesh_scene
 from dataset_builder.label.scene_source import SceneSource
 
 Reader = Callable[[SceneSource, Path, int], SceneModel]
 """What reads a scene: a function of the source, the folder that its paths are relative to, and the longest side of a
 texture. It raises nothing but UserError, whatever the bytes are: what the file says is in the model, in its `left_out`
 or `faults`, or refused."""
-READERS: dict[str, Reader] = {}
+READERS: dict[str, Reader] = {
+    **dict.fromkeys(mesh_scene.MESH_SCENES, mesh_scene.read),
+}
 """What reads a file, by its suffix."""
 
 

@@ -60,7 +60,8 @@ class ObjectPlan(Model):
     """The scene file of a thing; empty for all else."""
     thing: str = ""
     """Name of a thing in its scene; empty for all else."""
-    linear: tuple[float, float, float, float, float, float, float, float, float] = (1, 0, 0, 0, 1, 0, 0, 0, 1)
+    linear: tuple[float, float, float, float, float, float, float, float, float] = (
+        1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
     """(3, 3) by rows: what a thing's mesh is multiplied by to come to the object's frame; it scales, tilts and mirrors,
     and leaves the turn about +Z to `yaw`. 1 for all else."""
 

@@ -78,4 +78,4 @@ class SceneFilePlan(Model):
     """Names of things that are taken away: what the spec leaves out, and the thing that is the target itself or that
     the target takes the place of."""
     things: tuple[SceneThingPlan, ...] = ()
-    """Everything else that is no part of the building."""
+    """Everything else; of the building, instance 2, only what is not under the licence of the file."""

@@ -1,11 +1,9 @@
 """Spec to ExamplePlan: every number drawn, each from a path of its own, so that one example can be planned alone."""
 
-from collections import OrderedDict
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Generic, TypeVar
 
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.label.example_plan import ExamplePlan, GoalPlan, RenderPlan, SppPart
@@ -18,6 +16,8 @@ from dataset_builder.planning.scene.arrangement import Arrangement, arrange
 from dataset_builder.planning.scene.assets_of_plan import asset_of
 from dataset_builder.planning.scene.contents import SplitContents, contents, place_of
 from dataset_builder.planning.scene.object_size import size_problem
+from dataset_builder.planning.scene.recent import Recent
+from dataset_builder.planning.scene.things import target_plan
 from dataset_builder.planning.view.cameras import PlannedCamera, place_camera
 from dataset_builder.planning.view.lights import LitView, sky_share, source_light, target_light, unit_irradiance
 from dataset_builder.seeding import derive_seed, rng
@@ -29,23 +29,6 @@ SCHEMA_VERSION = "1.0.0"
 """Of the ExamplePlan that is written beside the pixels."""
 TEXELS_PER_PIXEL = 2.0
 """Of textures of scenes from files, which have hundreds; no picture shows more."""
-Value = TypeVar("Value")
-
-
-class _Recent(Generic[Value]):
-    """The last few values made, by key."""
-
-    def __init__(self, most: int):
-        self._most, self._kept = most, OrderedDict[Hashable, Value]()
-
-    def get(self, key: Hashable, make: Callable[[], Value]) -> Value:
-        """The value of `key`, made where it is not kept."""
-        if key not in self._kept:
-            self._kept[key] = make()
-        self._kept.move_to_end(key)
-        if len(self._kept) > self._most:
-            self._kept.popitem(last=False)
-        return self._kept[key]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,9 +45,9 @@ class Planner:
 
     def __init__(self, loaded: LoadedSpec):
         self.loaded = loaded
-        self._arrangements = _Recent[Arrangement](4)
-        self._views = _Recent[ViewPlan](4)
-        self._lights = _Recent[tuple[IlluminationPlan, str]](64)
+        self._arrangements = Recent[Arrangement](4)
+        self._views = Recent[ViewPlan](4)
+        self._lights = Recent[tuple[IlluminationPlan, str]](64)
 
     @cached_property
     def examples(self) -> tuple[ExampleRef, ...]:
@@ -81,9 +64,9 @@ class Planner:
         return self._arrangements.get(pair, lambda: self._arrangement(pair))
 
     def _arrangement(self, pair: PairRef) -> Arrangement:
-        target, loaded = self.contents[pair.split].objects[pair.object], self.loaded
-        with self._odd_size_named(target):
-            return arrange(pair, self.contents[pair.split], loaded.dataset.seed, loaded.path.parent)
+        split = self.contents[pair.split]
+        with self._odd_size_named(target_plan(self.loaded, split, pair)):
+            return arrange(pair, self.loaded, split)
 
     @contextmanager
     def _odd_size_named(self, target: ObjectPlan) -> Iterator[None]:

@@ -1,25 +1,27 @@
 """Errors of a spec that show before anything is rendered or written."""
 
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
 from dataset_builder.errors import PlanError, Problem, UserError
 from dataset_builder.label.scene_plan import ObjectPlan
-from dataset_builder.planning.effects.materials_used import told_of
+from dataset_builder.planning.effects.materials_used import told_of, told_of_scene
 from dataset_builder.planning.plan import Planner
 from dataset_builder.planning.scene.assets_of_plan import asset_of
 from dataset_builder.planning.scene.contents import SplitContents, place_of
 from dataset_builder.planning.scene.object_size import size_problem
+from dataset_builder.planning.scene.scene_checks import scene_problems
+from dataset_builder.planning.scene.scene_models import scene_facts
 
 PROBES = 3
 """Views per split that are planned; a spec under which all of them fail is refused."""
 
 
 def probe(planner: Planner) -> None:
-    """Read every mesh file, and plan a few views of every split.
+    """Read every mesh and scene file, and plan a few views of every split.
 
-    Raises UserError with all that is wrong with mesh files, and the first PlanError where all views of a split fail.
+    Raises UserError with all that is wrong with them, and the first PlanError where all views of a split fail.
     """
     read_meshes(planner)
     for split in planner.loaded.dataset.splits:
@@ -37,7 +39,7 @@ def probe(planner: Planner) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class MeshFiles:
-    """What was found in all mesh files of a spec."""
+    """What was found in all mesh and scene files of a spec."""
 
     warnings: tuple[str, ...]
     """What is unusual about sizes, one sentence each."""
@@ -46,13 +48,15 @@ class MeshFiles:
 
 
 def read_meshes(planner: Planner) -> MeshFiles:
-    """Read every mesh file of the spec, of objects and of furniture.
+    """Read every mesh file of the spec, of objects and of furniture, and every scene file.
 
     Raises PlanError with everything that is wrong with any of them, each problem with the line of the spec that names
-    the file: what cannot be read, changes of materials that it does not have, and sizes that cannot be meant.
+    the file: what cannot be read, changes of materials that it does not have, sizes that cannot be meant, and what
+    `scene_problems` finds.
     """
-    problems, warnings, loaded = list[Problem](), list[str](), planner.loaded
-    told = dict[str, tuple[tuple[str, str], ...]]()
+    warnings, loaded = list[str](), planner.loaded
+    told = _told_of_scenes(planner)
+    problems = scene_problems(loaded, planner.contents)
     for plan in _mesh_objects(planner.contents.values()):
         try:
             told[plan.source] = tuple(told_of(asset_of(plan, loaded.path.parent)))
@@ -67,6 +71,16 @@ def read_meshes(planner: Planner) -> MeshFiles:
     if problems:
         raise PlanError(dict.fromkeys(problems))
     return MeshFiles(warnings=tuple(dict.fromkeys(warnings)), told=told)
+
+
+def _told_of_scenes(planner: Planner) -> dict[str, tuple[tuple[str, str], ...]]:
+    """What is told of every scene file that can be read; its facts are taken while it is in memory."""
+    told, root = dict[str, tuple[tuple[str, str], ...]](), planner.loaded.path.parent
+    for scene in (scene for split in planner.contents.values() for scene in split.scenes if scene.file):
+        with suppress(UserError):
+            scene_facts(scene.room, root)
+            told[scene.room.scene.file.source] = told_of_scene(scene.room, root)
+    return told
 
 
 @contextmanager

@@ -10,7 +10,8 @@ from typing import Any
 
 from dataset_builder.digest import digest
 from dataset_builder.label.example_plan import ExamplePlan, GoalPlan
-from dataset_builder.label.scene_plan import IlluminationPlan, PlacedObject
+from dataset_builder.label.scene_plan import IlluminationPlan, PlacedObject, RoomPlan
+from dataset_builder.label.scene_source import SceneSource
 from dataset_builder.layers import LAYERS, PASSES, Pass
 from dataset_builder.spec.model import Model
 
@@ -75,7 +76,7 @@ def sky_radiance(plan: ExamplePlan) -> float:
 
 def inputs_of(plan: ExamplePlan, name: str, steps: int | None = None) -> Inputs:
     """What the first `steps` (all of them by default) of the pass `name` of an example depend on."""
-    found: Inputs = {"pass": name, "seed": plan.render.seed, "room": _plain(plan.room), "object": _placed(plan.target),
+    found: Inputs = {"pass": name, "seed": plan.render.seed, "room": _room(plan.room), "object": _placed(plan.target),
                      "furniture": [_placed(placed) for placed in plan.furniture], "fog": _plain(plan.fog),
                      "effects": list(plan.effects.features), "texture size": plan.render.texture_size}
     if plan.render.texels_per_pixel:
@@ -133,9 +134,19 @@ def _light(plan: ExamplePlan, name: str) -> dict[str, Any]:
 
 
 def _placed(placed: PlacedObject) -> dict[str, Any]:
-    """What stands where; a mesh file counts by its content, not by its path."""
-    path = frozenset({"source"} if placed.object.kind == "file" else ())
-    return {**_plain(placed), "object": _plain(placed.object, path)}
+    """What stands where; a file counts by its content, not by its path."""
+    path = frozenset({"source"} if placed.object.kind != "procedural" else ())
+    return {**_plain(placed), "object": _plain(placed.object, path) | {"scene": _source(placed.object.scene)}}
+
+
+def _room(room: RoomPlan) -> dict[str, Any]:
+    """What is around; of a scene file, which things are taken away, not what the others are called."""
+    return _plain(room) | {"scene": {"file": _source(room.scene.file), "hidden": list(room.scene.hidden)}}
+
+
+def _source(source: SceneSource) -> dict[str, Any]:
+    """A scene file counts by its content and by how it is read."""
+    return _plain(source, frozenset({"source", "roots", "models", "textures"}))
 
 
 def _plain(model: Model, without: frozenset[str] = frozenset()) -> dict[str, Any]:

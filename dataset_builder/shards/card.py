@@ -90,10 +90,10 @@ Every example keeps these rules; `dataset-builder verify` checks them again:
 
 
 def _sources(manifest: Manifest) -> str:
-    """What the objects were made from, and under which licences; empty where that is not known."""
+    """What objects and scenes were made from, and under which licences; empty where that is not known."""
     if not manifest.parts:
         return ""
-    kinds = {"file": "mesh file", "procedural": "embedded"}
+    kinds = {"file": "mesh file", "procedural": "embedded", "thing": "scene file"}
     rows = _rows((_plain(part.source), kinds[part.kind], part.licence, _named(part.objects)) for part in manifest.parts)
     return f"""### Sources
 

@@ -66,7 +66,7 @@ def _shard(shard: Any) -> dict[str, Any]:
 
 def _part(part: ObjectSource) -> dict[str, Any]:
     return {"@type": "sc:CreativeWork", "name": part.source, "license": _licence(part.licence),
-            "description": f"{part.kind}: {', '.join(part.objects)}"}
+            "description": ": ".join(filter(None, [part.kind, ", ".join(part.objects)]))}
 
 
 def _licence(name: str) -> str:

@@ -12,7 +12,7 @@ from dataset_builder.spec.licences import contradiction, licence_of
 from dataset_builder.spec.mesh_source import MeshSource, broken_suffix_rule, companions, mesh_source, references
 from dataset_builder.spec.numbers import AnyNumber, check_within
 from dataset_builder.spec.problems import name_alike, nearest, shown
-from dataset_builder.spec.scene import ObjectSpec
+from dataset_builder.spec.scene import ObjectSpec, SceneSpec
 
 NO_LICENCE = "expected a `licence` beside it, the key is missing"
 LICENCE_OF_MESH = ("`licence: CC-BY-4.0`, or whatever SPDX identifier the mesh is published under; `CC0-1.0` only "
@@ -108,9 +108,31 @@ def check_splits(dataset: DatasetSpec, document: Document, meshes: Mapping[str, 
     return problems
 
 
-def check_licence(dataset: DatasetSpec, document: Document, objects: Mapping[str, ObjectSpec]) -> str | Problem:
-    """The licence of a dataset with these objects: the given one, or what follows from theirs; or what is wrong."""
-    parts = {key: spec.licence for key, spec in objects.items() if spec.licence}
+def check_scenes(dataset: DatasetSpec, document: Document, scenes: Mapping[str, SceneSpec],
+                 files: Mapping[str, MeshSource]) -> list[Problem]:
+    """Splits that take things of scenes which are rooms made in code, or one scene twice; scene files that two splits
+    share."""
+    problems: list[Problem] = []
+    owners: dict[str, str] = {}
+    for number, split in enumerate(dataset.splits):
+        path = ("splits", number, "scenes")
+        if split.objects.things and split.scenes.count > (most := len(split.scenes.source)):
+            problems.append(document.problem((*path, "count"), f"expected <= {most}, since the things of a scene file "
+                                             f"are the same each time, got {split.scenes.count}"))
+        for index, key in enumerate(split.scenes.source):
+            if split.objects.things and key in scenes and scenes[key].file is None:
+                problems.append(document.problem((*path, "from", index), "expected a scene from a file, since "
+                                                 f"`objects.things` takes its things, got a room: {shown(key)}",
+                                                 "name objects with `objects.from`, or give the scene a `file`"))
+            if key in files and (owner := owners.setdefault(files[key].digest, split.name)) != split.name:
+                problems.append(document.problem((*path, "from", index), "expected scenes that no other split has, "
+                                                 f"got a scene file of split {owner}"))
+    return problems
+
+
+def check_licence(dataset: DatasetSpec, document: Document, parts: Mapping[str, str]) -> str | Problem:
+    """The licence of a dataset of parts with these licences, by the files that say so: the given one, or what follows
+    from theirs; or what is wrong."""
     if not dataset.licence:
         found, why = licence_of(parts)
         rule = f"expected a `licence` of the dataset, since none follows from its objects: {why}"

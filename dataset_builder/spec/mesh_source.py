@@ -1,6 +1,6 @@
 """Mesh files that a spec names: where they are, what belongs to them, and the digest of all of it."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -59,17 +59,18 @@ def broken_suffix_rule(name: str) -> tuple[str, str]:
     return f"expected a file that ends in one of {' '.join(MESH_SUFFIXES)}, got {shown(name)}", ""
 
 
-def references(path: Path) -> tuple[FileReference, ...]:
+def references(path: Path, roots: Sequence[Path] = ()) -> tuple[FileReference, ...]:
     """The files that a mesh file names, such as buffers, textures and material libraries; each need not be there.
 
-    Raises ValueError where the mesh file cannot be understood that far or names a file outside of its folder, OSError
-    where it cannot be read.
+    roots: folders, beside its own, that it may name files in. Raises ValueError where the mesh file cannot be
+    understood that far or names a file outside of these, OSError where it cannot be read.
     """
     found = tuple(REFERENCES[path.suffix.lower()](path))
     for reference in found:
-        if not is_inside(path.parent, reference.name):
-            raise ValueError(f"{reference.key}: expected a file in the folder of the mesh or below it, got "
-                             f"{shown(reference.written)}")
+        file = path.parent / reference.name
+        if not any(is_inside(folder, str(file.absolute())) for folder in (path.parent, *roots)):
+            places = "the folder of the mesh or below it" + ", or in one of the roots" * bool(roots)
+            raise ValueError(f"{reference.key}: expected a file in {places}, got {shown(reference.written)}")
     return found
 
 

@@ -2,7 +2,7 @@
 
 import os
 import posixpath
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -13,16 +13,18 @@ from pydantic import ValidationError
 
 from dataset_builder.digest import digest
 from dataset_builder.errors import Problem, SpecError
-from dataset_builder.spec.check import check_licence, check_object, check_splits, files_like, find_mesh
-from dataset_builder.spec.dataset import DatasetSpec, ObjectsSpec, ScenesSpec, SplitSpec
+from dataset_builder.spec.check import check_licence, check_object, check_scenes, check_splits, files_like, find_mesh
+from dataset_builder.spec.dataset import DatasetSpec, SplitSpec
 from dataset_builder.spec.document import Document
 from dataset_builder.spec.families import FAMILIES
 from dataset_builder.spec.image_uses import ImageUse, find_images, image_uses
 from dataset_builder.spec.licences import FREE
 from dataset_builder.spec.mesh_source import MeshSource
 from dataset_builder.spec.model import Model
-from dataset_builder.spec.problems import problems_of, shown
+from dataset_builder.spec.named_files import key_of, keyed_scene, keyed_split, scene_references, split_references
+from dataset_builder.spec.problems import dotted, problems_of, shown
 from dataset_builder.spec.scene import ObjectSpec, RoomSpec, SceneSpec
+from dataset_builder.spec.scene_files import find_scene
 
 AnyModel = TypeVar("AnyModel", bound=Model)
 KeyPath = tuple[str | int, ...]
@@ -53,6 +55,10 @@ class LoadedSpec:
     """Where it names them."""
     places: Mapping[str, str] = field(default_factory=dict)
     """Where each object that has a mesh file names it, `file:line`, under the object's key."""
+    scene_files: Mapping[str, MeshSource] = field(default_factory=dict)
+    """The files of each scene that comes from one, under the scene's key."""
+    documents: Mapping[str, Document] = field(default_factory=dict)
+    """Where things are written: the dataset file under "", and scenes that come from files under their keys."""
     overrides: tuple[str, ...] = ()
     """`key.path=value` strings that `dataset` has already been changed by; with `path` they load the spec again."""
 
@@ -62,14 +68,21 @@ class LoadedSpec:
         included; not over the folder that it lies in."""
         return digest(self.content())
 
+    def problem(self, key: str, path: KeyPath, rule: str, hint: str = "") -> Problem:
+        """A broken rule of what stands at `path` of the dataset file, whose key is "", or of a scene from a file."""
+        document = self.documents.get(key)
+        return document.problem(path, rule, hint) if document else Problem(where=key, path=dotted(path), rule=rule,
+                                                                           hint=hint)
+
     def content(self) -> dict[str, Any]:
         """Everything that a build depends on, as plain data."""
         groups = {"objects": self.objects, "scenes": self.scenes, "rooms": self.rooms}
         plain = {kind: {key: spec.model_dump(mode="json", by_alias=True) for key, spec in specs.items()}
                  for kind, specs in groups.items()}
-        meshes = {key: mesh.content() for key, mesh in self.meshes.items()}
-        return {"dataset": self.dataset.model_dump(mode="json", by_alias=True), "meshes": meshes,
-                "images": dict(self.images), **plain}
+        files = {kind: {key: source.content() for key, source in sources.items()}
+                 for kind, sources in (("meshes", self.meshes), ("scene_files", self.scene_files))}
+        return {"dataset": self.dataset.model_dump(mode="json", by_alias=True), "images": dict(self.images), **files,
+                **plain}
 
     def split_digest(self, split: SplitSpec, first: int) -> str:
         """SHA-256 over what the examples of a split depend on, the first of which has the index `first`.
@@ -83,7 +96,8 @@ class LoadedSpec:
             objects |= {piece.object for piece in self.scenes[name].furniture}
         content = self.content()
         dataset = {key: value for key, value in content["dataset"].items() if key not in SAID}
-        own = {"scenes": set(split.scenes.source), "rooms": rooms, "objects": objects, "meshes": objects}
+        scenes = set(split.scenes.source)
+        own = {"scenes": scenes, "scene_files": scenes, "rooms": rooms, "objects": objects, "meshes": objects}
         return digest({"dataset": dataset, "split": split.model_dump(mode="json", by_alias=True), "first": first,
                        "images": content["images"], **{kind: {key: value for key, value in content[kind].items()
                                                               if key in names} for kind, names in own.items()}})
@@ -95,15 +109,6 @@ def validated(document: Document, model: type[AnyModel]) -> AnyModel | list[Prob
         return model.model_validate(document.data, strict=True)
     except ValidationError as error:
         return problems_of(error, model, document.place)
-
-
-def key_of(name: str, key: str) -> str:
-    """Key of the file that the file `key` calls `name`: the path relative to the dataset's folder.
-
-    >>> key_of("../rooms/study.yaml", "scenes/office.yaml")
-    'rooms/study.yaml'
-    """
-    return posixpath.normpath(posixpath.join(posixpath.dirname(key), name))
 
 
 class Resolver:
@@ -118,20 +123,23 @@ class Resolver:
         self.rooms: dict[str, RoomSpec | None] = {}
         self.meshes: dict[str, MeshSource] = {}
         self.places: dict[str, str] = {}
+        self.scene_files: dict[str, MeshSource] = {}
+        self.documents: dict[str, Document] = {}
 
     def dataset(self, document: Document) -> LoadedSpec:
         """The dataset that `document` means. Raises SpecError with every problem of every file."""
         spec = self._validated(document, DatasetSpec)
-        for path, name in _split_references(document.data):
+        for path, name in split_references(document.data):
             kind = self._object if path[2] == "objects" else self._scene
             self._follow(document, path, name, "", kind)
         uses = image_uses(document)
         images, problems = find_images(uses, self.root.parent)
         self.problems += problems
         if spec is not None:
-            spec = spec.model_copy(update={"splits": tuple(map(_keyed_split, spec.splits))})
+            spec = spec.model_copy(update={"splits": tuple(map(keyed_split, spec.splits))})
             self.problems += check_splits(spec, document, self.meshes)
-            licence = check_licence(spec, document, _found(self.objects))
+            self.problems += check_scenes(spec, document, _found(self.scenes), self.scene_files)
+            licence = check_licence(spec, document, _licences(_found(self.objects), _found(self.scenes)))
             if isinstance(licence, Problem):
                 self.problems.append(licence)
             else:
@@ -140,7 +148,9 @@ class Resolver:
             raise SpecError(dict.fromkeys(self.problems))
         return LoadedSpec(path=self.root, dataset=spec, objects=_found(self.objects), scenes=_found(self.scenes),
                           rooms=_found(self.rooms), meshes=MappingProxyType(self.meshes),
-                          images=MappingProxyType(images), image_uses=uses, places=MappingProxyType(self.places))
+                          images=MappingProxyType(images), image_uses=uses, places=MappingProxyType(self.places),
+                          scene_files=MappingProxyType(self.scene_files),
+                          documents=MappingProxyType({"": document, **self.documents}))
 
     def _validated(self, document: Document, model: type[AnyModel]) -> AnyModel | None:
         result = validated(document, model)
@@ -187,10 +197,18 @@ class Resolver:
         if key in self.scenes or (document := self._read(key)) is None:
             return
         spec = self.scenes[key] = self._validated(document, SceneSpec)
-        for path, name in _scene_references(document.data):
+        for path, name in scene_references(document.data):
             self._follow(document, path, name, key, self._room if path == ("room",) else self._object)
-        if spec is not None:
-            self.scenes[key] = _keyed_scene(spec, key)
+        if spec is None:
+            return
+        if spec.file is not None:
+            found = find_scene(spec.file, document, (self.root.parent / key).parent)
+            self.documents[key] = document
+            if isinstance(found, list):
+                self.problems += found
+            else:
+                self.scene_files[key] = found
+        self.scenes[key] = keyed_scene(spec, key)
 
     def _room(self, key: str) -> None:
         if key not in self.rooms and (document := self._read(key)) is not None:
@@ -201,42 +219,7 @@ def _found(specs: dict[str, AnyModel | None]) -> MappingProxyType[str, AnyModel]
     return MappingProxyType({key: spec for key, spec in specs.items() if spec is not None})
 
 
-def _keyed_scene(scene: SceneSpec, key: str) -> SceneSpec:
-    """The scene with its references as keys."""
-    furniture = tuple(piece.model_copy(update={"object": key_of(piece.object, key)}) for piece in scene.furniture)
-    room = None if scene.room is None else key_of(scene.room, key)
-    return scene.model_copy(update={"room": room, "furniture": furniture})
-
-
-def _keyed_split(split: SplitSpec) -> SplitSpec:
-    """The split with its references as keys."""
-    groups: dict[str, ObjectsSpec | ScenesSpec] = {"objects": split.objects, "scenes": split.scenes}
-    keyed = {name: group.model_copy(update={"source": tuple(key_of(file, "") for file in group.source)})
-             for name, group in groups.items()}
-    return split.model_copy(update=keyed)
-
-
-# References are read from plain data, so that files are followed even from a file that breaks rules
-
-def _split_references(data: Any) -> Iterator[tuple[KeyPath, str]]:
-    for number, split in _items(_at(data, "splits")):
-        for kind in ("objects", "scenes"):
-            for index, name in _items(_at(_at(split, kind), "from")):
-                if isinstance(name, str):
-                    yield ("splits", number, kind, "from", index), name
-
-
-def _scene_references(data: Any) -> Iterator[tuple[KeyPath, str]]:
-    if isinstance(room := _at(data, "room"), str):
-        yield ("room",), room
-    for index, piece in _items(_at(data, "furniture")):
-        if isinstance(name := _at(piece, "object"), str):
-            yield ("furniture", index, "object"), name
-
-
-def _at(data: Any, key: str) -> Any:
-    return data.get(key) if isinstance(data, dict) else None
-
-
-def _items(data: Any) -> Iterator[tuple[int, Any]]:
-    return enumerate(data if isinstance(data, tuple) else ())
+def _licences(objects: Mapping[str, ObjectSpec], scenes: Mapping[str, SceneSpec]) -> dict[str, str]:
+    """The licences of objects and of scenes that come from files, by the file that says so."""
+    found = {key: spec.licence for key, spec in objects.items() if spec.licence}
+    return found | {key: scene.file.licence for key, scene in scenes.items() if scene.file}

@@ -47,7 +47,7 @@ def _room(*, width: float, depth: float, height: float, ceiling: bool, windows: 
 
 
 def _forget() -> None:
-    assets_of_plan.asset_of.cache_clear()
+    assets_of_plan.ASSETS.cache_clear()
     assets_of_plan.room_shell.cache_clear()
 
 

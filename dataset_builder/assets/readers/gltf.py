@@ -3,19 +3,20 @@
 https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html
 """
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from dataset_builder.assets.file_model import FileModel, FilePart, counted, refuse
+from dataset_builder.assets.file_model import FileMaterial, FileModel, FilePart, counted, refuse
 from dataset_builder.assets.readers.gltf_extensions import PREFIX, TAKEN
 from dataset_builder.assets.readers.gltf_file import MESHOPT, GltfFile, listed, open_gltf
 from dataset_builder.assets.readers.gltf_images import BASIS, READ_BY_PILLOW, GltfImages
 from dataset_builder.assets.readers.gltf_inventory import contents, left_aside
 from dataset_builder.assets.readers.gltf_materials import GltfMaterial, GltfMaterials
-from dataset_builder.assets.readers.gltf_nodes import INSTANCING, VISIBILITY, Placed, Placement, place_meshes
+from dataset_builder.assets.readers.gltf_nodes import INSTANCING, VISIBILITY, Placed, Placement, node_tree, place_meshes
 from dataset_builder.assets.readers.gltf_primitives import (
     DRACO,
     TRIANGLES,
@@ -37,11 +38,18 @@ MOST_CORNERS = 2**27
 
 def read(path: Path, max_texture: int) -> FileModel:
     """The scene of a glTF file. Textures have sides of at most `max_texture` texels. Raises UserError."""
+    with gltf_reading(path, max_texture) as reading:
+        return reading.model()
+
+
+@contextmanager
+def gltf_reading(path: Path, max_texture: int, roots: Sequence[Path] = ()) -> Iterator["GltfReading"]:
+    """A file that is being read. roots: folders, beside its own, that it may name files in. Raises UserError."""
     try:
-        gltf = open_gltf(path)
+        gltf = open_gltf(path, roots)
         _check_required(gltf)
         with np.errstate(all="ignore"):
-            return _Reading(gltf, GltfMaterials(images=GltfImages(gltf=gltf, max_size=max_texture))).model()
+            yield GltfReading(gltf, GltfMaterials(images=GltfImages(gltf=gltf, max_size=max_texture)))
     except RecursionError:
         refuse(path, "expected JSON that is not nested without end")
 
@@ -54,7 +62,7 @@ def _check_required(gltf: GltfFile) -> None:
 
 
 @dataclass(eq=False)
-class _Reading:
+class GltfReading:
     """One file on its way to a model."""
 
     gltf: GltfFile
@@ -71,15 +79,25 @@ class _Reading:
 
     def model(self) -> FileModel:
         """All of it."""
-        placed = place_meshes(self.gltf)
-        parts = tuple(part for placement in placed.placements for part in self._parts(placement))
+        placed = place_meshes(self.gltf, node_tree(self.gltf))
+        parts = tuple(part for placement in placed.placements for part in self.parts(placement))
+        return FileModel(parts=parts, materials=self.used_materials(), contains=self.contains(placed),
+                         left_out=self.left_out(placed, ("cameras", "lights")))
+
+    def used_materials(self) -> tuple[FileMaterial, ...]:
+        """Those of the parts so far, in the order of their indices."""
+        return tuple(material.taken for material in self.materials.used.values())
+
+    def contains(self, placed: Placed) -> str:
+        """What the file holds and what has been taken of it."""
+        return contents(self.gltf, placed, self.taken, materials=len(self.materials.used),
+                        images=len(self.materials.images.used))
+
+    def left_out(self, placed: Placed, besides: Collection[str]) -> tuple[str, ...]:
+        """What has not been taken, and what was decided. besides: of cameras and lights, what is no part of it."""
         used = tuple(self.materials.used.values())
-        return FileModel(
-            parts=parts, materials=tuple(material.taken for material in used),
-            contains=contents(self.gltf, placed, self.taken, materials=len(used),
-                              images=len(self.materials.images.used)),
-            left_out=(*placed.left_out, *dict.fromkeys(self.notes), *left_aside(self.gltf, HONOURED),
-                      *self._decided(placed, used)))
+        return (*placed.left_out, *dict.fromkeys(self.notes), *left_aside(self.gltf, HONOURED, besides),
+                *self._decided(placed, used))
 
     def _decided(self, placed: Placed, used: tuple[GltfMaterial, ...]) -> list[str]:
         """What was chosen where the file leaves a choice, in words."""
@@ -95,8 +113,8 @@ class _Reading:
             decided.append("of the material variants the default")
         return decided
 
-    def _parts(self, placement: Placement) -> Iterator[FilePart]:
-        """Every primitive of a mesh, everywhere that a node puts it."""
+    def parts(self, placement: Placement) -> Iterator[FilePart]:
+        """Every primitive of a mesh, everywhere that its placement says."""
         mesh = self.gltf.lists["meshes"][placement.mesh]
         if not (primitives := mesh.entries("primitives")):
             mesh.refuse("expected primitives", key="primitives")

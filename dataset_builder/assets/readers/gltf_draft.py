@@ -51,6 +51,8 @@ class Draft:
     left_out: list[str] = field(default_factory=list)
     layout: MapLayout | None = None
     """Of the first map, which all others have to follow."""
+    sources: dict[str, str] = field(default_factory=dict)
+    """Digests of the images of the maps, by the keys that name them."""
 
     def share(self, place: Entry, key: str, default: float, *, high: float = 1.0) -> float:
         """A number in [0, high]; what is beyond is said and taken as the limit."""
@@ -80,6 +82,7 @@ class Draft:
         if number is None:
             info.refuse("expected an index, the key is missing")
         texels, layout = self.images.texels(textures[number], srgb=srgb), self._layout(info, textures[number])
+        self.sources[key] = self.images.digests[self.images.image_of(textures[number])]
         if self.layout is None:
             self.layout = layout
         if not self.layout.covers(layout):

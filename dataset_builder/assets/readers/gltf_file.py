@@ -126,10 +126,11 @@ class GltfFile:
         return np.ascontiguousarray(rows).reshape(-1).view(np.uint8)
 
 
-def open_gltf(path: Path) -> GltfFile:
-    """Read the container. Raises UserError where it cannot be."""
+def open_gltf(path: Path, roots: Sequence[Path] = ()) -> GltfFile:
+    """Read the container. roots: folders, beside its own, that it may name files in. Raises UserError where it cannot
+    be."""
     try:
-        files = {reference.key: path.parent / reference.name for reference in references(path)}
+        files = {reference.key: path.parent / reference.name for reference in references(path, roots)}
         return GltfFile(path=path, container=read_container(path), files=files)
     except (OSError, ValueError) as error:
         refuse(path, f"expected a readable {path.suffix} file, got: {error}")

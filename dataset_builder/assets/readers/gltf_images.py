@@ -9,6 +9,7 @@ from PIL import Image
 from dataset_builder.assets.image_maps import ImageFile, read_texels
 from dataset_builder.assets.readers.gltf_file import GltfFile
 from dataset_builder.assets.readers.gltf_values import Entry
+from dataset_builder.digest import sha256_bytes
 from dataset_builder.extras import missing_named
 
 BASIS = "KHR_texture_basisu"
@@ -28,15 +29,18 @@ class GltfImages:
     max_size: int
     used: set[int] = field(default_factory=set)
     """Images that were taken so far."""
+    digests: dict[int, str] = field(default_factory=dict)
+    """SHA-256 of the bytes of these images."""
     _texels: dict[tuple[int, bool], np.ndarray] = field(default_factory=dict)
 
     def texels(self, texture: Entry, *, srgb: bool) -> np.ndarray:
         """(H, W, 4) float32 of a texture, linear, in [0, 1]. Raises UserError for what cannot be read."""
-        image = self._image_of(texture)
+        image = self.image_of(texture)
         if (image, srgb) not in self._texels:
             entry = self.gltf.lists["images"][image]
             name = f"{self.gltf.path}: {entry.title}"
             content = self._content(entry)
+            self.digests[image] = sha256_bytes(content)
             if content.startswith(KTX2):
                 content = _png_of(entry, content)
             elif not _is_known(content):
@@ -49,7 +53,7 @@ class GltfImages:
             self.used.add(image)
         return self._texels[image, srgb]
 
-    def _image_of(self, texture: Entry) -> int:
+    def image_of(self, texture: Entry) -> int:
         """The image of a texture: WebP or AVIF, or its PNG or JPEG, or, where nothing else is there, KTX2."""
         images = self.gltf.lists["images"]
         places = [found for name in READ_BY_PILLOW if (found := texture.extension(name)) is not None]

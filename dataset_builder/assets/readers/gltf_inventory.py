@@ -28,8 +28,8 @@ def contents(gltf: GltfFile, placed: Placed, taken: Mapping[str, Entry], *, mate
     return ", ".join([*words, *([f"in {places:,} places"] if places > meshes else [])])
 
 
-def left_aside(gltf: GltfFile, honoured: Collection[str]) -> list[str]:
-    """What the file holds besides and is not honoured."""
+def left_aside(gltf: GltfFile, honoured: Collection[str], besides: Collection[str]) -> list[str]:
+    """What the file holds besides and is not honoured. besides: of cameras and lights, what is not."""
     lists = gltf.lists
     modes: Counter[str] = Counter()
     attributes: list[str] = []
@@ -41,9 +41,10 @@ def left_aside(gltf: GltfFile, honoured: Collection[str]) -> list[str]:
     found = [f"{kind} ({counted(count, 'vertex', 'vertices')})" for kind, count in modes.items()]
     others = [name for name in attributes if not name.startswith(KNOWN_ATTRIBUTES)]
     found += [f"the attributes {listed(others)}"] if others else []
-    found += [counted(len(lists[kind]), kind[:-1]) for kind in ("animations", "cameras") if lists[kind]]
+    found += [counted(len(lists[kind]), kind[:-1]) for kind in ("animations", "cameras")
+              if lists[kind] and kind in ("animations", *besides)]
     lights = gltf.root.extension("KHR_lights_punctual")
-    if lights is not None and (count := len(lights.entries("lights"))):
+    if "lights" in besides and lights is not None and (count := len(lights.entries("lights"))):
         found.append(counted(count, "light"))
     unknown = [name for name in dict.fromkeys([*gltf.root.names("extensionsUsed"), *_undeclared(gltf)])
                if name not in honoured and name not in SILENT and not name.startswith("KHR_materials_")]

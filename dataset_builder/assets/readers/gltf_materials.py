@@ -11,6 +11,7 @@ from dataset_builder.assets.readers.gltf_draft import ROUNDING, Draft
 from dataset_builder.assets.readers.gltf_extensions import add_extensions, make_unlit
 from dataset_builder.assets.readers.gltf_images import GltfImages
 from dataset_builder.assets.readers.gltf_specular import SPECULAR_GLOSSINESS, from_specular_glossiness
+from dataset_builder.digest import digest
 
 UNLIT = "KHR_materials_unlit"
 NO_CHANGE = np.eye(2, 3)
@@ -67,8 +68,10 @@ def read_material(images: GltfImages, index: int, names: set[str]) -> GltfMateri
     name = _own_name(entry.text("name") or f"material_{index}", names)
     material = Material(name=name, texture=texture, **draft.factors)
     moved = layout is not None and not np.allclose(layout.transform, NO_CHANGE)
+    content = digest([draft.factors, draft.sources, [*layout.transform.ravel().tolist(), *layout.wrap, layout.nearest]
+                      if layout else []])
     taken = FileMaterial(material=material, uv_set=layout.uv_set if layout else 0, left_out=tuple(draft.left_out),
-                         uv_transform=layout.transform if layout is not None and moved else None)
+                         content=content, uv_transform=layout.transform if layout is not None and moved else None)
     return GltfMaterial(taken=taken, opaque=opaque, two_sided=entry.flag("doubleSided"), unlit=unlit)
 
 

@@ -18,11 +18,39 @@ class Placement:
     """A mesh at all the places where one node puts it."""
 
     node: Entry
+    number: int
+    """Of the node."""
     mesh: int
     places: np.ndarray
     """(N, 4, 4) from mesh to file coordinates."""
+    within: np.ndarray
+    """(N, 4, 4) from mesh to node."""
     joints: np.ndarray | None = None
     """(J, 4, 4) of a skin's joints, from mesh to file coordinates; they replace `places`."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NodeTree:
+    """The N nodes of a file, and which of them the scene shows."""
+
+    parents: np.ndarray
+    """(N,) -1 for none."""
+    order: tuple[int, ...]
+    """All of them, parents first."""
+    own: np.ndarray
+    """(N, 4, 4) from each node to its parent."""
+    worlds: np.ndarray
+    """(N, 4, 4) from each node to the file."""
+    shown: np.ndarray
+    """(N,) whether it is in the scene that is read."""
+    hidden: np.ndarray
+    """(N,) whether it, or one above it, says that it is not seen."""
+    decided: tuple[str, ...]
+    """Which scene was taken, in words."""
+
+    def is_drawn(self, number: int) -> bool:
+        """Whether a node is there."""
+        return bool(self.shown[number] and not self.hidden[number])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -36,26 +64,32 @@ class Placed:
     """Which scene and which pose were taken, in words."""
 
 
-def place_meshes(gltf: GltfFile) -> Placed:
-    """Every mesh of the scene that the file says, or else its first. Raises UserError for nodes in circles."""
+def node_tree(gltf: GltfFile) -> NodeTree:
+    """The nodes of the scene that the file says, or else its first. Raises UserError for nodes in circles."""
     parents = _parents(gltf)
     order = _order(gltf, parents)
-    worlds = _worlds(gltf, parents, order)
-    shown, scene_notes = _shown(gltf, parents, order)
-    hidden = _hidden(gltf, parents, order)
+    own = np.array([_local(node) for node in gltf.lists["nodes"]]).reshape(-1, 4, 4)
+    shown, decided = _shown(gltf, parents, order)
+    return NodeTree(parents=parents, order=tuple(order), own=own, worlds=_worlds(own, parents, order), shown=shown,
+                    hidden=_hidden(gltf, parents, order), decided=tuple(decided))
+
+
+def place_meshes(gltf: GltfFile, tree: NodeTree) -> Placed:
+    """Every mesh that a node of the tree puts somewhere. Raises UserError."""
     placements, outside, unseen = [], 0, 0
     for number, node in enumerate(gltf.lists["nodes"]):
         mesh = node.index("mesh", gltf.lists["meshes"], "meshes")
-        outside += mesh is not None and not shown[number]
-        unseen += mesh is not None and shown[number] and hidden[number]
-        if mesh is not None and shown[number] and not hidden[number]:
-            placements.append(Placement(node=node, mesh=mesh, places=worlds[number] @ _instances(gltf, node),
-                                        joints=_joints(gltf, node, worlds)))
+        outside += mesh is not None and not tree.shown[number]
+        unseen += mesh is not None and tree.shown[number] and tree.hidden[number]
+        if mesh is not None and tree.is_drawn(number):
+            within = _instances(gltf, node)
+            placements.append(Placement(node=node, number=number, mesh=mesh, places=tree.worlds[number] @ within,
+                                        within=within, joints=_joints(gltf, node, tree.worlds)))
     left_out = [f"{counted(amount, 'node')} with a mesh {why}" for amount, why in
                 ((outside, "in no scene that is read"), (unseen, "that the file hides")) if amount]
     skinned = any(placement.joints is not None for placement in placements)
     pose = ["skins in the pose that the nodes of the file have"] if skinned else []
-    return Placed(placements=tuple(placements), left_out=tuple(left_out), decided=(*scene_notes, *pose))
+    return Placed(placements=tuple(placements), left_out=tuple(left_out), decided=(*tree.decided, *pose))
 
 
 def _parents(gltf: GltfFile) -> np.ndarray:
@@ -83,12 +117,12 @@ def _order(gltf: GltfFile, parents: np.ndarray) -> list[int]:
     return order
 
 
-def _worlds(gltf: GltfFile, parents: np.ndarray, order: list[int]) -> np.ndarray:
+def _worlds(own: np.ndarray, parents: np.ndarray, order: list[int]) -> np.ndarray:
     """(N, 4, 4) from every node's to file coordinates."""
-    worlds = np.empty((len(parents), 4, 4))
+    worlds = own.copy()
     for number in order:
-        local = _local(gltf.lists["nodes"][number])
-        worlds[number] = worlds[parents[number]] @ local if parents[number] >= 0 else local
+        if parents[number] >= 0:
+            worlds[number] = worlds[parents[number]] @ own[number]
     return worlds
 
 

@@ -15,7 +15,9 @@ from dataset_builder.assets.asset import Material, reflectance_at
 from dataset_builder.assets.file_model import ROUGHNESS, FileMaterial, refuse
 from dataset_builder.assets.readers.mtl_maps import MtlMaps, mtl_maps
 from dataset_builder.assets.readers.specular_workflow import DIELECTRIC, metallic_roughness
-from dataset_builder.spec.obj_references import READ_MAPS
+from dataset_builder.digest import digest, sha256_file
+from dataset_builder.spec.file_reference import MOST_BYTES
+from dataset_builder.spec.obj_references import READ_MAPS, entry_maps
 from dataset_builder.spec.scene import MAX_SPECULAR
 from dataset_builder.spec.wavefront import MtlEntry, Statement, uncommented
 
@@ -109,7 +111,9 @@ def file_material(entry: MtlEntry, mesh: Path, max_texture: int) -> FileMaterial
     made = _layers(_surface(words, maps, model), words, maps)
     made = _glass(made, words, model) if glass else replace(made, alpha=_opaque(words))
     made = replace(made, texture=maps.texture)
-    return FileMaterial(material=made, uv_transform=maps.uv_transform,
+    images = [(each.key, sha256_file(mesh.parent / name, most=MOST_BYTES)) for each, name in entry_maps(mesh, entry)]
+    said = [[each.key, each.rest] for each in entry.statements if each.key.lower() not in READ_MAPS]
+    return FileMaterial(material=made, uv_transform=maps.uv_transform, content=digest([said, images]),
                         left_out=tuple(dict.fromkeys([*words.left_out, *words.unread(), *maps.left_out,
                                                       *_unseen(made, words)])))
 

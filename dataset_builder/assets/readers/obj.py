@@ -15,14 +15,15 @@ from dataset_builder.assets.readers.polygon_checks import crossing
 from dataset_builder.assets.readers.polygons import Triangulation, triangulated
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.spec.obj_references import defined_entries, obj_libraries, used_entries
-from dataset_builder.spec.wavefront import MtlEntry, obj_bytes
+from dataset_builder.spec.wavefront import MtlEntry, obj_bytes, obj_statements
 
 KINDS = ("vertices", "texture coordinates", "normals")
 MOST_PARTS = 1000
 
 
-def read(path: Path, max_texture: int) -> FileModel:
-    """The file and its material libraries. Raises UserError for what breaks the format."""
+def read(path: Path, max_texture: int, *, whole_objects: bool = False) -> FileModel:
+    """The file and its material libraries. whole_objects: where the file has objects, its groups part nothing. Raises
+    UserError for what breaks the format."""
     try:
         data = obj_bytes(path)
         entries = defined_entries(path, obj_libraries(path, data))
@@ -36,6 +37,8 @@ def read(path: Path, max_texture: int) -> FileModel:
         others = "".join(f", with {each}" for each in _others(lines))
         refuse(path, f"expected triangles, got a file without any{others}")
     labels = np.concatenate(lines.labels)
+    if whole_objects:
+        lines.objects, labels[:, 1] = _whole_objects(lines, data, labels)
     for kind, size in enumerate(lines.sizes):
         beyond = np.unique(np.repeat(np.arange(len(counts)), counts)[corners[:, kind] >= size])
         lines.fault(f"expected indices of {KINDS[kind]} up to {size}, got {{}} faces with higher ones",
@@ -62,6 +65,16 @@ def _raise_faults(path: Path, lines: ObjLines) -> None:
                          for rule, (count, line) in lines.faults.items()])
 
 
+def _whole_objects(lines: ObjLines, data: bytes, labels: np.ndarray) -> tuple[dict[str, int], np.ndarray]:
+    """The objects by their numbers, and (F,) the object of each face, -1 before the first; groups where none is."""
+    statements = list(obj_statements(data, b"o"))
+    if not statements:
+        return lines.objects, labels[:, 1]
+    numbers: dict[str, int] = {}
+    after = [-1, *(numbers.setdefault(name, len(numbers)) for _, name in statements)]
+    return numbers, np.array(after)[np.searchsorted([offset for offset, _ in statements], labels[:, 2])]
+
+
 def _parts(lines: ObjLines, triangles: Triangulation, labels: np.ndarray,
            arrays: tuple[np.ndarray, np.ndarray | None, np.ndarray, np.ndarray]) -> Iterator[FilePart]:
     """The triangles of each object or group and material, or of each material where those are many, in the order of the
@@ -70,7 +83,7 @@ def _parts(lines: ObjLines, triangles: Triangulation, labels: np.ndarray,
     texcoords = np.concatenate(lines.texcoords) if lines.texcoords else np.zeros((0, 2))
     names, materials = [*lines.objects, "no object"], [*lines.materials, "no material"]
     keys = labels[:, 1] * (len(materials) + 1) + labels[:, 0]
-    if len(np.unique(keys)) > MOST_PARTS:
+    if many := len(np.unique(keys)) > MOST_PARTS:
         keys = known[labels[:, 0]]
     _, first, inverse = np.unique(keys[triangles.owner], return_index=True, return_inverse=True)
     order = np.argsort(inverse, kind="stable")
@@ -83,6 +96,7 @@ def _parts(lines: ObjLines, triangles: Triangulation, labels: np.ndarray,
         uvs = {0: np.where(mapped[..., None], texcoords[rows[..., 1]], 0)} if mapped.any() else {}
         yield FilePart(name=f"{names[group]!r}, {materials[material]!r}", positions=positions[used],
                        faces=faces.reshape(-1, 3), material=int(known[material]), uvs=uvs,
+                       group="" if many or group < 0 else names[group],
                        colors=None if colors is None else colors[rows[..., 0]])
 
 

@@ -159,4 +159,5 @@ def _normals(use: SceneUse) -> Decision:
 
 
 def _files(use: SceneUse) -> list[Decision]:
-    return [Decision(effect="mesh file", choice=choice, reason=about) for choice, about in use.files]
+    return [*(Decision(effect="scene file", choice=choice, reason=about) for choice, about in use.scene),
+            *(Decision(effect="mesh file", choice=choice, reason=about) for choice, about in use.files)]

@@ -1,6 +1,6 @@
 """The materials of a scene that some face has, with bounds on how much light they scatter."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,9 @@ from dataset_builder.assets.asset import (
 )
 from dataset_builder.geometry.edges import CREASE_ANGLE, consistent, dihedral_angles, edges_of
 from dataset_builder.label.scene_plan import PlacedObject, RoomPlan
-from dataset_builder.planning.scene.assets_of_plan import asset_of, room_parts
+from dataset_builder.planning.scene.assets_of_plan import asset_of
+from dataset_builder.planning.scene.room_parts import room_parts
+from dataset_builder.planning.scene.scene_models import scene_model
 
 SCHLICK_MEAN = 1 / 21
 """Integral of 2 c (1 - c)^5 over cosines c: mean of Schlick's term for light from everywhere."""
@@ -28,6 +30,8 @@ SMOOTH = 0.0316
 """Roughness below which glass sends light in single directions: GGX alpha of 1e-3, as rendering has it."""
 TOLD = {"contains": "contains", "left_out": "left out", "repair": "repair", "shape": "shape"}
 """Choices of decisions about mesh files, by the key of the asset's `meta`."""
+SENTENCES = 40
+"""About a scene file that one decision lists before it counts the rest."""
 FLAT = 0.01
 """Degrees below which two faces are in one plane."""
 
@@ -93,7 +97,7 @@ class MaterialUse:
     """One material that at least one face shows."""
 
     owner: str
-    """Name of the object, or of the part of the room."""
+    """Name of the object or thing, or of the part of the room."""
     part: str
     """`furniture`, or a part of the room."""
     material: Material
@@ -141,6 +145,8 @@ class SceneUse:
     """Names of all others."""
     files: tuple[tuple[str, str], ...] = ()
     """Pairs of a word and a sentence, of every mesh file: see `told_of`."""
+    scene: tuple[tuple[str, str], ...] = ()
+    """The same of the scene file, one of each word; empty for a room in code."""
 
 
 def told_of(asset: Asset) -> list[tuple[str, str]]:
@@ -178,13 +184,36 @@ def _is_smooth(asset: Asset) -> bool:
 
 
 def scene_use(room: RoomPlan, objects: Iterable[PlacedObject], mesh_root: Path) -> SceneUse:
-    """What a room and the objects in it show. Raises PlanError where a mesh file is not the one that was planned."""
-    things = [(name, name, asset) for name, asset in room_parts(room).items()]
-    things += [(placed.object.name, "furniture", asset_of(placed.object, mesh_root)) for placed in objects]
+    """What a room and the objects in it show. Raises PlanError where a file is not the one that was planned, UserError
+    where it cannot be read."""
+    around = room_parts(room, mesh_root)
+    placed = [(each.object.name, "furniture", asset_of(each.object, mesh_root)) for each in objects]
+    things = [*((part.name, str(part.part), part.asset) for part in around), *placed]
     uses = [MaterialUse(owner=owner, part=part, material=material, **figures) for owner, part, asset in things
             for material, figures in zip(_facts(asset).materials, _facts(asset).figures, strict=True)]
-    return SceneUse(materials=tuple(uses),
-                    smooth=tuple(owner for owner, _, asset in things if _facts(asset).smooth),
-                    flat=tuple(owner for owner, _, asset in things if not _facts(asset).smooth),
-                    files=tuple((word, f"{owner}: {said}") for owner, _, asset in things
-                                for word, said in told_of(asset)))
+    smooth = dict.fromkeys(owner for owner, _, asset in things if _facts(asset).smooth)
+    flat = dict.fromkeys(owner for owner, _, asset in things if owner not in smooth)
+    return SceneUse(materials=tuple(uses), smooth=tuple(smooth), flat=tuple(flat),
+                    files=tuple((word, f"{owner}: {said}") for owner, _, asset in placed
+                                for word, said in told_of(asset)),
+                    scene=told_of_scene(room, mesh_root))
+
+
+def told_of_scene(room: RoomPlan, mesh_root: Path) -> tuple[tuple[str, str], ...]:
+    """Of a scene from a file, pairs of a word and a sentence: one of each word, however many things it is about."""
+    if room.kind == "procedural":
+        return ()
+    model, told = scene_model(room, mesh_root), dict[str, list[str]]()
+    told |= {"contains": [model.contains], "left out": [*model.left_out], "faults": [*model.faults]}
+    for part in room_parts(room, mesh_root):
+        for word, said in told_of(part.asset):
+            if word != "contains":
+                told.setdefault(word, []).append(f"{part.name}: {said}")
+    told["taken away"] = [*room.scene.hidden]
+    return tuple((word, _listed(sentences)) for word, sentences in told.items() if sentences)
+
+
+def _listed(sentences: Sequence[str]) -> str:
+    """The first few sentences, and how many more there are."""
+    more = len(sentences) - SENTENCES
+    return "; ".join(sentences[:SENTENCES]) + (f"; and {more} more" if more > 0 else "")

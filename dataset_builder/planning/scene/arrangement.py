@@ -7,23 +7,22 @@ from pathlib import Path
 
 import numpy as np
 
-from dataset_builder.assets.asset import Asset
 from dataset_builder.geometry.raycast import RayScene
 from dataset_builder.label.scene_plan import ObjectPlan, PlacedObject, RoomPlan, Vector
 from dataset_builder.planning.catalogue import PairRef
-from dataset_builder.planning.scene.assets_of_plan import asset_of, room_shell, world_from_object
-from dataset_builder.planning.scene.contents import ScenePlan, SplitContents
-from dataset_builder.planning.scene.footprints import Box, Pose
-from dataset_builder.planning.scene.layout import Piece, Place, lay_out
+from dataset_builder.planning.scene.assets_of_plan import asset_of, world_from_object
+from dataset_builder.planning.scene.contents import SplitContents
+from dataset_builder.planning.scene.footprints import Pose, footprint
+from dataset_builder.planning.scene.layout import Piece, Place, furnish, lay_out
 from dataset_builder.planning.scene.mesh_shell import shell_of
 from dataset_builder.planning.scene.object_size import advice_on
+from dataset_builder.planning.scene.room_parts import room_parts
 from dataset_builder.planning.scene.shell import Geometry, Shell, box_of
+from dataset_builder.planning.scene.stage import FURNITURE_INSTANCE, TARGET_INSTANCE, extent_of, stage
 from dataset_builder.seeding import rng
+from dataset_builder.spec.resolve import LoadedSpec
 
-TARGET_INSTANCE = 1
-ROOM_INSTANCE = 2
-FURNITURE_INSTANCE = 3
-"""Value in the `instance` layer of the first piece of furniture."""
+__all__ = ["TARGET_INSTANCE", "Arrangement", "arrange", "extent_of", "geometry_of"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,12 +73,6 @@ class Arrangement:
         return self.shell.diagonal(np.array([*self._bounds, camera]))
 
 
-def extent_of(asset: Asset) -> Box:
-    """The box of an asset in its own frame."""
-    low, high = asset.mesh.bounds.tolist()
-    return Box(low=tuple(low), high=tuple(high))
-
-
 def _piece(plan: ObjectPlan, place: Place, mesh_root: Path, draws: Callable[[], np.random.Generator]) -> Piece:
     return Piece(name=plan.name, extent=extent_of(asset_of(plan, mesh_root)), place=place, rng=draws)
 
@@ -94,29 +87,36 @@ def geometry_of(placed: PlacedObject, mesh_root: Path) -> Geometry:
     return mesh.positions @ matrix[:3, :3].T + matrix[:3, 3], mesh.faces, placed.instance
 
 
-def _room_geometry(scene: ScenePlan) -> list[Geometry]:
-    """The room without panes, which let light and sight through."""
-    return [(part.mesh.positions, part.mesh.faces, ROOM_INSTANCE) for part in room_shell(scene.room).values()]
+def arrange(pair: PairRef, loaded: LoadedSpec, split: SplitContents) -> Arrangement:
+    """Room or scene, target and furniture of a pair, laid out; furniture that does not fit is left out with a note.
 
-
-def arrange(pair: PairRef, split: SplitContents, seed: int, mesh_root: Path) -> Arrangement:
-    """Room, target and furniture of a pair, laid out; furniture that does not fit is left out with a note.
-
-    Raises PlanError where the target does not fit.
+    Raises PlanError where the target does not fit, or the scene has no such thing; UserError where a file cannot be
+    read.
     """
-    scene, target_plan = split.scenes[pair.scene], split.objects[pair.object]
-    target = _piece(target_plan, scene.target, mesh_root, partial(rng, seed, *pair.path, "target", "position"))
+    scene, seed, mesh_root = split.scenes[pair.scene], loaded.dataset.seed, loaded.path.parent
+    staged = stage(loaded, split, pair)
+    around = room_parts(staged.room, mesh_root)
+    solid = {part.name: (part.positions, part.faces, part.instance) for part in around if not part.clear}
+    building = [solid[part.name] for part in around if part.part != "furniture" and not part.clear]
+    things = [solid[part.name] for part in around if part.part == "furniture" and not part.clear]
+    shell = shell_of(staged.room, building, things)
     pieces = [_piece(piece.object, piece.place, mesh_root,
                      partial(rng, seed, *pair.path, "furniture", *piece.number, "position"))
               for piece in scene.furniture]
-    shell, building = shell_of(scene.room, (), ()), _room_geometry(scene)
-    layout = lay_out(target, pieces, shell)
-    standing = [(piece.object, pose) for piece, pose in zip(scene.furniture, layout.furniture, strict=True) if pose]
-    furniture = tuple(_placed(plan, pose, FURNITURE_INSTANCE + k) for k, (plan, pose) in enumerate(standing))
-    placed = _placed(target_plan, layout.target, TARGET_INSTANCE)
-    geometry = [geometry_of(thing, mesh_root) for thing in (placed, *furniture)] + building
-    return Arrangement(room=scene.room, target=placed, furniture=furniture, geometry=tuple(geometry),
-                       shell=shell, notes=(*layout.notes, *_odd_sizes((placed, *furniture), mesh_root)))
+    if staged.placed is None:
+        target = _piece(staged.target, scene.target, mesh_root, partial(rng, seed, *pair.path, "target", "position"))
+        layout = lay_out(target, pieces, shell)
+        placed, poses, notes = _placed(staged.target, layout.target, TARGET_INSTANCE), layout.furniture, layout.notes
+    else:
+        placed = staged.placed
+        box = footprint(extent_of(asset_of(placed.object, mesh_root)), placed.position, placed.yaw)
+        poses, notes = furnish(box, pieces, shell)
+    standing = [(piece.object, pose) for piece, pose in zip(scene.furniture, poses, strict=True) if pose]
+    first = FURNITURE_INSTANCE + sum(part.part == "furniture" for part in around)
+    furniture = tuple(_placed(plan, pose, first + k) for k, (plan, pose) in enumerate(standing))
+    geometry = [geometry_of(thing, mesh_root) for thing in (placed, *furniture)] + things + building
+    return Arrangement(room=staged.room, target=placed, furniture=furniture, geometry=tuple(geometry), shell=shell,
+                       notes=(*staged.notes, *notes, *_odd_sizes((placed, *furniture), mesh_root)))
 
 
 def _odd_sizes(things: Iterable[PlacedObject], mesh_root: Path) -> list[str]:

@@ -14,12 +14,14 @@ from typing import Any
 import numpy as np
 
 from dataset_builder.assets.asset import Asset, Material, reflectance_at
-from dataset_builder.assets.mesh_file import load_mesh_file
+from dataset_builder.assets.mesh_file import load_mesh_file, stand
 from dataset_builder.assets.procedural.furniture import FINISHES, make_furniture
-from dataset_builder.assets.procedural.rooms import make_panes, make_room
+from dataset_builder.assets.procedural.rooms import make_room
 from dataset_builder.errors import PlanError, Problem
-from dataset_builder.geometry.mesh import concatenate
+from dataset_builder.geometry.mesh import transform
 from dataset_builder.label.scene_plan import MaterialChange, ObjectPlan, Param, PlacedObject, RoomPlan
+from dataset_builder.planning.scene.recent import Recent, bytes_of
+from dataset_builder.planning.scene.scene_models import scene_model
 from dataset_builder.seeding import rng
 from dataset_builder.spec.mesh_source import companions, mesh_source
 from dataset_builder.spec.numbers import draw
@@ -29,8 +31,9 @@ from dataset_builder.spec.scene import MAX_SPECULAR, MaterialSpec
 ROLE = ": "
 """Between what a material of embedded furniture is there for and what it happens to be: `top: oak`."""
 TRUTHS = ("thin", "plain")
-KEPT_ASSETS, KEPT_ROOMS = 128, 16
+KEPT_ASSETS, KEPT_BYTES, KEPT_ROOMS = 128, 1 << 30, 16
 """Kept in memory: those of a few scenes."""
+ASSETS = Recent[Asset](KEPT_ASSETS, KEPT_BYTES, lambda asset: bytes_of([asset]))
 
 
 def drawn_changes(spec: Mapping[str, MaterialSpec], seed: int, path: tuple[str | int, ...]) \
@@ -108,14 +111,17 @@ def _applied(material: Material, changes: Sequence[MaterialChange]) -> Material:
     return material
 
 
-@lru_cache(maxsize=KEPT_ASSETS)
 def asset_of(plan: ObjectPlan, mesh_root: Path) -> Asset:
-    """The asset that a plan names, its materials changed as planned; mesh files are found below `mesh_root`. Equal
-    plans share one asset.
+    """The asset that a plan names, its materials changed as planned; files are found below `mesh_root`. Equal plans
+    share one asset.
 
-    Raises PlanError where a mesh file, or a file that it names, is not the one that was planned, and for changes of
-    materials that it does not have.
+    Raises PlanError where a mesh or scene file, or a file that it names, is not the one that was planned, and for
+    changes of materials that it does not have.
     """
+    return ASSETS.get((plan, mesh_root), lambda: _changed_asset(plan, mesh_root))
+
+
+def _changed_asset(plan: ObjectPlan, mesh_root: Path) -> Asset:
     asset = _plain_asset(plan, mesh_root)
     if not plan.materials:
         return asset
@@ -128,6 +134,8 @@ def _plain_asset(plan: ObjectPlan, mesh_root: Path) -> Asset:
     if plan.kind == "procedural":
         return make_furniture(family=plan.source, params={param.name: param.value for param in plan.params},
                               seed=int(plan.seed), name=plan.name)
+    if plan.kind == "thing":
+        return _thing_asset(plan, mesh_root)
     path = mesh_root / plan.source
     if (got := _content_digest(path)) != plan.source_sha256:
         raise PlanError([Problem(where=str(path), path="", rule=f"expected content of SHA-256 {plan.source_sha256}, "
@@ -137,30 +145,25 @@ def _plain_asset(plan: ObjectPlan, mesh_root: Path) -> Asset:
                           up=plan.up)
 
 
+def _thing_asset(plan: ObjectPlan, mesh_root: Path) -> Asset:
+    """A thing of a scene file, standing on z = 0 as it stands in its scene but for its turn about +Z."""
+    thing = next(each for each in scene_model(plan.scene, mesh_root).things if each.name == plan.thing)
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.reshape(plan.linear, (3, 3))
+    mesh, moved, flat = stand(transform(thing.asset.mesh, matrix))
+    meta = {**thing.asset.meta, "licence": plan.licence, "source": plan.source,
+            "contains": f"{plan.thing} of {plan.source}, {len(mesh.faces):,} triangles",
+            "moved": ", ".join(f"{step:.6g} m" for step in moved),
+            "shape": "; ".join(filter(None, [thing.asset.meta.get("shape", ""), *flat]))}
+    return replace(thing.asset, name=plan.name, category=plan.category, mesh=mesh, meta=meta)
+
+
 def _content_digest(path: Path) -> str:
     """The digest of a mesh file and its companions as they are now, or what keeps it from being taken."""
     try:
         return mesh_source(path, companions(path)).digest
     except (OSError, ValueError) as error:
         return str(error)
-
-
-def room_parts(plan: RoomPlan) -> dict[str, Asset]:
-    """The parts of a room, `floor`, `walls` and, where it has one, `ceiling`, in the room's own frame, the world.
-
-    The panes of glazed windows belong to the walls.
-    """
-    shell = room_shell(plan)
-    return shell if not (plan.glazing and plan.windows) else shell | {"walls": _glazed_walls(plan)}
-
-
-@lru_cache(maxsize=KEPT_ROOMS)
-def _glazed_walls(plan: RoomPlan) -> Asset:
-    walls = room_shell(plan)["walls"]
-    panes = make_panes(width=plan.width, depth=plan.depth, height=plan.height, windows=plan.windows,
-                       skirting=plan.skirting)
-    mesh = concatenate([walls.mesh, panes.mesh], material_offsets=[0, len(walls.materials)])
-    return replace(walls, mesh=mesh, materials=(*walls.materials, *panes.materials))
 
 
 @lru_cache(maxsize=KEPT_ROOMS)

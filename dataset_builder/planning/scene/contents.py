@@ -4,21 +4,25 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import PurePosixPath
 from posixpath import normpath
-from typing import Any, Literal
+from typing import Any
 
 from dataset_builder.assets.procedural.furniture import FINISHES
 from dataset_builder.digest import digest
 from dataset_builder.errors import PlanError, Problem
-from dataset_builder.label.scene_plan import FogPlan, ObjectPlan, ObjectSource, Param, RoomPlan
+from dataset_builder.label.scene_plan import FogPlan, ObjectPlan, Param, RoomPlan
+from dataset_builder.label.scene_source import PartPatterns, SceneFilePlan, SceneKind, SceneSource, VariantChoice
 from dataset_builder.planning.scene.assets_of_plan import drawn_changes, require_roles
 from dataset_builder.planning.scene.layout import Place
 from dataset_builder.seeding import derive_seed, rng
 from dataset_builder.spec.dataset import SplitSpec
 from dataset_builder.spec.families import FAMILIES, FamilyParam
+from dataset_builder.spec.file_scene import SceneFileSpec, ThingQuery
 from dataset_builder.spec.licences import FREE
 from dataset_builder.spec.numbers import AnyNumber, draw
 from dataset_builder.spec.resolve import LoadedSpec
 from dataset_builder.spec.scene import FogSpec, ObjectSpec, RoomSpec
+from dataset_builder.spec.scene_files import FRONT_SUFFIX
+from dataset_builder.spec.usd_references import USD_SUFFIXES
 
 Path = tuple[str | int, ...]
 CLEAR_AIR = FogPlan()
@@ -42,14 +46,26 @@ class ScenePlan:
     furniture: tuple[PiecePlan, ...]
     target: Place
     fog: FogPlan = CLEAR_AIR
+    number: int
+    """Counts the scenes of the split."""
+    key: str
+    """Of its scene spec."""
+    file: SceneFileSpec | None = None
+    """What the spec says of a scene from a file. What is in it shows when it is read; until then, sizes are 0."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SplitContents:
     """The objects and scenes of one split, by index."""
 
+    name: str
     objects: tuple[ObjectPlan, ...]
+    """None where the targets are things of the scenes; see `things.target_plan`."""
     scenes: tuple[ScenePlan, ...]
+    things: ThingQuery | None = None
+    """Which things of its scenes are targets, where they are."""
+    count: int
+    """Number of objects, of things in each scene."""
 
 
 def _parameter(param: FamilyParam, given: AnyNumber | None, seed: int, path: Path) -> Param:
@@ -124,9 +140,25 @@ def _scene_plan(loaded: LoadedSpec, split: str, index: int, key: str) -> ScenePl
             plan = object_plan(loaded, furniture.object, split, (*path, "furniture", entry, copy), len(pieces),
                                f"scene{index:02d}")
             pieces.append(PiecePlan(object=plan, place=furniture.place, number=(entry, copy)))
-    room = room_plan(loaded.rooms[str(spec.room)], f"{split}-room-{index:02d}", seed, (*path, "room"))
+    name = f"{split}-room-{index:02d}"
+    room = (_file_room(loaded, spec.file, key, name) if spec.file is not None else
+            room_plan(loaded.rooms[str(spec.room)], name, seed, (*path, "room")))
     return ScenePlan(room=room, furniture=tuple(pieces), target=spec.target,
-                     fog=fog_plan(spec.fog, seed, (*path, "fog")))
+                     fog=fog_plan(spec.fog, seed, (*path, "fog")), number=index, key=key, file=spec.file)
+
+
+def _file_room(loaded: LoadedSpec, file: SceneFileSpec, key: str, name: str) -> RoomPlan:
+    """A scene from a file that has not been read."""
+    suffix = PurePosixPath(file.path).suffix.lower()
+    kind: SceneKind = "usd" if suffix in USD_SUFFIXES else "front3d" if suffix == FRONT_SUFFIX else "file"
+    variants = tuple(VariantChoice(prim=prim, set=group, variant=variant)
+                     for prim, chosen in file.variants.items() for group, variant in chosen.items())
+    parts = tuple(PartPatterns(part=part, patterns=patterns) for part, patterns in file.parts.items())
+    source = SceneSource(source=file.path, source_sha256=loaded.scene_files[key].digest, licence=file.licence,
+                         scale=file.scale, up=file.up, roots=file.roots, variants=variants, models=file.models,
+                         textures=file.textures, parts=parts)
+    return RoomPlan(name=name, seed="0", width=0.0, depth=0.0, height=0.0, ceiling=False, windows=0, skirting=0.0,
+                    kind=kind, scene=SceneFilePlan(file=source))
 
 
 def _in_turn(files: tuple[str, ...], count: int) -> list[str]:
@@ -136,10 +168,12 @@ def _in_turn(files: tuple[str, ...], count: int) -> list[str]:
 def split_contents(loaded: LoadedSpec, split: SplitSpec) -> SplitContents:
     """Draw the objects and scenes of a split; each depends on its own index only."""
     objects = tuple(object_plan(loaded, key, split.name, (split.name, "object", index), index, "")
-                    for index, key in enumerate(_in_turn(split.objects.source, split.objects.count)))
+                    for index, key in enumerate(_in_turn(split.objects.source, split.objects.count))
+                    ) if split.objects.things is None else ()
     scenes = tuple(_scene_plan(loaded, split.name, index, key)
                    for index, key in enumerate(_in_turn(split.scenes.source, split.scenes.count)))
-    return SplitContents(objects=objects, scenes=scenes)
+    return SplitContents(name=split.name, objects=objects, scenes=scenes, things=split.objects.things,
+                         count=split.objects.count)
 
 
 def shape_digest(plan: ObjectPlan) -> str:
@@ -157,11 +191,13 @@ def _object_digest(plan: ObjectPlan) -> str:
 
 
 def _scene_digest(plan: ScenePlan) -> str:
+    if plan.file is not None:
+        return plan.room.scene.file.source_sha256
     room = plan.room.model_dump(exclude={"name"})
     return digest([room, sorted(_object_digest(piece.object) for piece in plan.furniture)])
 
 
-def _clashes(named: Iterable[tuple[str, str]], path: str, hint: str) -> list[Problem]:
+def clashes(named: Iterable[tuple[str, str]], path: str, hint: str) -> list[Problem]:
     """One problem for every content (digest) that a second name has."""
     first, problems = dict[str, str](), list[Problem]()
     for name, content in named:
@@ -181,31 +217,21 @@ def contents(loaded: LoadedSpec) -> dict[str, SplitContents]:
     drawn = {split.name: split_contents(loaded, split) for split in loaded.dataset.splits}
     problems = list[Problem]()
     for name, split in drawn.items():
-        problems += _clashes(((plan.name, _object_digest(plan)) for plan in split.objects), f"splits[{name}].objects",
+        problems += clashes(((plan.name, _object_digest(plan)) for plan in split.objects), f"splits[{name}].objects",
                              "list more files, or lower the count")
-    problems += _across(drawn, lambda split: [(plan.name, shape_digest(plan)) for plan in split.objects], "objects",
+    problems += across(drawn, lambda split: [(plan.name, shape_digest(plan)) for plan in split.objects], "objects",
                         "give each split its own files, or draw parameters from distributions")
-    problems += _across(drawn, lambda split: [(plan.room.name, _scene_digest(plan)) for plan in split.scenes], "scenes",
+    problems += across(drawn, lambda split: [(plan.room.name, _scene_digest(plan)) for plan in split.scenes], "scenes",
                         "give each split its own scene files")
     if problems:
         raise PlanError(problems)
     return drawn
 
 
-def _across(drawn: dict[str, SplitContents], named: Callable[[SplitContents], list[tuple[str, str]]], path: str,
-            hint: str) -> list[Problem]:
+def across(drawn: Mapping[str, SplitContents], named: Callable[[SplitContents], list[tuple[str, str]]], path: str,
+           hint: str) -> list[Problem]:
     """Clashes between splits; repetitions within a split count once, under the first name."""
     once = list[tuple[str, str]]()
     for split in drawn.values():
         once += {content: (name, content) for name, content in reversed(named(split))}.values()
-    return _clashes(once, path, hint)
-
-
-def object_sources(drawn: Mapping[str, SplitContents]) -> tuple[ObjectSource, ...]:
-    """What all objects and pieces of furniture were made from: mesh files first, then families, by name."""
-    names: dict[tuple[Literal["procedural", "file", "thing"], str, str], list[str]] = {}
-    for split in drawn.values():
-        for plan in (*split.objects, *(piece.object for scene in split.scenes for piece in scene.furniture)):
-            names.setdefault((plan.kind, plan.source, plan.licence), []).append(plan.name)
-    return tuple(ObjectSource(kind=kind, source=source, licence=licence, objects=tuple(own))
-                 for (kind, source, licence), own in sorted(names.items()))
+    return clashes(once, path, hint)

@@ -1,28 +1,30 @@
 """The objects of a plan as heaps of triangles with materials: what the renderer is given, still without a renderer."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields
 from functools import lru_cache
 from pathlib import Path
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from dataset_builder.assets.asset import Asset, Material
-from dataset_builder.geometry.edges import corner_normals
+from dataset_builder.geometry.edges import corner_normals, unit
 from dataset_builder.geometry.mesh import TriangleMesh, joined_colors
 from dataset_builder.geometry.rough_base import RoughBase
 from dataset_builder.geometry.rough_steps import base_of, roughened
 from dataset_builder.geometry.roughness import Roughness, measure_roughness
 from dataset_builder.label.example_plan import ExamplePlan, RoughPlan
 from dataset_builder.label.scene_plan import ObjectPlan, PlacedObject, RoomPlan
-from dataset_builder.planning.scene.arrangement import ROOM_INSTANCE
-from dataset_builder.planning.scene.assets_of_plan import KEPT_ROOMS, asset_of, room_parts, world_from_object
+from dataset_builder.planning.scene.assets_of_plan import asset_of, world_from_object
+from dataset_builder.planning.scene.recent import Recent
+from dataset_builder.planning.scene.room_parts import RoomPart, room_parts
 from dataset_builder.seeding import rng
 
-KEPT_NORMALS = 256
 KEPT_BASES = 16
+KEPT_ROOMS, KEPT_BYTES = 16, 1 << 30
 PARTS = ("furniture", "floor", "walls", "ceiling")
-"""What a triangle belongs to: an object, or a part of the room."""
+"""What a triangle belongs to: an object or thing, or a part of the room."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,6 +56,14 @@ class Soup:
         return Soup(corners=self.corners[keep], normals=self.normals[keep], uvs=self.uvs[keep],
                     material=self.material[keep], instance=self.instance[keep], part=self.part[keep],
                     materials=self.materials, colors=None if self.colors is None else self.colors[keep])
+
+
+def _bytes_of(soup: Soup) -> int:
+    return sum(getattr(getattr(soup, each.name), "nbytes", 0) for each in fields(soup))
+
+
+_rooms = Recent[Soup](KEPT_ROOMS, KEPT_BYTES, _bytes_of)
+_known_normals: WeakKeyDictionary[Asset, np.ndarray] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -92,14 +102,40 @@ def merge(soups: Sequence[Soup]) -> Soup:
 
 def surroundings(plan: ExamplePlan, mesh_root: Path) -> Soup:
     """Everything but the target object."""
-    return merge([_room(plan.room), *(clean(placed, mesh_root) for placed in plan.furniture)])
+    return merge([_room(plan.room, mesh_root), *(clean(placed, mesh_root) for placed in plan.furniture)])
 
 
-@lru_cache(maxsize=KEPT_ROOMS)
-def _room(plan: RoomPlan) -> Soup:
-    return merge([replace(soup_of(asset.mesh, _normals(asset), asset.materials, np.eye(4), ROOM_INSTANCE),
-                          part=np.full(len(asset.mesh.faces), PARTS.index(name)))
-                  for name, asset in room_parts(plan).items()])
+def _room(plan: RoomPlan, mesh_root: Path) -> Soup:
+    return _rooms.get((plan, mesh_root), lambda: merge([part_soup(part) for part in room_parts(plan, mesh_root)]))
+
+
+def part_soup(part: RoomPart) -> Soup:
+    """The triangles of what is around; its transform may scale, shear and mirror."""
+    mesh, normals = part.asset.mesh, _normals(part.asset)
+    linear, offset = part.world[:3, :3], part.world[:3, 3]
+    corners = mesh.corners @ linear.T + offset
+    order = [0, 2, 1] if np.linalg.det(linear) < 0 else [0, 1, 2]
+    return Soup(corners=corners[:, order], normals=_turned(normals, linear, corners)[:, order], uvs=mesh.uvs[:, order],
+                material=mesh.material, instance=np.full(len(mesh.faces), part.instance),
+                part=np.full(len(mesh.faces), PARTS.index(part.part)), materials=part.asset.materials,
+                colors=None if mesh.colors is None else mesh.colors[:, order])
+
+
+def _turned(normals: np.ndarray, linear: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """(F, 3, 3) unit normals under a linear map: by its inverse transpose, which its cofactors are but for a factor and
+    which a map that flattens has, too. Where these leave nothing, that of the face, whose corners are given; where it
+    has no area, +Z."""
+    if np.array_equal(linear, np.eye(3)):
+        return normals @ linear.T
+    a, b, c = linear
+    cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
+    if np.linalg.det(linear) < 0:
+        cofactors = -cofactors
+    turned = unit(normals @ (cofactors / (np.abs(cofactors).max() or 1)).T)
+    faces = unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))[:, None]
+    for fallback in (faces, np.array([0.0, 0, 1])):
+        turned = np.where(turned.any(axis=2, keepdims=True), turned, fallback)
+    return turned
 
 
 def clean(placed: PlacedObject, mesh_root: Path) -> Soup:
@@ -109,14 +145,16 @@ def clean(placed: PlacedObject, mesh_root: Path) -> Soup:
     return soup_of(asset.mesh, normals, asset.materials, world_from_object(placed), placed.instance)
 
 
-@lru_cache(maxsize=KEPT_NORMALS)
 def clean_normals(plan: ObjectPlan, mesh_root: Path) -> np.ndarray:
     """(F, 3, 3) shading normals of an object's 3DM, in its own frame."""
     return _normals(asset_of(plan, mesh_root))
 
 
 def _normals(asset: Asset) -> np.ndarray:
-    return corner_normals(asset.mesh)
+    """The normals of an asset, found once for as long as it is kept."""
+    if asset not in _known_normals:
+        _known_normals[asset] = corner_normals(asset.mesh)
+    return _known_normals[asset]
 
 
 def rough_twin(placed: PlacedObject, plan: RoughPlan, mesh_root: Path) -> RoughTwin:

@@ -8,7 +8,8 @@ from dataset_builder.assets.asset import Material
 from dataset_builder.geometry.edges import corner_normals
 from dataset_builder.geometry.mesh import TriangleMesh
 from dataset_builder.label.scene_plan import CameraPlan, IlluminationPlan, LightPlan
-from dataset_builder.planning.scene.arrangement import ROOM_INSTANCE, TARGET_INSTANCE
+from dataset_builder.planning.scene.arrangement import TARGET_INSTANCE
+from dataset_builder.planning.scene.room_parts import ROOM_INSTANCE
 from dataset_builder.rendering.scene.triangle_soup import Soup, merge, soup_of
 
 Triple = tuple[float, float, float]

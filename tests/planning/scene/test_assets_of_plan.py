@@ -22,10 +22,10 @@ from dataset_builder.planning.scene.assets_of_plan import (
     changed,
     drawn_changes,
     matches,
-    room_parts,
     world_from_object,
 )
 from dataset_builder.planning.scene.contents import contents
+from dataset_builder.planning.scene.room_parts import room_parts
 from dataset_builder.planning.view.visibility import look
 from dataset_builder.spec.mesh_source import companions, mesh_source
 from dataset_builder.spec.resolve import LoadedSpec
@@ -69,7 +69,7 @@ def test_a_file_that_the_mesh_names_and_that_changed_or_went_is_refused(tmp_path
     Image.new("RGB", (2, 2), "red").save(tmp_path / "wood.png")
     plan = file_plan(tmp_path / "a.obj")
     assert asset_of(plan, tmp_path).name == "solid"
-    assets_of_plan.asset_of.cache_clear()
+    assets_of_plan.ASSETS.cache_clear()
     (tmp_path / name).write_bytes((tmp_path / name).read_bytes() + b"\n")
     with pytest.raises(PlanError, match="changed after planning"):
         asset_of(plan, tmp_path)
@@ -86,14 +86,15 @@ def test_objects_turn_counter_clockwise_then_move(load: Callable[..., LoadedSpec
 
 
 def test_embedded_furniture_in_embedded_rooms_is_seen_as_planned(load: Callable[..., LoadedSpec],
-                                                                 monkeypatch: pytest.MonkeyPatch) -> None:
+                                                                 monkeypatch: pytest.MonkeyPatch,
+                                                                 tmp_path: Path) -> None:
     monkeypatch.setattr(assets_of_plan, "make_furniture", make_furniture)
     monkeypatch.setattr(assets_of_plan, "make_room", make_room)
     loaded = load()
     planner = Planner(loaded)
     for ref in planner.examples[:12:4]:
         plan, arrangement = planner.example(ref), planner.arrangement(ref.view.pair)
-        assert set(room_parts(plan.room)) == {"floor", "walls", "ceiling"}
+        assert {part.name for part in room_parts(plan.room, tmp_path)} == {"floor", "walls", "ceiling"}
         sight = look(arrangement, Pinhole.of(plan.camera, 64, 64), grid=160)
         assert sight.coverage == pytest.approx(plan.camera.coverage, rel=0.1)
         assert sight.visibility == pytest.approx(plan.camera.visibility, abs=0.05)

@@ -1,0 +1,89 @@
+"""What things are in a building: floor, walls, ceiling, or objects; for the readers of all formats.
+
+First what the spec's `parts` says, then words in the last part of a name (or in the category), then shapes: see
+`shape_roles`. What none of these tells is an object.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from dataset_builder.assets.scene_model import Role, SceneThing
+from dataset_builder.errors import Problem, UserError
+from dataset_builder.label.scene_source import SceneSource
+from dataset_builder.spec.name_patterns import fits, unmatched
+from dataset_builder.spec.problems import nearest
+from dataset_builder.spec.usual_sizes import usual_of, words_of
+
+WORDS: dict[str, Role] = {
+    **dict.fromkeys(("floor", "flooring", "floorboard", "ground", "slab", "parquet"), "floor"),
+    **dict.fromkeys(("wall", "window", "windowsill", "door", "doorway", "baseboard", "skirting", "column", "pillar",
+                     "facade", "partition"), "walls"),
+    **dict.fromkeys(("ceiling", "roof", "cornice", "beam", "rafter"), "ceiling")}
+"""Words for parts of a building. Windows and doors go with the walls that hold them, curtains do not."""
+HANGING = frozenset((
+    "fan", "vent", "socket", "switch", "outlet", "mat", "handle", "knob", "art", "decor", "decoration", "sign",
+    "sticker", "decal", "radiator", "heater", "hook", "rack", "mount", "holder", "lighting"))
+"""Words for what hangs on a wall or lies on a floor, beside the kinds of usual things."""
+
+
+def role_of(text: str) -> Role | None:
+    """The part of a building that a name means; None where it says nothing, or means furniture.
+
+    >>> role_of("WallInner"), role_of("Ceilings_02"), role_of("floor lamp"), role_of("Door_1"), role_of("Chair")
+    ('walls', 'ceiling', None, 'walls', None)
+    """
+    if says_object(text):
+        return None
+    words = [word if word in WORDS else word.removesuffix("s") for word in words_of(text)]
+    return next((WORDS[word] for word in reversed(words) if word in WORDS), None)
+
+
+def says_object(text: str) -> bool:
+    """Whether a name means a piece of furniture or the like: one word for it is enough.
+
+    >>> says_object("cabinet_door"), says_object("Door_1"), says_object("Object_4"), says_object("wall_art")
+    (True, False, False, True)
+    """
+    kinds = [usual_of(text), *map(usual_of, words_of(text))]
+    return any(kind is not None and kind.name != "door" for kind in kinds) or bool(HANGING.intersection(words_of(text)))
+
+
+def classified(things: Sequence[SceneThing], source: SceneSource) -> tuple[tuple[SceneThing, ...], tuple[str, ...]]:
+    """The things with their roles, a building of one mesh parted into `NAME#floor`, `#walls` and `#ceiling`, and what
+    was decided, in words. Roles of `things` other than `object` are kept unless the spec says otherwise. Raises
+    UserError for patterns of `source.parts` that no thing fits."""
+    found = [_by_name(thing, source) for thing in things]
+    decided: list[str] = []
+    made = [role for role, _ in found]
+    _check_patterns(made, source)
+    return tuple(made), tuple(decided)
+
+
+def _by_name(thing: SceneThing, source: SceneSource) -> tuple[SceneThing, bool]:
+    """The thing with the role that the spec, its reader, or its name tells, and whether one of them did."""
+    said = _said(thing.name, source)
+    if said is not None:
+        return replace(thing, role=said), True
+    if thing.role != "object":
+        return thing, True
+    for text in (thing.name.rpartition("/")[2], thing.category):
+        if says_object(text):
+            return thing, True
+        if (role := role_of(text)) is not None:
+            return replace(thing, role=role), True
+    return thing, False
+
+
+def _said(name: str, source: SceneSource) -> Role | None:
+    """What the spec says of a name; the last pattern that fits holds."""
+    said = [part.part for part in source.parts if any(fits(name, pattern) for pattern in part.patterns)]
+    return said[-1] if said else None
+
+
+def _check_patterns(things: Sequence[SceneThing], source: SceneSource) -> None:
+    names = [thing.name for thing in things]
+    problems = [Problem(where=source.source, path=f"parts.{part.part}", rule=f"expected a name of things in the scene, "
+                        f"got {pattern!r}, which none has", hint=nearest(pattern, names, "name"))
+                for part in source.parts for pattern in unmatched(part.patterns, names)]
+    if problems:
+        raise UserError(problems)
