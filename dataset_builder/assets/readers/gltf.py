@@ -43,19 +43,21 @@ def read(path: Path, max_texture: int) -> FileModel:
 
 
 @contextmanager
-def gltf_reading(path: Path, max_texture: int, roots: Sequence[Path] = ()) -> Iterator["GltfReading"]:
-    """A file that is being read. roots: folders, beside its own, that it may name files in. Raises UserError."""
+def gltf_reading(path: Path, max_texture: int, roots: Sequence[Path] = (), *,
+                 besides: frozenset[str] = frozenset()) -> Iterator["GltfReading"]:
+    """A file that is being read. roots: folders, beside its own, that it may name files in. besides: extensions that
+    the caller honours. Raises UserError."""
     try:
         gltf = open_gltf(path, roots)
-        _check_required(gltf)
+        _check_required(gltf, HONOURED | besides)
         with np.errstate(all="ignore"):
             yield GltfReading(gltf, GltfMaterials(images=GltfImages(gltf=gltf, max_size=max_texture)))
     except RecursionError:
         refuse(path, "expected JSON that is not nested without end")
 
 
-def _check_required(gltf: GltfFile) -> None:
-    unknown = [name for name in gltf.root.names("extensionsRequired") if name not in HONOURED]
+def _check_required(gltf: GltfFile, honoured: frozenset[str]) -> None:
+    unknown = [name for name in gltf.root.names("extensionsRequired") if name not in honoured]
     if unknown:
         gltf.root.refuse(f"expected only extensions that are honoured, got a need of {listed(unknown)}",
                          "export the model without it, or convert it with gltf-transform", key="extensionsRequired")

@@ -11,12 +11,11 @@ from dataset_builder.assets.file_model import FileModel, counted
 from dataset_builder.assets.readers.gltf import GltfReading, gltf_reading
 from dataset_builder.assets.readers.gltf_nodes import NodeTree, Placed, Placement, node_tree, place_meshes
 from dataset_builder.assets.scene_model import SceneModel, SceneThing
-from dataset_builder.assets.scene_readers.gltf_lights import scene_cameras, scene_lights
+from dataset_builder.assets.scene_readers.gltf_lights import LIGHTS, scene_cameras, scene_lights
 from dataset_builder.assets.scene_readers.thing_assets import thing_asset
-from dataset_builder.assets.scene_readers.thing_tree import TreeNode, thing_nodes
+from dataset_builder.assets.scene_readers.thing_tree import TreeNode, category_in, thing_nodes
 from dataset_builder.errors import UserError, printable
 from dataset_builder.label.scene_source import SceneSource
-from dataset_builder.spec.usual_sizes import category_of
 
 MOST_NODES, DEEPEST = 200_000, 100
 """Nodes of a file, and how far they may nest."""
@@ -32,7 +31,7 @@ FARTHEST = 1e7
 def read_gltf_scene(path: Path, source: SceneSource, roots: tuple[Path, ...], world_from_file: np.ndarray,
                     max_texture: int) -> SceneModel:
     """The scene that a glTF file shows; every thing is an `object` yet. Raises UserError."""
-    with gltf_reading(path, max_texture, roots) as reading:
+    with gltf_reading(path, max_texture, roots, besides=frozenset({LIGHTS})) as reading:
         tree = node_tree(reading.gltf)
         _check_nodes(reading, tree)
         placed = place_meshes(reading.gltf, tree)
@@ -120,7 +119,7 @@ class _Taking:
         """The thing of a node, or as many as it has instances."""
         first = placements[0]
         worlds = self.tree.worlds[root][None]
-        if len(placements) == 1 and first.number == root and first.joints is None:
+        if len(placements) == 1 and first.joints is None and (first.number == root or len(first.places) == 1):
             worlds, placements = first.places, [replace(first, places=np.eye(4)[None])]
         else:
             placements = [replace(each, places=places) for each, places in zip(
@@ -168,7 +167,7 @@ class _Taking:
         model = FileModel(parts=parts, materials=self.reading.used_materials(), contains="")
         try:
             return thing_asset(model, self.world_from_file, name=name, licence=self.source.licence,
-                               category=category_of(reversed(name.split("/"))))
+                               category=category_in(name))
         except UserError as error:
             return error
 

@@ -14,9 +14,9 @@ from dataset_builder.assets.scene_model import SceneModel, SceneThing
 from dataset_builder.assets.scene_readers.gltf_scene import read_gltf_scene, unique
 from dataset_builder.assets.scene_readers.roles import classified
 from dataset_builder.assets.scene_readers.thing_assets import thing_asset
+from dataset_builder.assets.scene_readers.thing_tree import category_in
 from dataset_builder.errors import UserError, printable
 from dataset_builder.label.scene_source import SceneSource
-from dataset_builder.spec.usual_sizes import category_of
 
 GLTF = (".glb", ".gltf")
 WHOLE: dict[str, Callable[[Path, int], FileModel]] = {
@@ -62,7 +62,7 @@ def _group_things(model: FileModel, path: Path, source: SceneSource, world_from_
         name = unique(printable(group) or path.stem, taken)
         try:
             asset, content = thing_asset(replace(model, parts=parts, left_out=()), world_from_file, name=name,
-                                         category=category_of([name]), licence=source.licence)
+                                         category=category_in(name), licence=source.licence)
         except UserError as error:
             faults.append(f"{name}: {error.problems[0].rule}: left out")
             continue

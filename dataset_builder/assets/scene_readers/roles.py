@@ -7,11 +7,13 @@ First what the spec's `parts` says, then words in the last part of a name (or in
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from dataset_builder.assets.scene_model import Role, SceneThing
-from dataset_builder.errors import Problem, UserError
+from dataset_builder.assets.scene_readers.parted_building import parted
+from dataset_builder.assets.scene_readers.shape_roles import boxes_of, encloses, slab_role
 from dataset_builder.label.scene_source import SceneSource
-from dataset_builder.spec.name_patterns import fits, unmatched
-from dataset_builder.spec.problems import nearest
+from dataset_builder.spec.name_patterns import fits
 from dataset_builder.spec.usual_sizes import usual_of, words_of
 
 WORDS: dict[str, Role] = {
@@ -50,13 +52,33 @@ def says_object(text: str) -> bool:
 
 def classified(things: Sequence[SceneThing], source: SceneSource) -> tuple[tuple[SceneThing, ...], tuple[str, ...]]:
     """The things with their roles, a building of one mesh parted into `NAME#floor`, `#walls` and `#ceiling`, and what
-    was decided, in words. Roles of `things` other than `object` are kept unless the spec says otherwise. Raises
-    UserError for patterns of `source.parts` that no thing fits."""
-    found = [_by_name(thing, source) for thing in things]
+    was decided, in words. Roles of `things` other than `object` are kept unless the spec says otherwise."""
+    named = [_by_name(thing, source) for thing in things]
+    made = [thing for thing, _ in named]
+    boxes = boxes_of(things)
+    told = np.array([known for _, known in named], dtype=bool)
+    for number in np.flatnonzero(~told).tolist():
+        if (role := slab_role(number, boxes)) is not None:
+            made[number], told[number] = replace(made[number], role=role), True
+    found: list[SceneThing] = []
     decided: list[str] = []
-    made = [role for role, _ in found]
-    _check_patterns(made, source)
-    return tuple(made), tuple(decided)
+    for number, thing in enumerate(made):
+        others = boxes[[at for at, other in enumerate(made) if other.role == "object" and at != number]]
+        if told[number] or not encloses(thing, others):
+            found.append(thing)
+            continue
+        parts = parted(thing)
+        found += [replace(part, role=_said(part.name, source) or part.role) for part in parts]
+        decided.append(f"{thing.name} is the building in one mesh: parted into "
+                       f"{', '.join(part.name.rpartition('#')[2] for part in parts)} by how its faces lie")
+    return tuple(map(_called, found)), tuple(decided)
+
+
+def _called(thing: SceneThing) -> SceneThing:
+    """A part of the building without a category is called after its role."""
+    if thing.role == "object" or thing.category not in ("", "object"):
+        return thing
+    return replace(thing, category=thing.role.removesuffix("s"))
 
 
 def _by_name(thing: SceneThing, source: SceneSource) -> tuple[SceneThing, bool]:
@@ -78,12 +100,3 @@ def _said(name: str, source: SceneSource) -> Role | None:
     """What the spec says of a name; the last pattern that fits holds."""
     said = [part.part for part in source.parts if any(fits(name, pattern) for pattern in part.patterns)]
     return said[-1] if said else None
-
-
-def _check_patterns(things: Sequence[SceneThing], source: SceneSource) -> None:
-    names = [thing.name for thing in things]
-    problems = [Problem(where=source.source, path=f"parts.{part.part}", rule=f"expected a name of things in the scene, "
-                        f"got {pattern!r}, which none has", hint=nearest(pattern, names, "name"))
-                for part in source.parts for pattern in unmatched(part.patterns, names)]
-    if problems:
-        raise UserError(problems)

@@ -14,12 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from dataset_builder.spec.name_patterns import fits
-from dataset_builder.spec.usual_sizes import usual_of, words_of
+from dataset_builder.spec.usual_sizes import category_of, usual_of, words_of
 
 PLACES = frozenset((
     "room", "bedroom", "livingroom", "bathroom", "kitchen", "hall", "hallway", "corridor", "office", "studio", "garage",
     "attic", "basement", "cellar", "house", "home", "flat", "apartment", "building", "storey", "story", "level",
-    "scene", "interior", "exterior", "environment", "world", "root", "stage", "furniture", "props", "collection", "group"))
+    "scene", "interior", "exterior", "environment", "world", "root", "stage", "furniture", "props"))
 """Words for what holds things."""
 BUILDING = frozenset((
     "floor", "flooring", "ground", "wall", "ceiling", "roof", "window", "door", "doorway", "skirting", "baseboard",
@@ -68,6 +68,15 @@ def is_kind(name: str) -> bool:
     (True, False, False)
     """
     return usual_of(name) is not None and not is_place(name) and not _is_plural(name)
+
+
+def category_in(path: str) -> str:
+    """The kind of thing that the last part of a path tells that tells of one and is no place; `object` where none does.
+
+    >>> category_in("Room/Chair_01/Object_4"), category_in("Bed room/Object_4")
+    ('chair', 'object')
+    """
+    return category_of(name for name in reversed(path.split("/")) if not is_place(name))
 
 
 def _is_plural(name: str) -> bool:
