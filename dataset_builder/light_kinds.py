@@ -7,9 +7,9 @@ KeyError there. Keys of specs and labels are the names.
 from dataclasses import dataclass
 from typing import Literal
 
-LightName = Literal["dome", "sun", "area", "sphere", "point", "spot"]
+LightName = Literal["dome", "sun", "area", "sphere", "point", "spot", "disk", "cylinder"]
 LampName = Literal["area", "sphere", "spot", "point"]
-"""Kinds that stand in the room: what a spec may ask for by name."""
+"""Kinds that stand in the room and that a spec may ask for by name; files have the others, too."""
 Quantity = Literal["radiance", "irradiance", "intensity"]
 """W/(m^2 sr), W/m^2 and W/sr."""
 Image = Literal["", "environment", "texture"]
@@ -26,6 +26,8 @@ class LightKind:
     """What its colour measures."""
     sized: bool = False
     """Whether it has a side or radius."""
+    long: bool = False
+    """Whether it has a length that it cannot be without."""
     aimed: bool = False
     """Whether it has a direction."""
     beamed: bool = False
@@ -35,7 +37,9 @@ class LightKind:
     image: Image = ""
     """Kind of image that it may show, empty for none."""
     slots: int = 0
-    """Emitters of the kind in every scene, 0 for as many as it has lights."""
+    """Most emitters of the kind in a scene, 0 for as many as it has lights."""
+    spare: bool = True
+    """Whether scenes without a light of the kind hold a dark one, so that they share a kernel with those that have."""
 
     @property
     def all_round(self) -> bool:
@@ -55,10 +59,12 @@ class LightKind:
 
 LIGHT_KINDS: dict[LightName, LightKind] = {kind.name: kind for kind in (
     LightKind(name="dome", quantity="radiance", outside=True, image="environment", slots=1),
-    LightKind(name="sun", quantity="irradiance", aimed=True, outside=True, slots=1),
+    LightKind(name="sun", quantity="irradiance", aimed=True, outside=True),
     LightKind(name="area", quantity="radiance", sized=True, aimed=True, image="texture"),
     LightKind(name="sphere", quantity="radiance", sized=True),
     LightKind(name="point", quantity="intensity"),
     LightKind(name="spot", quantity="intensity", aimed=True, beamed=True),
+    LightKind(name="disk", quantity="radiance", sized=True, aimed=True, spare=False),
+    LightKind(name="cylinder", quantity="radiance", sized=True, aimed=True, long=True, spare=False),
 )}
 """Every kind by name, in the order that scenes hold their emitters."""

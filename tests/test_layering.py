@@ -34,7 +34,7 @@ STRANGERS = {("lightnet", "api"), ("lightnet", "builder"), ("lightnet", "engine"
 
 HOMES = {
     "mitsuba": "rendering", "drjit": "rendering", "ruamel": "spec.load", "open3d": "geometry",
-    "OpenEXR": ("shards.exr", "rendering.scene.light_pictures"),
+    "OpenEXR": ("shards.exr", "assets.light_pictures"),
     "matplotlib": "report", "pyvista": "report", "mapbox_earcut": "assets.readers.polygons", "ray": "engine",
     "DracoPy": "assets.readers.gltf_primitives", "meshopt": "assets.readers.gltf_file",
     "opengl_basisu": "assets.readers.gltf_images",

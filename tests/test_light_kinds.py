@@ -20,7 +20,7 @@ from tests.plans import example_plan
 from tests.small_scenes import light, lit_by
 
 KINDS = tuple(LIGHT_KINDS.values())
-LAMPS = tuple(kind for kind in KINDS if not kind.outside)
+LAMPS = tuple(kind for kind in KINDS if not kind.outside and kind.spare)
 CLOSED = RoomPlan(name="room", seed="0", width=4, depth=3, height=2.5, ceiling=True, windows=0, skirting=0)
 
 
@@ -39,7 +39,8 @@ def forgotten(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 def test_table_and_names_agree() -> None:
     assert tuple(LIGHT_KINDS) == get_args(LightName) and all(name == kind.name for name, kind in LIGHT_KINDS.items())
-    assert set(get_args(LampName)) == {kind.name for kind in LAMPS}
+    assert set(get_args(LampName)) == {kind.name for kind in LAMPS} == {kind.name for kind in KINDS
+                                                                        if kind.spare and not kind.outside}
     assert set(LENGTHS) == set(get_args(Quantity)) == {kind.quantity for kind in KINDS}
 
 
@@ -58,18 +59,27 @@ def test_labels_take_and_explain_every_kind(kind: LightKind) -> None:
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
 def test_facing_irradiance_follows_the_quantity(kind: LightKind) -> None:
     """Twice as far from a light twice the size it is the same, but for an intensity, which holds a squared length."""
-    near, far = facing_irradiance(kind.name, 0.2, 1.5), facing_irradiance(kind.name, 0.4, 3.0)
+    near, far = facing_irradiance(kind.name, 0.2, 1.5, 0.7), facing_irradiance(kind.name, 0.4, 3.0, 1.4)
     assert near > 0 and near / far == pytest.approx(2 ** LENGTHS[kind.quantity])
-    assert (facing_irradiance(kind.name, 0.2, 1.5) != facing_irradiance(kind.name, 0.1, 1.5)) == kind.sized
-    assert (facing_irradiance(kind.name, 0.2, 1.5) == facing_irradiance(kind.name, 0.2, 9)) == kind.outside
+    assert (facing_irradiance(kind.name, 0.2, 1.5, 1) != facing_irradiance(kind.name, 0.1, 1.5, 1)) == kind.sized
+    assert (facing_irradiance(kind.name, 0.2, 1.5, 1) == facing_irradiance(kind.name, 0.2, 9, 1)) == kind.outside
+    assert (facing_irradiance(kind.name, 0.2, 1.5) == 0) == kind.long
 
 
-@pytest.mark.parametrize("kind", [kind for kind in KINDS if not kind.all_round], ids=lambda kind: kind.name)
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if not kind.all_round and not kind.long],
+                         ids=lambda kind: kind.name)
 def test_direct_irradiance_depends_on_the_direction_of_what_is_aimed(kind: LightKind) -> None:
     points, normals = np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]])
     down, up = (direct_irradiance(light(kind.name, direction=(0, 0, z)), points, normals) for z in (-1, 1))
     assert down[0] == pytest.approx(facing_irradiance(kind.name, 0.3, 3.0) * np.ones(3))
     assert up.any() != kind.aimed
+
+
+def test_a_cylinder_shines_aside_and_not_along_its_axis() -> None:
+    points, normals = np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]])
+    aside, along = (direct_irradiance(light("cylinder", direction=axis, length=1.2), points, normals)[0]
+                    for axis in ((0, 1, 0), (0, 0, 1)))
+    assert aside == pytest.approx(facing_irradiance("cylinder", 0.3, 3.0, 1.2) * np.ones(3)) and not along.any()
 
 
 def test_a_sky_has_no_direct_irradiance() -> None:
@@ -82,9 +92,10 @@ def test_frames_scale_what_holds_lengths(kind: LightKind) -> None:
     from dataset_builder.rendering.scene.local_frame import LocalFrame
 
     lamp = light(kind.name, radiance=(3.0, 2.0, 1.0), size=0.5)
+    lamp = lamp.model_copy(update={"length": 0.75})
     moved = LocalFrame(unit=0.25).illumination(lit_by(lamp)).lights[0]
     factor = {"radiance": 1, "irradiance": 1, "intensity": 16}[kind.quantity]
-    assert moved.radiance == (3.0 * factor, 2.0 * factor, 1.0 * factor) and moved.size == 2.0
+    assert moved.radiance == (3.0 * factor, 2.0 * factor, 1.0 * factor) and (moved.size, moved.length) == (2.0, 3.0)
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
@@ -103,11 +114,11 @@ def test_caustics_of_what_no_path_meets_are_not_simulated(kind: LightKind) -> No
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
-def test_every_scene_holds_an_emitter_of_each_kind(kind: LightKind, backend: str) -> None:
+def test_every_scene_holds_an_emitter_of_each_kind_that_specs_may_ask_for(kind: LightKind, backend: str) -> None:
     from dataset_builder.rendering.scene.emitters import emitters
 
-    held = emitters(lit_by(light(kind.name)))
-    assert [name.partition("_")[0] for name in held] == list(LIGHT_KINDS)
+    held = emitters(lit_by(light(kind.name, length=1.0 if kind.long else 0.0)))
+    assert [name.partition("_")[0] for name in held] == [one.name for one in KINDS if one.spare or one == kind]
 
 
 def test_a_kind_that_a_consumer_lacks_is_an_error(forgotten: LightPlan, backend: str) -> None:

@@ -154,8 +154,13 @@ class LightPlan(Model):
     """One emitter. Unused fields are 0; `radiance` holds the emitter's natural unit, per channel.
 
     dome: radiance from everywhere. sun: irradiance on a surface facing it, travelling along `direction`.
-    area: a square of side `size` whose normal is `direction`, radiance. sphere: radius `size`, radiance.
-    point: radiant intensity. spot: radiant intensity on its axis `direction`, `cutoff` degrees to its edge.
+    area: a rectangle of sides `size` and `length` whose normal is `direction`, a square where `length` is 0, radiance.
+    sphere: radius `size`, radiance. disk: radius `size`, normal `direction`, radiance.
+    cylinder: radius `size`, `length` along its axis `direction`, open at both ends, radiance.
+    point: radiant intensity. spot: radiant intensity on its axis `direction`, the same up to `beam` degrees from it and
+    then falling linearly to `cutoff` degrees, its edge.
+    A rectangle's first side is square to +Z, or to +X where `direction` is within 26 degrees of the vertical; then it
+    is turned by `turn`.
     """
 
     kind: LightName
@@ -165,12 +170,14 @@ class LightPlan(Model):
     direction: Vector
     """Unit vector that the light leaves along."""
     size: float
-    """Side of a square, radius of a ball, a disk or a cylinder, metres."""
+    """Side of a square or first side of a rectangle, radius of a ball, a disk or a cylinder, metres."""
     cutoff: float
     """Degrees from the axis of a spot to its edge."""
+    beam: float = 0.0
+    """Degrees from the axis of a spot to where it begins to fall off; 0 for three quarters of `cutoff`."""
     radiance: Vector
-    """Red, green, blue, linear Rec.709, 0 or more: W/(m^2 sr) of a dome, area or sphere, W/m^2 of a sun, W/sr of a
-    point or spot."""
+    """Red, green, blue, linear Rec.709, 0 or more: W/(m^2 sr) of a dome, area, sphere, disk or cylinder, W/m^2 of a
+    sun, W/sr of a point or spot. Lights of a scene file have its own units, times one factor for all."""
     temperature: float
     """Colour temperature in kelvin that the colour was drawn from; 0 where it was not."""
     image: str = ""

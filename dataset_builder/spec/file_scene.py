@@ -2,10 +2,10 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, Tag
+from pydantic import Field, Tag, model_validator
 
 from dataset_builder.spec.licences import Licence
-from dataset_builder.spec.model import Model
+from dataset_builder.spec.model import Model, broken
 from dataset_builder.spec.numbers import Interval, branches, interval, within
 
 Pattern = Annotated[str, Field(min_length=1, max_length=1000)]
@@ -47,6 +47,12 @@ class SceneLightsSpec(Model):
     scale: LightScale = "auto"
     """Factor of all of them. auto: such that what they send to the target together is the drawn `target.strength`,
     since files use all kinds of units."""
+
+    @model_validator(mode="after")
+    def _something_is_kept(self) -> "SceneLightsSpec":
+        if self.use == "replaced" and (self.dim or self.scale != "auto"):
+            raise broken("expected `kept` or `added` beside `dim` and `scale`, got replaced", path=("use",))
+        return self
 
 
 class SceneFileSpec(Model):

@@ -135,10 +135,15 @@ def _cause(arrangement: Arrangement, spec: CameraSpec, position: np.ndarray, inn
 
 def _judge(arrangement: Arrangement, spec: CameraSpec, frame: Pinhole, sight: Sight) -> Miss | None:
     """What is wrong with a frame, or None."""
-    low, high = spec.coverage
     clear = float(arrangement.everything.distance(frame.position[None])[0])
     if clear < clearance_of(arrangement, spec):
         return Miss(reason="clearance", figure=clear, cause=_cause(arrangement, spec, frame.position, "clearance"))
+    return judged(spec, sight)
+
+
+def judged(spec: CameraSpec, sight: Sight) -> Miss | None:
+    """What is wrong with what a frame shows of the target, or None."""
+    low, high = spec.coverage
     unseen = not len(sight.points) or sight.coverage < low <= sight.solid
     if unseen or sight.visibility < spec.visibility:
         # Visibility is the share inside the frame times the share of that which nothing hides

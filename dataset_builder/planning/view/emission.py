@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from functools import lru_cache
-from math import atan, pi, radians, sqrt
+from math import atan, hypot, pi, radians, sqrt
 
 import numpy as np
 
@@ -28,7 +28,10 @@ REC709_FROM_XYZ = np.array([[3.2409699419, -1.5373831776, -0.4986107603],
 LUMINANCE = np.array([0.2126390059, 0.7151686788, 0.0721923154])
 """Relative luminance of the Rec.709 primaries: second row of the inverse of REC709_FROM_XYZ."""
 BEAM_SHARE = 0.75
-"""Half angle of a spot's full beam over its cutoff; between them intensity falls linearly (Mitsuba's default)."""
+"""Half angle of a spot's full beam over its cutoff where the light states none; between them intensity falls linearly
+(Mitsuba's default)."""
+SHARPEST = 0.999
+"""Most that a beam is of the cutoff: over no angle at all nothing can fall."""
 
 
 def _lobe(wavelength: np.ndarray, weight: float, mean: float, below: float, above: float) -> np.ndarray:
@@ -66,45 +69,71 @@ def colour(temperature: float) -> tuple[float, float, float]:
     return red, green, blue
 
 
-def _square(side: float, distance: float) -> float:
-    """Irradiance per radiance of a square facing a point on its axis.
+def _rectangle(side: float, length: float, distance: float) -> float:
+    """Irradiance per radiance of a rectangle, or a square where `length` is 0, facing a point on its axis.
 
-    Four times the corner form factor of Howell, "A Catalog of Radiation Heat Transfer Configuration Factors", B-3, for
-    equal sides, times pi; side^2 / distance^2 from afar.
+    Four times the corner form factor of Howell, "A Catalog of Radiation Heat Transfer Configuration Factors", B-3,
+    times pi; area / distance^2 from afar.
     """
-    ratio = side / 2 / distance
-    lean = ratio / sqrt(1 + ratio * ratio)
-    return 4 * lean * atan(lean)
+    a, b = side / 2 / distance, (length or side) / 2 / distance
+    lean_a, lean_b = a / sqrt(1 + a * a), b / sqrt(1 + b * b)
+    return 2 * (lean_a * atan(b / sqrt(1 + a * a)) + lean_b * atan(a / sqrt(1 + b * b)))
 
 
-_FACING: dict[LightName, Callable[[float, float], float]] = {
-    "dome": lambda size, distance: pi,
-    "sun": lambda size, distance: 1.0,
-    "area": _square,
-    "sphere": lambda size, distance: pi * min(size / distance, 1.0) ** 2,
-    "point": lambda size, distance: 1 / distance**2,
-    "spot": lambda size, distance: 1 / distance**2,
+def _cylinder(radius: float, length: float, distance: float) -> float:
+    """Irradiance per radiance of the side of a cylinder at a point that faces its middle, `distance` from the axis.
+
+    Twice the form factor of a cylinder that stands on the plane of the point, times pi (Mudan, "Thermal Radiation
+    Hazards from Hydrocarbon Pool Fires", Progress in Energy and Combustion Science 10, 1984, for one that does not
+    lean); 2 radius length / distance^2 from afar.
+    """
+    s, h = distance / radius, length / 2 / radius
+    if s <= 1:
+        return pi
+    a = (h * h + s * s + 1) / (2 * s)
+    steep = a / sqrt(a * a - 1) * atan(sqrt((a + 1) * (s - 1) / ((a - 1) * (s + 1))))
+    return 2 / s * (atan(h / sqrt(s * s - 1)) + h * (steep - atan(sqrt((s - 1) / (s + 1)))))
+
+
+_FACING: dict[LightName, Callable[[float, float, float], float]] = {
+    "dome": lambda size, length, distance: pi,
+    "sun": lambda size, length, distance: 1.0,
+    "area": _rectangle,
+    "sphere": lambda size, length, distance: pi * min(size / distance, 1.0) ** 2,
+    "point": lambda size, length, distance: 1 / distance**2,
+    "spot": lambda size, length, distance: 1 / distance**2,
+    "disk": lambda size, length, distance: pi * (size / hypot(size, distance)) ** 2,
+    "cylinder": _cylinder,
 }
-"""Irradiance facing each kind, from its size and distance: exact but for spots, which it is on the axis of."""
+"""Irradiance facing each kind, from its size, length and distance: exact but for spots, which it is on the axis of."""
 
 
-def facing_irradiance(kind: LightName, size: float, distance: float) -> float:
-    """Irradiance per unit of the kind's quantity, from `distance` metres, on the axis and facing the centre."""
-    return _FACING[kind](size, distance)
+def facing_irradiance(kind: LightName, size: float, distance: float, length: float = 0.0) -> float:
+    """Irradiance per unit of the kind's quantity, from `distance` metres and facing the centre: on the axis, but square
+    to that of a cylinder."""
+    return _FACING[kind](size, length, distance)
 
 
-def _spot_falloff(cosine: np.ndarray, cutoff: float) -> np.ndarray:
+def beam_of(light: LightPlan) -> float:
+    """Degrees from a spot's axis to where it begins to fall off."""
+    return min(light.beam or BEAM_SHARE * light.cutoff, SHARPEST * light.cutoff)
+
+
+def _spot_falloff(cosine: np.ndarray, light: LightPlan) -> np.ndarray:
     angle = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
-    return np.clip((cutoff - angle) / (cutoff * (1 - BEAM_SHARE)), 0, 1)
+    width = light.cutoff - beam_of(light) if light.beam else light.cutoff * (1 - BEAM_SHARE)
+    return np.clip((light.cutoff - angle) / width, 0, 1)
 
 
 _LEAVING: dict[LightName, Callable[[np.ndarray, LightPlan], np.ndarray]] = {
     "area": lambda cosine, light: np.maximum(cosine, 0),
     "sphere": lambda cosine, light: np.ones_like(cosine),
     "point": lambda cosine, light: np.ones_like(cosine),
-    "spot": lambda cosine, light: _spot_falloff(cosine, light.cutoff),
+    "spot": _spot_falloff,
+    "disk": lambda cosine, light: np.maximum(cosine, 0),
+    "cylinder": lambda cosine, light: np.sqrt(np.maximum(1 - cosine * cosine, 0)),
 }
-"""Share of what goes along its axis that a light in the room sends at an angle of this cosine to it."""
+"""Share of the most that it sends anywhere, that a light in the room sends at an angle of this cosine to its axis."""
 
 
 def direct_irradiance(light: LightPlan, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
@@ -127,7 +156,7 @@ def direct_irradiance(light: LightPlan, points: np.ndarray, normals: np.ndarray)
 
 def per_unit(light: LightPlan, distance: np.ndarray) -> np.ndarray:
     """(N,) irradiance per unit of radiance or intensity, facing the light from distances (N,)."""
-    return np.array([facing_irradiance(light.kind, light.size, float(d)) for d in distance])
+    return np.array([facing_irradiance(light.kind, light.size, float(d), light.length) for d in distance])
 
 
 def sky_directions(count: int) -> np.ndarray:

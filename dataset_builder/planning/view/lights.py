@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dataset_builder.assets.scene_model import SceneLight
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.label.scene_plan import CameraPlan, IlluminationPlan, LightPlan
 from dataset_builder.light_kinds import LIGHT_KINDS, LightName
@@ -22,6 +23,7 @@ from dataset_builder.planning.view.daylight import (
     weighed,
 )
 from dataset_builder.planning.view.emission import LUMINANCE, colour, direct_irradiance, facing_irradiance
+from dataset_builder.planning.view.own_lights import one_dome
 from dataset_builder.planning.view.visibility import Sight
 from dataset_builder.spec.light import SourceSpec, TargetSpec
 from dataset_builder.spec.numbers import draw
@@ -106,8 +108,10 @@ def _stands_free(arrangement: Arrangement, light: LightPlan, camera: np.ndarray,
     return float(arrangement.everything.distance(position[None])[0]) >= clearance
 
 
-def expose(arrangement: Arrangement, sight: Sight, lights: Sequence[LightPlan], unit: float, sky: float) -> Exposure:
-    """How the visible part of the object is lit directly; `sky` is its `sky_share`, `unit` the source's irradiance."""
+def expose(arrangement: Arrangement, sight: Sight, lights: Sequence[LightPlan], unit: float, sky: float, *,
+           shadows: bool = True) -> Exposure:
+    """How the visible part of the object is lit directly; `sky` is its `sky_share`, `unit` the source's irradiance.
+    shadows: whether what is in the way of the other lights counts."""
     pick = spaced(len(sight.points), MAX_POINTS)
     normals = sight.normals[pick]
     points = sight.points[pick] + LIFT * normals
@@ -117,7 +121,7 @@ def expose(arrangement: Arrangement, sight: Sight, lights: Sequence[LightPlan], 
             total += facing_irradiance(light.kind, 0.0, 1.0) * (light.radiance @ LUMINANCE) * sky
             continue
         sent = direct_irradiance(light, points, normals) @ LUMINANCE
-        open_way = (sent > 0) & _unhindered(arrangement, light, points)
+        open_way = (sent > 0) & _unhindered(arrangement, light, points) if shadows else sent > 0
         total += sent * open_way
         reached |= open_way
     return Exposure(mean=float(total.mean()) / unit, lit=float(reached.mean()))
@@ -130,11 +134,11 @@ def _unhindered(arrangement: Arrangement, light: LightPlan, points: np.ndarray) 
     return ~arrangement.everything.occluded(points, np.broadcast_to(light.position, points.shape))
 
 
-def _reaching(arrangement: Arrangement, sight: Sight, light: LightPlan, sky: float) -> LightPlan:
+def weighed_outside(view: "LitView", light: LightPlan) -> LightPlan:
     """A light outside, weighed by what of it reaches the visible part of the object."""
     if LIGHT_KINDS[light.kind].all_round:
-        return weighed(light, sky)
-    found = expose(arrangement, sight, [light], max(light.radiance), sky)
+        return weighed(light, view.sky)
+    found = expose(view.arrangement, view.sight, [light], max(light.radiance), view.sky)
     return weighed(light, found.mean)
 
 
@@ -183,9 +187,10 @@ class LitView:
     """Share of a dome's irradiance that arrives, see `sky_share`."""
 
 
-def target_light(view: LitView, spec: TargetSpec, stream: Stream, where: str,
-                 root: Path = Path()) -> tuple[IlluminationPlan, str]:
-    """Target lights for a view, and a note on how they were found. root: folder of the dataset file.
+def target_light(view: LitView, spec: TargetSpec, stream: Stream, where: str, root: Path = Path(),
+                 own: Sequence[SceneLight] = ()) -> tuple[IlluminationPlan, str]:
+    """Target lights for a view, and a note on how they were found. root: folder of the dataset file. own: lights that
+    the scene has besides, weighed.
 
     Each of n lights sends 1/n of its drawn strength, so that energy does not grow with their number. Positions are
     redrawn, at most `spec.attempts` times, until the mean direct irradiance on the visible part is within
@@ -195,8 +200,9 @@ def target_light(view: LitView, spec: TargetSpec, stream: Stream, where: str,
     count = round(draw(spec.lights, stream("count")))
     if count < 1:
         raise _refuse(where, f"expected at least one target light, got {count}", "set target.lights >= 1")
-    others = [_reaching(view.arrangement, view.sight, light,
-                        view.sky) for light in outside(spec, stream, root, "target")]
+    drawn = [weighed_outside(view, light) for light in outside(spec, stream, root, "target")]
+    found, merged = one_dome([*(SceneLight(name=f"the dataset's {light.kind}", light=light) for light in drawn), *own])
+    others = [each.light for each in found]
     emitters = _emitters(spec, count, stream, root)
     means, lits = list[float](), list[float]()
     for attempt in range(spec.attempts):
@@ -207,6 +213,7 @@ def target_light(view: LitView, spec: TargetSpec, stream: Stream, where: str,
         shown = expose(view.arrangement, view.sight, (*lights, *others), view.unit, view.sky)
         if spec.brightness[0] <= shown.mean <= spec.brightness[1] and shown.lit >= LIT_SHARE:
             note = f"target light: draw {attempt + 1}, direct irradiance {shown.mean:.2f}, reaches {shown.lit:.0%}"
+            note = "; ".join((note, *merged))
             return IlluminationPlan(lights=(*lights, *others), open=()), note
         means.append(shown.mean)
         lits.append(shown.lit)

@@ -1,8 +1,9 @@
 """Lights of a plan -> Mitsuba emitters, padded to constant slots.
 
-Dr.Jit compiles a kernel per scene structure, so every scene holds a dome, a sun and at least one light of each other
-kind. The spare ones are dark, tiny, under the floor, and never sampled. Images of lights make other kernels, one for
-domes of each size and one for area lights, all of which show an image as soon as one does.
+Dr.Jit compiles a kernel per scene structure, so every scene holds at least one light of each kind that specs may ask
+for. The spare ones are dark, tiny, under the floor, and never sampled. Images of lights make other kernels, one for
+domes of each size and one for area lights, all of which show an image as soon as one does; so do disks and cylinders,
+which only files have.
 
 A dome's image is latitude and longitude: its upper edge is the zenith, its middle column lies towards +X, and a quarter
 of its width further left towards +Y; `turn` degrees carry it about +Z from +X to +Y.
@@ -20,9 +21,10 @@ import mitsuba as mi
 import numpy as np
 
 from dataset_builder.errors import PlanError
+from dataset_builder.geometry.light_axes import upward
 from dataset_builder.label.scene_plan import IlluminationPlan, LightPlan
 from dataset_builder.light_kinds import LIGHT_KINDS, Image, LightName
-from dataset_builder.planning.view.emission import BEAM_SHARE
+from dataset_builder.planning.view.emission import beam_of
 from dataset_builder.rendering.scene.images import LAMP_SIDE, environment, lamp_texture, read_image
 from dataset_builder.rendering.scene.shapes import is_small_sphere, small_sphere
 from dataset_builder.spec.image_uses import ENVIRONMENT_SUFFIXES, TEXTURE_SUFFIXES
@@ -57,7 +59,7 @@ def emitters(illumination: IlluminationPlan, image_root: Path | None = None) -> 
     """Entries of a Mitsuba scene dict; images of lights are found below `image_root`.
 
     Lights are sampled in proportion to their weight, what they send to the target object. Raises PlanError for more
-    than one dome or sun, no light at all, or an image that cannot be shown.
+    than one dome, no light at all, or an image that cannot be shown.
     """
     entries: dict[str, Any] = {}
     lamps = (light for light in illumination.lights if LIGHT_KINDS[light.kind].image == "texture")
@@ -67,7 +69,7 @@ def emitters(illumination: IlluminationPlan, image_root: Path | None = None) -> 
         lights = [light for light in illumination.lights if light.kind == kind and not is_small_sphere(light)]
         if slots and len(lights) > slots:
             raise PlanError(f"lights: expected at most {slots} of kind {kind}, got {len(lights)}")
-        spares = [_spare(kind)] * ((slots or _power_of_two(len(lights))) - len(lights))
+        spares = [_spare(kind)] * ((slots or _power_of_two(len(lights))) - len(lights)) if row.spare or lights else []
         for index, light in enumerate([*lights, *spares]):
             entries[f"{kind}_{index}"] = make(light, images)
     for index, light in enumerate(filter(is_small_sphere, illumination.lights)):
@@ -107,11 +109,26 @@ def _sun(light: LightPlan, _: _Images) -> dict[str, Any]:
 
 
 def _area(light: LightPlan, images: _Images) -> mi.Shape:
-    half = light.size / 2
-    to_world = _facing(light) @ mi.ScalarTransform4f().scale([half, half, 1])
+    to_world = _facing(light) @ mi.ScalarTransform4f().scale([light.size / 2, (light.length or light.size) / 2, 1])
     area = mi.load_dict({"type": "rectangle", "bsdf": _black(),
                          "emitter": _screen(light, images) if images.on_lamps else _surface_emitter(light)})
     return _with_opaque(area, to_world=mi.AffineTransform4f(to_world))
+
+
+def _disk(light: LightPlan, _: _Images) -> mi.Shape:
+    return _stretched("disk", light, [light.size, light.size, 1])
+
+
+def _cylinder(light: LightPlan, _: _Images) -> mi.Shape:
+    return _stretched("cylinder", light, [light.size, light.size, light.length],
+                      mi.ScalarTransform4f().translate([0, 0, -0.5]))
+
+
+def _stretched(shape: str, light: LightPlan, scale: list[float], first: mi.ScalarTransform4f | None = None) -> mi.Shape:
+    """A shape of Mitsuba's that shines, moved by `first`, scaled, and turned to the light's direction."""
+    plugin = mi.load_dict({"type": shape, "bsdf": _black(), "emitter": _surface_emitter(light)})
+    to_world = _facing(light) @ mi.ScalarTransform4f().scale(scale)
+    return _with_opaque(plugin, to_world=mi.AffineTransform4f(to_world @ first if first else to_world))
 
 
 def _sphere(light: LightPlan, _: _Images) -> dict[str, Any]:
@@ -126,7 +143,7 @@ def _point(light: LightPlan, _: _Images) -> dict[str, Any]:
 def _spot(light: LightPlan, _: _Images) -> mi.Emitter:
     spot = mi.load_dict({"type": "spot", "to_world": _facing(light), "intensity": _rgb(light),
                          "sampling_weight": light.weight})
-    return _with_opaque(spot, cutoff_angle=mi.Float(light.cutoff), beam_width=mi.Float(BEAM_SHARE * light.cutoff))
+    return _with_opaque(spot, cutoff_angle=mi.Float(light.cutoff), beam_width=mi.Float(beam_of(light)))
 
 
 def _with_opaque(plugin: mi.Object, **values: Any) -> Any:
@@ -141,10 +158,10 @@ def _with_opaque(plugin: mi.Object, **values: Any) -> Any:
 
 
 def _facing(light: LightPlan) -> mi.ScalarTransform4f:
-    """Transform whose +Z is the light's direction."""
+    """Transform whose +Z is the light's direction; a rectangle's turn comes first."""
     position, direction = np.array(light.position), np.array(light.direction)
-    up = [1.0, 0.0, 0.0] if abs(direction[2]) > 0.9 * np.linalg.norm(direction) else [0.0, 0.0, 1.0]
-    return mi.ScalarTransform4f().look_at(list(position), list(position + direction), up)
+    facing = mi.ScalarTransform4f().look_at(list(position), list(position + direction), upward(light.direction))
+    return facing @ mi.ScalarTransform4f().rotate([0, 0, 1], light.turn) if light.turn else facing
 
 
 def _surface_emitter(light: LightPlan) -> dict[str, Any]:
@@ -171,4 +188,5 @@ def _rgb(light: LightPlan) -> dict[str, Any]:
 
 _MAKERS: dict[LightName, Callable[[LightPlan, _Images], Any]] = {
     "dome": _dome, "sun": _sun, "area": _area, "sphere": _sphere, "point": _point, "spot": _spot,
+    "disk": _disk, "cylinder": _cylinder,
 }

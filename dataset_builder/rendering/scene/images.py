@@ -4,12 +4,13 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
+from mitsuba import mitsuba_ext
 
-from dataset_builder.assets.image_maps import resized
+from dataset_builder.assets.image_maps import ImageFile, check_image, resized
+from dataset_builder.assets.light_pictures import LightPicture, mean_over_sphere, read_picture
 from dataset_builder.digest import sha256_file
-from dataset_builder.errors import PlanError, Problem
+from dataset_builder.errors import PlanError, Problem, UserError
 from dataset_builder.planning.view.emission import LUMINANCE
-from dataset_builder.rendering.scene.light_pictures import read_picture
 
 KEPT = 4
 """Images kept in memory: those of the lights of one view."""
@@ -37,7 +38,7 @@ def read_image(path: Path, sha256: str, suffixes: tuple[str, ...]) -> np.ndarray
         raise _refused(path, f"expected content of SHA-256 {sha256}, got {found}",
                        "the file changed after planning; plan again")
     try:
-        picture = read_picture(path)
+        picture = _read_png(path) if path.suffix.lower() == ".png" else read_picture(path)
     except ValueError as error:
         raise _refused(path, f"expected an image of colours, got: {error}", "save it again as one") from error
     image = picture.pixels
@@ -68,16 +69,27 @@ def environment(image: np.ndarray) -> np.ndarray:
 
 
 def mean_luminance(image: np.ndarray) -> float:
-    """Mean luminance over the sphere of a latitude-longitude image as Mitsuba shows it.
+    """Mean luminance over the sphere of a latitude-longitude image."""
+    return mean_over_sphere((image @ LUMINANCE).mean(axis=1, dtype=np.float64))
 
-    Its first and last rows are the poles, and between two rows it is linear in the polar angle t: row i weighs the
-    integral of its hat function times sin t.
-    """
-    step = np.pi / (len(image) - 1)
-    weights = 2 * np.sin(step * np.arange(len(image))) * (1 - np.cos(step)) / step
-    weights[[0, -1]] = 1 - np.sin(step) / step
-    rows = (image @ LUMINANCE).mean(axis=1, dtype=np.float64)
-    return float(np.average(rows, weights=weights))
+
+def _read_png(path: Path) -> LightPicture:
+    """Of sRGB. Raises ValueError as `read_picture` does."""
+    try:
+        check_image(ImageFile(name=path.name, content=path))
+    except UserError as error:
+        raise ValueError(error.problems[0].rule) from error
+    return LightPicture(pixels=_by_mitsuba(path))
+
+
+def _by_mitsuba(path: Path) -> np.ndarray:
+    """(H, W, 3) float32 linear; Mitsuba's class of bitmaps is the same in every variant, and needs none here."""
+    bitmap = mitsuba_ext.Bitmap
+    try:
+        made = bitmap(str(path)).convert(bitmap.PixelFormat.RGB, mitsuba_ext.Struct.Type.Float32, srgb_gamma=False)
+    except RuntimeError as error:
+        raise ValueError(str(error).strip().splitlines()[-1]) from error
+    return np.array(made, dtype=np.float32)
 
 
 def _refused(path: Path, rule: str, hint: str) -> PlanError:

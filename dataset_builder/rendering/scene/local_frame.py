@@ -63,6 +63,7 @@ class LocalFrame:
         factor = self.unit ** LENGTHS[LIGHT_KINDS[light.kind].quantity]
         return light.model_copy(update={
             "position": self._point(light.position), "size": light.size / self.unit,
+            "length": light.length / self.unit,
             "radiance": tuple(value / factor for value in light.radiance)})
 
     def _point(self, point: Vector) -> Vector:

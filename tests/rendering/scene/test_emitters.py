@@ -133,9 +133,15 @@ def test_a_textured_lamp_is_as_bright_from_afar_as_a_plain_one(tmp_path, size):
     assert plain.mean(axis=0) == pytest.approx(np.array([30, 20, 10]) * 0.16 / 36 / np.pi, rel=0.01)
 
 
-@pytest.mark.parametrize("kind", get_args(LampName))
-def test_a_lamp_sends_what_planning_reckons(kind):
-    lamp = light(kind, (30, 20, 10), position=(0.0, 0.0, 6.0), direction=(0.0, 0.0, -1.0), size=0.4)
+DOWN = {"direction": (0.0, 0.0, -1.0)}
+
+
+@pytest.mark.parametrize(("kind", "more"), [
+    *((kind, DOWN) for kind in get_args(LampName)), ("area", {**DOWN, "length": 1.5, "turn": 30.0}), ("disk", DOWN),
+    ("cylinder", {"direction": (0.6, 0.8, 0.0), "length": 1.5}), ("spot", {**DOWN, "beam": 39.0})],
+    ids=lambda value: value if isinstance(value, str) else "-".join(map(str, value)))
+def test_a_lamp_sends_what_planning_reckons(kind, more):
+    lamp = light(kind, (30, 20, 10), position=(0.0, 0.0, 6.0), size=0.4, **more)
     floor = rectangle((0, 0, 0), (0, 0, 1), 4, bsdf=diffuse(0.5))
     scene = mi.load_dict({"type": "scene", "floor": floor, **emitters(lit_by(lamp))})
     found = traced(scene, sensor((0, -2, 2), fov=3), 64, 3, max_depth=2)["shading"].mean(axis=(0, 1, 2))

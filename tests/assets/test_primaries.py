@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dataset_builder.rendering.scene.primaries import REC709, SAME, rec709_from_rgb, xyz_from_rgb
+from dataset_builder.assets.primaries import REC709, SAME, rec709_from_rgb, xyz_from_rgb
 
 D65 = (0.3127, 0.3290)
 P3 = (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, *D65)

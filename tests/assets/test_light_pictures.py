@@ -9,12 +9,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from dataset_builder.assets.light_pictures import read_picture, rgbe_pixels
+from dataset_builder.assets.primaries import REC709, rec709_from_rgb, xyz_from_rgb
 from dataset_builder.digest import sha256_file
 from dataset_builder.errors import PlanError
 from dataset_builder.rendering.scene.images import read_image
-from dataset_builder.rendering.scene.light_pictures import read_picture, rgbe_pixels
-from dataset_builder.rendering.scene.primaries import REC709, rec709_from_rgb, xyz_from_rgb
-from tests.rendering.scene.test_primaries import AP0, REC2020
+from tests.assets.test_primaries import AP0, REC2020
 
 RED = np.tile(np.float32([1, 0, 0]), (4, 8, 1))
 

@@ -1,4 +1,4 @@
-"""OpenEXR, Radiance and PNG files -> colours as they are stored, and what makes them linear Rec.709."""
+"""OpenEXR and Radiance files -> colours as they are stored, and what makes them linear Rec.709."""
 
 import re
 from dataclasses import dataclass
@@ -8,11 +8,9 @@ from typing import Any
 
 import numpy as np
 import OpenEXR
-from mitsuba import mitsuba_ext
 
-from dataset_builder.assets.image_maps import MAX_PIXELS, MAX_SIDE, ImageFile, check_image
-from dataset_builder.errors import UserError
-from dataset_builder.rendering.scene.primaries import REC709, rec709_from_rgb, xyz_from_rgb
+from dataset_builder.assets.image_maps import MAX_PIXELS, MAX_SIDE
+from dataset_builder.assets.primaries import REC709, rec709_from_rgb, xyz_from_rgb
 
 COLOURS = (("R", "G", "B"), ("Y", "RY", "BY"), ("Y",))
 """Channels that are taken for colours, the first that are there."""
@@ -38,9 +36,20 @@ class LightPicture:
 
 
 def read_picture(path: Path) -> LightPicture:
-    """The picture of an .exr, .hdr or .png file (sRGB). Raises ValueError that says what was found instead of one."""
-    kinds = {".exr": read_exr, ".hdr": _read_radiance, ".png": _read_png}
-    return kinds[path.suffix.lower()](path)
+    """The picture of an .exr or .hdr file. Raises ValueError that says what was found instead of one."""
+    return {".exr": read_exr, ".hdr": _read_radiance}[path.suffix.lower()](path)
+
+
+def mean_over_sphere(rows: np.ndarray) -> float:
+    """Mean over the sphere of a latitude-longitude image, from the means (H,) of its rows.
+
+    Its first and last rows are the poles, and between two rows it is linear in the polar angle t, as Mitsuba shows it:
+    row i weighs the integral of its hat function times sin t.
+    """
+    step = np.pi / (len(rows) - 1)
+    weights = 2 * np.sin(step * np.arange(len(rows))) * (1 - np.cos(step)) / step
+    weights[[0, -1]] = 1 - np.sin(step) / step
+    return float(np.average(rows, weights=weights))
 
 
 def read_exr(path: Path) -> LightPicture:
@@ -216,20 +225,3 @@ def _numbers(line: str, value: str, count: int) -> tuple[float, ...]:
         raise ValueError(f"{line}, where {count} numbers are to stand")
     return numbers
 
-
-def _read_png(path: Path) -> LightPicture:
-    try:
-        check_image(ImageFile(name=path.name, content=path))
-    except UserError as error:
-        raise ValueError(error.problems[0].rule) from error
-    return LightPicture(pixels=_by_mitsuba(path))
-
-
-def _by_mitsuba(path: Path) -> np.ndarray:
-    """(H, W, 3) float32 linear; Mitsuba's class of bitmaps is the same in every variant, and needs none here."""
-    bitmap = mitsuba_ext.Bitmap
-    try:
-        made = bitmap(str(path)).convert(bitmap.PixelFormat.RGB, mitsuba_ext.Struct.Type.Float32, srgb_gamma=False)
-    except RuntimeError as error:
-        raise ValueError(str(error).strip().splitlines()[-1]) from error
-    return np.array(made, dtype=np.float32)
