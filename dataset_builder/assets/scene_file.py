@@ -5,8 +5,9 @@ from pathlib import Path
 
 from dataset_builder.assets.file_model import refuse
 from dataset_builder.assets.scene_model import SceneModel
-from dataset_builder.assets.scene_readers import mesh_scene
+from dataset_builder.assets.scene_readers import mesh_scene, usd_scene
 from dataset_builder.label.scene_source import SceneSource
+from dataset_builder.spec.usd_references import USD_SUFFIXES
 
 Reader = Callable[[SceneSource, Path, int], SceneModel]
 """What reads a scene: a function of the source, the folder that its paths are relative to, and the longest side of a
@@ -14,6 +15,7 @@ texture. It raises nothing but UserError, whatever the bytes are: what the file 
 or `faults`, or refused."""
 READERS: dict[str, Reader] = {
     **dict.fromkeys(mesh_scene.MESH_SCENES, mesh_scene.read),
+    **dict.fromkeys(USD_SUFFIXES, usd_scene.read),
 }
 """What reads a file, by its suffix."""
 

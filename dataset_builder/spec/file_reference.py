@@ -29,3 +29,8 @@ def is_inside(folder: Path, name: str) -> bool:
     can be called."""
     top = os.path.realpath(folder)
     return os.path.realpath(os.path.join(top, name)).startswith(os.path.join(top, ""))
+
+
+def is_within(folders: tuple[Path, ...], name: str) -> bool:
+    """Whether a file, relative to the first of some folders, `is_inside` one of them."""
+    return any(is_inside(folder, os.path.join(folders[0], name)) for folder in folders)

@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import Any
 
 from dataset_builder.digest import digest, sha256_file
-from dataset_builder.spec.file_reference import MOST_BYTES, FileReference, is_inside
+from dataset_builder.spec.file_reference import MOST_BYTES, FileReference, is_within
 from dataset_builder.spec.gltf_references import gltf_references
 from dataset_builder.spec.obj_references import obj_references
 from dataset_builder.spec.ply_references import ply_references
@@ -62,21 +62,21 @@ def broken_suffix_rule(name: str) -> tuple[str, str]:
 def references(path: Path, roots: Sequence[Path] = ()) -> tuple[FileReference, ...]:
     """The files that a mesh file names, such as buffers, textures and material libraries; each need not be there.
 
-    roots: folders, beside its own, that it may name files in. Raises ValueError where the mesh file cannot be
-    understood that far or names a file outside of these, OSError where it cannot be read.
+    roots: folders, beside its own, that they may lie in. Raises ValueError where the mesh file cannot be understood
+    that far or names a file outside of these, OSError where it cannot be read.
     """
-    found = tuple(REFERENCES[path.suffix.lower()](path))
+    suffix = path.suffix.lower()
+    found = usd_references(path, tuple(roots)) if suffix in USD_SUFFIXES else tuple(REFERENCES[suffix](path))
     for reference in found:
-        file = path.parent / reference.name
-        if not any(is_inside(folder, str(file.absolute())) for folder in (path.parent, *roots)):
-            places = "the folder of the mesh or below it" + ", or in one of the roots" * bool(roots)
-            raise ValueError(f"{reference.key}: expected a file in {places}, got {shown(reference.written)}")
+        if not is_within((path.parent, *roots), reference.name):
+            raise ValueError(f"{reference.key}: expected a file in the folder of the mesh or below it"
+                             f"{', or in one of the roots' if roots else ''}, got {shown(reference.written)}")
     return found
 
 
-def companions(path: Path) -> tuple[str, ...]:
+def companions(path: Path, roots: Sequence[Path] = ()) -> tuple[str, ...]:
     """Names of the files that a mesh file needs, relative to it, each once; raises as `references` does."""
-    return tuple(sorted({reference.name for reference in references(path)}))
+    return tuple(sorted({reference.name for reference in references(path, roots)}))
 
 
 def mesh_source(path: Path, names: tuple[str, ...]) -> MeshSource:

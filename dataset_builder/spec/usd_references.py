@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 
 from dataset_builder.digest import open_regular
 from dataset_builder.extras import missing_named
-from dataset_builder.spec.file_reference import MOST_BYTES, FileReference, is_inside
+from dataset_builder.spec.file_reference import MOST_BYTES, FileReference, is_within
 from dataset_builder.spec.problems import shown
+from dataset_builder.spec.usd_packages import package_problem
 from dataset_builder.spec.usd_trial import trial_problem
 
 if TYPE_CHECKING:
@@ -39,13 +40,13 @@ class UsdFiles:
     """Size of all layers, each counted once."""
 
 
-def usd_references(path: Path) -> tuple[FileReference, ...]:
-    """Layers that the file is composed of and textures of its shaders. Raises ValueError where one cannot be read, and
-    UserError without usd-core."""
-    return usd_files(path).references
+def usd_references(path: Path, roots: tuple[Path, ...] = ()) -> tuple[FileReference, ...]:
+    """Layers that the file is composed of and textures of its shaders; none is opened outside of its folder and
+    `roots`. Raises ValueError where one cannot be read, and UserError without usd-core."""
+    return usd_files(path, roots).references
 
 
-def usd_files(path: Path) -> UsdFiles:
+def usd_files(path: Path, roots: tuple[Path, ...] = ()) -> UsdFiles:
     """As `usd_references`, with what is passed over."""
     with missing_named():
         from pxr import Ar
@@ -68,7 +69,7 @@ def usd_files(path: Path) -> UsdFiles:
                     outer = os.path.join(os.path.dirname(file), outer)
                 if key == "layer" and Path(written).suffix.lower() != ".mtlx":
                     _require_usd(inner or outer, file, written)
-                    if target not in seen and is_inside(top.parent, outer) and os.path.isfile(outer):
+                    if target not in seen and is_within((top.parent, *roots), outer) and os.path.isfile(outer):
                         seen.add(target)
                         waiting.append(target)
                 elif key == "layer":
@@ -95,6 +96,8 @@ def open_layer(identifier: str) -> "Sdf.Layer":
     if not start.startswith(STARTS[Path(outer).suffix.lower()]):
         raise ValueError(f"expected it to start with {STARTS[Path(outer).suffix.lower()][0].decode('latin-1')}, got "
                          f"{shown(start.decode('latin-1'))}")
+    if Path(outer).suffix.lower() == ".usdz" and (problem := package_problem(Path(outer))):
+        raise ValueError(problem)
     if not start.startswith(TEXT) and (problem := trial_problem(identifier, status.st_size, status.st_mtime_ns)):
         raise ValueError(said(problem).replace(identifier, Path(identifier).name))
     try:

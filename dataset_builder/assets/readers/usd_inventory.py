@@ -27,13 +27,17 @@ def stage_settings(path: Path, stage: "Usd.Stage") -> tuple[np.ndarray, list[str
         refuse(path, f"expected metersPerUnit > 0, got {unit:g}")
     if not UsdGeom.StageHasAuthoredMetersPerUnit(stage):
         decided.append("no metersPerUnit, taken as 0.01")
-    axis = str(stage.GetMetadata("upAxis")) if stage.HasAuthoredMetadata("upAxis") else "Y"
+    authored = stage.HasAuthoredMetadata("upAxis")
+    axis = str(stage.GetMetadata("upAxis")) if authored else "Y"
     if axis not in Y_UP_FROM:
         refuse(path, f"expected upAxis to be X, Y or Z, got {axis!r}")
     for layer in stage.GetUsedLayers():
         own = layer.pseudoRoot.GetInfo("metersPerUnit") if layer.pseudoRoot.HasInfo("metersPerUnit") else unit
         if own != unit:
             decided.append(f"{Path(layer.realPath).name} has metersPerUnit {own:g}, taken as the stage's {unit:g}")
+        turned = str(layer.pseudoRoot.GetInfo("upAxis")) if layer.pseudoRoot.HasInfo("upAxis") else axis
+        if turned != axis:
+            decided.append(f"{Path(layer.realPath).name} has upAxis {turned}, taken as the stage's {axis}")
     sets = [f"{prim.GetPath()} {name}={prim.GetVariantSet(name).GetVariantSelection() or 'none'}"
             for prim in Usd.PrimRange(stage.GetPseudoRoot()) for name in prim.GetVariantSets().GetNames()]
     decided += [f"variants as selected: {', '.join(sets)}"] if sets else []
@@ -42,28 +46,41 @@ def stage_settings(path: Path, stage: "Usd.Stage") -> tuple[np.ndarray, list[str
     return matrix, decided
 
 
-def inventory(prim: "Usd.Prim") -> tuple[bool, list[str], list[str]]:
-    """Whether a prim and what is under it are drawn, what of it is left out, and what was chosen where it may be."""
-    from pxr import Usd, UsdGeom, UsdLux, UsdSkel
+def inventory(prim: "Usd.Prim") -> tuple[list[str], list[str]]:
+    """What of a prim by itself is left out, and what was chosen where it leaves a choice."""
+    from pxr import UsdGeom, UsdLux, UsdSkel
 
-    first, lost, decided = Usd.TimeCode.EarliestTime(), list[str](), list[str]()
-    kind = prim.GetTypeName()
-    if prim.IsA(UsdGeom.Imageable):
-        shown = UsdGeom.Imageable(prim)
-        if shown.GetVisibilityAttr().Get(first) == "invisible":
-            return False, [f"invisible {kind or 'prim'} {prim.GetPath()}"], []
-        purpose = shown.ComputePurpose()
-        if purpose not in DRAWN:
-            return False, [f"{kind or 'prim'} {prim.GetPath()} of purpose {purpose}"], []
-    if prim.IsA(UsdGeom.PointInstancer):
-        return False, ["PointInstancer"], []
-    if prim.HasAPI(UsdLux.LightAPI):
-        lost.append(f"light of {kind}")
-    elif not prim.IsA(UsdGeom.Mesh) and any(map(prim.IsA, (UsdGeom.Gprim, UsdGeom.Camera, UsdSkel.Skeleton,
-                                                           UsdSkel.BlendShape))):
-        lost.append(str(kind))
+    lost, decided = list[str](), list[str]()
+    if is_unread(prim):
+        lost.append(str(prim.GetTypeName()))
     if prim.IsA(UsdGeom.Mesh) and prim.HasAPI(UsdSkel.BindingAPI):
         decided.append("skinned meshes in the pose of their points")
+    if prim.IsA(UsdGeom.Gprim) and prim.GetAttribute("doubleSided").HasAuthoredValue() \
+            and not prim.GetAttribute("doubleSided").Get():
+        decided.append("surfaces of one side are seen from both")
     if any(attribute.ValueMightBeTimeVarying() for attribute in prim.GetAttributes()) or prim.HasMetadata("clips"):
         decided.append("animation at its first time")
-    return True, lost, decided
+    if prim.HasAPI(UsdLux.LightAPI) and prim.IsA(UsdGeom.Mesh):
+        decided.append(f"light of the mesh {prim.GetPath()}, which sends none")
+    return lost, decided
+
+
+def is_light(prim: "Usd.Prim") -> bool:
+    """Whether a prim is a light and nothing that is drawn."""
+    from pxr import UsdGeom, UsdLux
+
+    return bool(prim.HasAPI(UsdLux.LightAPI)) and not prim.IsA(UsdGeom.Gprim)
+
+
+def is_unread(prim: "Usd.Prim") -> bool:
+    """Whether a prim is drawn by others, or part of what is, and not by us: points, curves, volumes, skeletons."""
+    from pxr import UsdGeom, UsdSkel
+
+    read = prim.IsA(UsdGeom.Mesh) or str(prim.GetTypeName()) in SHAPES
+    if prim.IsA(UsdSkel.Skeleton) or prim.IsA(UsdSkel.BlendShape):
+        return True
+    return bool(prim.IsA(UsdGeom.Gprim)) and not read
+
+
+SHAPES = ("Cube", "Sphere", "Cylinder", "Cylinder_1", "Cone", "Capsule", "Capsule_1", "Plane")
+"""Kinds of prims that are read as meshes."""

@@ -12,7 +12,7 @@ from dataset_builder.assets.asset import Material, Wrap, reflectance_at
 from dataset_builder.assets.file_model import FileMaterial, refuse
 from dataset_builder.assets.image_maps import ImageFile, make_texture, opened_image, read_texels
 from dataset_builder.digest import read_regular
-from dataset_builder.spec.file_reference import MOST_BYTES, is_inside
+from dataset_builder.spec.file_reference import MOST_BYTES, is_within
 from dataset_builder.spec.scene import MAX_SPECULAR
 from dataset_builder.spec.usd_references import UDIM
 
@@ -45,6 +45,7 @@ class _Draft:
     path: Path
     shader: "UsdShade.Shader"
     max_texture: int
+    folders: tuple[Path, ...]
     maps: dict[str, np.ndarray] = field(default_factory=dict)
     left_out: list[str] = field(default_factory=list)
     layout: tuple[str, tuple[float, ...], str, str] | None = None
@@ -52,9 +53,11 @@ class _Draft:
     colors: str = ""
 
 
-def read_preview_surface(path: Path, shader: "UsdShade.Shader", name: str, max_texture: int) -> UsdMaterial:
-    """The material of a UsdPreviewSurface. Raises UserError where a texture cannot be read."""
-    draft = _Draft(path=path, shader=shader, max_texture=max_texture)
+def read_preview_surface(path: Path, shader: "UsdShade.Shader", name: str, max_texture: int,
+                         folders: tuple[Path, ...]) -> UsdMaterial:
+    """The material of a UsdPreviewSurface, whose textures lie in one of some folders. Raises UserError where a texture
+    cannot be read."""
+    draft = _Draft(path=path, shader=shader, max_texture=max_texture, folders=folders)
     base = _color(draft, "diffuseColor", "base_color", DIFFUSE)
     roughness, alpha = _number(draft, "roughness", "roughness", 0.5), _number(draft, "opacity", "alpha", 1.0)
     coat = _number(draft, "clearcoat", "coat", 0.0)
@@ -214,7 +217,7 @@ def _image(draft: _Draft, shader: "UsdShade.Shader") -> ImageFile | None:
         refuse(draft.path, f"expected one image, got the tiles {asset.path}", "bake them into one texture",
                at=str(shader.GetPath()))
     outer, inner = Ar.SplitPackageRelativePathOuter(asset.resolvedPath)
-    if not outer or not is_inside(draft.path.parent, outer):
+    if not outer or not is_within(draft.folders, outer):
         refuse(draft.path, f"expected an existing file in its folder or below it, got {asset.path}",
                at=str(shader.GetPath()))
     if not inner:

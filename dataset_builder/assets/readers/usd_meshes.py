@@ -1,4 +1,4 @@
-"""A mesh prim of USD -> triangles with what lies on their corners."""
+"""A mesh or an implicit shape of USD -> triangles with what lies on their corners."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,28 +8,35 @@ import numpy as np
 
 from dataset_builder.assets.file_model import GREY, refuse
 from dataset_builder.assets.readers.polygon_checks import checked_triangles, crossing
+from dataset_builder.assets.readers.polygons import triangulated
+from dataset_builder.assets.readers.usd_cages import cage_size, refined
+from dataset_builder.assets.readers.usd_inventory import SHAPES
+from dataset_builder.assets.readers.usd_shapes import shape_polygons
+from dataset_builder.geometry.cages import Round
 
 if TYPE_CHECKING:
-    from pxr import Usd, UsdGeom
+    from pxr import Usd
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class UsdMesh:
-    """A mesh where the stage puts it; C corners of all its polygons, T triangles."""
+    """A mesh in its own frame; T triangles over C corners of V vertices, after any refinement."""
 
     path: Path
-    prim: "UsdGeom.Mesh"
+    prim: "Usd.Prim"
     name: str
     positions: np.ndarray
     """(V, 3) float64."""
     indices: np.ndarray
     """(C,) into positions."""
-    counts: np.ndarray
-    """(F,) corners of each polygon."""
     corners: np.ndarray
     """(T, 3) numbers of corners, counter-clockwise from outside."""
     owner: np.ndarray
-    """(T,) which polygon each is from."""
+    """(T,) which polygon of the prim each is from."""
+    polygons: tuple[np.ndarray, np.ndarray, int]
+    """The prim's own (C',) indices and (F,) counts, and how many vertices it has."""
+    rounds: tuple[Round, ...]
+    """What these went through."""
     subsets: tuple[tuple["Usd.Prim", np.ndarray], ...]
     """Prims that materials are bound to, with their polygons; every polygon once."""
     decided: tuple[str, ...]
@@ -85,14 +92,21 @@ class UsdMesh:
             values = values[order]
         if not np.isfinite(values).all():
             refuse(self.path, f"expected finite numbers, got {int((~np.isfinite(values)).sum())} NaN or Inf", at=at)
-        faces = np.repeat(np.arange(len(self.counts)), self.counts)
-        place = {"constant": np.zeros_like(self.indices), "uniform": faces, "faceVarying": np.arange(len(self.indices))}
-        expected = {"constant": 1, "uniform": len(self.counts), "faceVarying": len(self.indices)}.get(
-            how, len(self.positions))
+        indices, counts, vertices = self.polygons
+        faces = np.repeat(np.arange(len(counts)), counts)
+        place = {"constant": np.zeros_like(indices), "uniform": faces, "faceVarying": np.arange(len(indices))}
+        expected = {"constant": 1, "uniform": len(counts), "faceVarying": len(indices)}.get(how, vertices)
         if len(values) != expected and not (how == "constant" and len(values) > 1 and values.shape[1] == 1):
             refuse(self.path, f"expected {expected} values, one for each {UNITS.get(how, 'vertex')}, got {len(values)}",
                    at=at)
-        return values[place.get(how, self.indices)]
+        if how == "vertex" and self.rounds:
+            for each in self.rounds:
+                values = each.vertex_values(values)
+            return values[self.indices]
+        values = values[place.get(how, indices)]
+        for each in self.rounds:
+            values = each.corner_values(values)
+        return values
 
 
 UNITS = {"constant": "mesh", "uniform": "face", "faceVarying": "corner"}
@@ -109,47 +123,74 @@ def _numbers(values: object) -> np.ndarray | None:
     return found.reshape(-1, 1) if found.ndim == 1 and len(found) and type(values).__name__.endswith("Array") else None
 
 
-def has_faces(prim: "UsdGeom.Mesh") -> bool:
+def has_faces(prim: "Usd.Prim") -> bool:
     """Whether a mesh states any polygon, or corners of some. Loose points and edges come as meshes without."""
     from pxr import Usd
 
     first = Usd.TimeCode.EarliestTime()
-    return bool(prim.GetFaceVertexCountsAttr().Get(first) or prim.GetFaceVertexIndicesAttr().Get(first))
+    return str(prim.GetTypeName()) in SHAPES or any(
+        bool(prim.GetAttribute(name).Get(first)) for name in ("faceVertexCounts", "faceVertexIndices"))
 
 
-def read_mesh(path: Path, prim: "UsdGeom.Mesh", matrix: np.ndarray, *, most: int) -> UsdMesh:
-    """The mesh, moved by a (4, 4) matrix. Raises UserError where it is no surface, or has over `most` triangles."""
+def read_mesh(path: Path, prim: "Usd.Prim", *, rounds: int, most: int) -> UsdMesh:
+    """The mesh, or the shape, as triangles; a subdivision surface after some rounds of refinement. Raises UserError
+    where it is no surface, or has over `most` triangles."""
     from pxr import Usd
 
     name, first = str(prim.GetPath()), Usd.TimeCode.EarliestTime()
-    points = np.asarray(prim.GetPointsAttr().Get(first) or np.zeros((0, 3)), dtype=np.float64).reshape(-1, 3)
-    counts = np.asarray(prim.GetFaceVertexCountsAttr().Get(first) or (), dtype=np.int64)
-    indices = np.asarray(prim.GetFaceVertexIndicesAttr().Get(first) or (), dtype=np.int64)
+    if prim.GetTypeName() in SHAPES:
+        points, indices, counts = shape_polygons(path, prim)
+        holes, rounds = np.zeros(0, np.int64), 0
+    else:
+        points = np.asarray(prim.GetAttribute("points").Get(first) or np.zeros((0, 3)), np.float64).reshape(-1, 3)
+        counts, indices, holes = (np.asarray(prim.GetAttribute(each).Get(first) or (), dtype=np.int64).reshape(-1)
+                                  for each in ("faceVertexCounts", "faceVertexIndices", "holeIndices"))
     if counts.min(initial=0) < 0 or counts.sum() != len(indices):
         refuse(path, f"expected faceVertexCounts that sum to the {len(indices)} faceVertexIndices, got "
                      f"{counts.sum()}", at=name)
     if len(indices) > most:
         refuse(path, "expected at most 50 million triangles, instances counted each, got more", at=name)
-    positions = points @ matrix[:3, :3].T + matrix[:3, 3]
-    holes = np.asarray(prim.GetHoleIndicesAttr().Get(first) or (), dtype=np.int64)
     kept = ~np.isin(np.arange(len(counts)), holes)
-    found = checked_triangles(path, positions, indices, counts, at=name, kept=kept)
-    left_handed = prim.GetOrientationAttr().Get(first) == "leftHanded"
-    turned = left_handed != (np.linalg.det(matrix[:3, :3]) < 0)
-    scheme = prim.GetSubdivisionSchemeAttr().Get(first) or "catmullClark"
-    cage = [] if scheme == "none" else [f"subdivision surfaces ({scheme}) taken as their control cages"]
-    return UsdMesh(path=path, prim=prim, name=name, positions=positions, indices=indices, counts=counts,
-                   corners=found.corners[:, ::-1] if turned else found.corners, owner=found.owner,
-                   subsets=_subsets(path, prim, len(counts)), decided=(*cage, *crossing(found)))
+    found = checked_triangles(path, points, indices, counts, at=name, kept=kept)
+    positions, corners, owner, decided = points, found.corners, found.owner, crossing(found)
+    polygons, ended = (indices, counts, len(points)), indices
+    passed: tuple[Round, ...] = ()
+    if prim.GetTypeName() not in SHAPES and cage_size(prim):
+        surface = refined(path, prim, polygons, kept, rounds=rounds, planar=_is_planar(positions, indices, counts))
+        passed, decided = surface.rounds, (*decided, *surface.decided)
+        for each in passed:
+            positions = each.vertex_values(positions)
+        if passed:
+            ended = passed[-1].cage.indices
+            found = triangulated(positions, ended, passed[-1].cage.counts)
+            corners, owner = found.corners, surface.parent[found.owner]
+        shown = surface.kept[owner]
+        corners, owner = corners[shown], owner[shown]
+    if prim.GetAttribute("orientation").Get(first) == "leftHanded":
+        corners = corners[:, ::-1]
+    return UsdMesh(path=path, prim=prim, name=name, positions=positions, indices=ended, corners=corners, owner=owner,
+                   polygons=polygons, rounds=passed, subsets=_subsets(path, prim, len(counts)), decided=decided)
 
 
-def _subsets(path: Path, prim: "UsdGeom.Mesh", faces: int) -> tuple[tuple["Usd.Prim", np.ndarray], ...]:
+def _is_planar(positions: np.ndarray, indices: np.ndarray, counts: np.ndarray) -> bool:
+    """Whether each polygon lies in a plane."""
+    if (counts == 3).all():
+        return True
+    face, firsts = np.repeat(np.arange(len(counts)), counts), np.cumsum(counts) - counts
+    spokes = positions[indices] - positions[indices[firsts]][face]
+    after = np.roll(spokes, -1, axis=0)
+    normals = np.add.reduceat(np.cross(spokes, after) * (np.diff(face, append=-1) == 0)[:, None], firsts, axis=0)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    return bool(np.abs(np.einsum("ij,ij->i", spokes, normals[face])).max() <= 1e-6 * np.abs(spokes).max())
+
+
+def _subsets(path: Path, prim: "Usd.Prim", faces: int) -> tuple[tuple["Usd.Prim", np.ndarray], ...]:
     """Polygons by the prim that their material is bound to: subsets of the family materialBind, and the mesh itself for
     the rest. Raises UserError for subsets that overlap or name faces which are not there."""
     from pxr import Usd, UsdShade
 
     owner = np.full(faces, -1)
-    prims = [subset.GetPrim() for subset in UsdShade.MaterialBindingAPI(prim.GetPrim()).GetMaterialBindSubsets()]
+    prims = [subset.GetPrim() for subset in UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets()]
     for number, subset in enumerate(prims):
         listed = subset.GetAttribute("indices").Get(Usd.TimeCode.EarliestTime())
         chosen = np.unique(np.asarray(listed or (), dtype=np.int64))
@@ -162,5 +203,5 @@ def _subsets(path: Path, prim: "UsdGeom.Mesh", faces: int) -> tuple[tuple["Usd.P
             refuse(path, f"expected faces that no other subset has, got {len(twice)} that one has, first {twice[0]}",
                    at=str(subset.GetPath()))
         owner[chosen] = number
-    return tuple((subset, np.flatnonzero(owner == number)) for number, subset in [(-1, prim.GetPrim()),
+    return tuple((subset, np.flatnonzero(owner == number)) for number, subset in [(-1, prim),
                                                                                   *enumerate(prims)])

@@ -23,8 +23,8 @@ def thing_asset(model: FileModel, world_from_file: np.ndarray, *, name: str, cat
     materials = tuple(model.materials[index] for index in used)
     asset = model_asset(replace(model, parts=parts, materials=materials), world_from_file, name=name,
                         category=category, licence=licence)
-    known = [each.content or _made_of(each.material) for each in materials]
-    return asset, content_of(asset.mesh, [*known, *map(_made_of, asset.materials[len(known):])])
+    known = [each.content or made_of(each.material) for each in materials]
+    return asset, content_of(asset.mesh, [*known, *map(made_of, asset.materials[len(known):])])
 
 
 def content_of(mesh: TriangleMesh, materials: list[str]) -> str:
@@ -33,7 +33,7 @@ def content_of(mesh: TriangleMesh, materials: list[str]) -> str:
     return digest([[pixel_digest(array) for array in arrays], materials])
 
 
-def _made_of(material: Material) -> str:
+def made_of(material: Material) -> str:
     """Digest of a material whose reader makes none: its factors, and its texels as they were read."""
     texture = material.texture
     texels = {} if texture is None else {each.name: pixel_digest(value) for each in fields(texture) if isinstance(
