@@ -5,7 +5,7 @@ from pathlib import Path
 
 from dataset_builder.assets.file_model import refuse
 from dataset_builder.assets.scene_model import SceneModel
-from dataset_builder.assets.scene_readers import mesh_scene, usd_scene
+from dataset_builder.assets.scene_readers import front3d, mesh_scene, usd_scene
 from dataset_builder.label.scene_source import SceneSource
 from dataset_builder.spec.usd_references import USD_SUFFIXES
 
@@ -16,6 +16,7 @@ or `faults`, or refused."""
 READERS: dict[str, Reader] = {
     **dict.fromkeys(mesh_scene.MESH_SCENES, mesh_scene.read),
     **dict.fromkeys(USD_SUFFIXES, usd_scene.read),
+    ".json": front3d.read,
 }
 """What reads a file, by its suffix."""
 

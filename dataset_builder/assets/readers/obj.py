@@ -1,7 +1,9 @@
 """OBJ files: `Object Files (.obj)`, Alias/Wavefront's Advanced Visualizer manual, appendix B1, polygons only."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from itertools import filterfalse
 from pathlib import Path
 
 import numpy as np
@@ -15,20 +17,23 @@ from dataset_builder.assets.readers.polygon_checks import crossing
 from dataset_builder.assets.readers.polygons import Triangulation, triangulated
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.spec.obj_references import defined_entries, obj_libraries, used_entries
-from dataset_builder.spec.wavefront import MtlEntry, obj_bytes, obj_statements
+from dataset_builder.spec.wavefront import MtlEntry, Statement, obj_bytes, obj_statements
 
 KINDS = ("vertices", "texture coordinates", "normals")
 MOST_PARTS = 1000
 
 
-def read(path: Path, max_texture: int, *, whole_objects: bool = False) -> FileModel:
-    """The file and its material libraries. whole_objects: where the file has objects, its groups part nothing. Raises
-    UserError for what breaks the format."""
+def read(path: Path, max_texture: int, *, whole_objects: bool = False,
+         ignored: Callable[[Statement], bool] | None = None) -> FileModel:
+    """The file and its material libraries. whole_objects: where the file has objects, its groups part nothing.
+    ignored: which statements of the libraries are left out. Raises UserError for what breaks the format."""
     try:
         data = obj_bytes(path)
         entries = defined_entries(path, obj_libraries(path, data))
     except (OSError, ValueError) as error:
         refuse(path, f"expected a readable .obj file, got: {error}")
+    if ignored is not None:
+        entries = [replace(entry, statements=tuple(filterfalse(ignored, entry.statements))) for entry in entries]
     lines = read_lines(data)
     _raise_faults(path, lines)
     corners = np.concatenate(lines.corners) if lines.corners else np.zeros((0, 3), dtype=np.int32)
