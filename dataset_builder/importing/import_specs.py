@@ -10,6 +10,7 @@ from tempfile import TemporaryDirectory
 from dataset_builder.errors import PlanError, Problem, UserError
 from dataset_builder.files import output_errors
 from dataset_builder.importing.find_models import PassedOver
+from dataset_builder.importing.in_place import move, refuse_existing
 from dataset_builder.importing.model_licence import FoundLicence
 from dataset_builder.importing.proposal import Proposal, Proposals, Watch, propose
 from dataset_builder.importing.spec_texts import spec_texts
@@ -74,36 +75,16 @@ def import_models(job: ImportJob, *, ask: Ask | None, picture: Picture | None, w
         with TemporaryDirectory(dir=out.parent, prefix=f".{out.name}-") as folder:
             staging = Path(folder)
             names = [*_written(job, proposals, staging)]
-            _refuse_existing(job.out, [*names, *([SHEET] if picture else [])])
+            refuse_existing(job.out, [*names, *([SHEET] if picture else [])])
             if picture and picture(staging / f"{job.name}.yaml", proposals.made, staging / SHEET):
                 names.append(SHEET)
-            _move(names, staging, out)
+            move(names, staging, out)
     return Imported(proposals=proposals, files=tuple(job.out / name for name in names),
                     dataset=job.out / f"{job.name}.yaml")
 
 
-def _move(names: Sequence[str], staging: Path, out: Path) -> None:
-    """Move files into place, all or none."""
-    moved = list[Path]()
-    try:
-        for name in names:
-            (out / name).parent.mkdir(parents=True, exist_ok=True)
-            (staging / name).rename(out / name)
-            moved.append(out / name)
-    except OSError:
-        for path in moved:
-            path.unlink()
-        raise
-
-
 def _told(one: PassedOver) -> Problem:
     return Problem(where=str(one.path), path="", rule=f"left out: {one.reason}")
-
-
-def _refuse_existing(out: Path, names: Sequence[str]) -> None:
-    if there := [name for name in names if (out / name).exists() or (out / name).is_symlink()]:
-        raise UserError(Problem(where=str(out / name), path="", hint="name another folder with --out, or remove it",
-                                rule="expected no such file yet, got one; nothing is overwritten") for name in there)
 
 
 def _licensed(proposals: Sequence[Proposal], licence: str, ask: Ask | None) -> list[Proposal]:

@@ -193,8 +193,13 @@ def model_categories(folder: Path, notes: FaultNotes) -> dict[str, FrontCategory
     if not isinstance(document, list):
         notes.add("lists of models that are not there; categories are the scene's own", MODEL_LIST)
         return {}
+    return categories_of(document)
+
+
+def categories_of(entries: Sequence[Any]) -> dict[str, FrontCategory]:
+    """Categories by jid of the entries of a list of models; what is no entry goes."""
     found = {}
-    for entry in document:
+    for entry in entries:
         if isinstance(entry, dict) and (jid := cleaned(entry.get("model_id"))):
             above = category_word(entry.get("super-category"))
             found[jid] = FrontCategory(category_word(entry.get("category")) or above, above)
