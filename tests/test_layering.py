@@ -21,7 +21,8 @@ ORDER = (
     ("planning.catalogue",),
     ("assets.procedural", "assets.scene_file"), ("assets.scene_readers",), ("assets",), ("assets.readers",),
     ("assets.file_model", "assets.image_maps", "assets.scene_model"),
-    ("assets.asset", "assets.linear_texels", "assets.texel_memory"), ("geometry",), ("label",), ("spec",),
+    ("assets.exr_picture",), ("assets.asset", "assets.linear_texels", "assets.primaries", "assets.texel_memory"),
+    ("geometry",), ("label",), ("spec",),
     ("lock",), ("extras", "files", "layers", "light_kinds", "processes", "spread", "tonemap"),
     ("seeding", "digest", "errors"), ("",),
 )
@@ -34,7 +35,7 @@ STRANGERS = {("lightnet", "api"), ("lightnet", "builder"), ("lightnet", "engine"
 
 HOMES = {
     "mitsuba": "rendering", "drjit": "rendering", "ruamel": "spec.load", "open3d": "geometry",
-    "OpenEXR": ("shards.exr", "assets.light_pictures"),
+    "OpenEXR": ("shards.exr", "assets.exr_picture"),
     "matplotlib": "report", "pyvista": "report", "mapbox_earcut": "assets.readers.polygons", "ray": "engine",
     "DracoPy": "assets.readers.gltf_primitives", "meshopt": "assets.readers.gltf_file",
     "opengl_basisu": "assets.readers.gltf_images",

@@ -18,15 +18,14 @@ import numpy as np
 from PIL import Image
 
 from dataset_builder.assets.asset import Texture, Wrap
-from dataset_builder.assets.linear_texels import reduced
+from dataset_builder.assets.exr_picture import exr_size, is_exr, read_exr
+from dataset_builder.assets.linear_texels import MAX_PIXELS, MAX_SIDE, reduced, reduced_floats
 from dataset_builder.assets.texel_memory import shared_texels
 from dataset_builder.digest import digest, sha256_bytes, sha256_file
 from dataset_builder.errors import Problem, UserError
 
 FORMATS = ("PNG", "JPEG", "WEBP", "TGA", "BMP", "TIFF", "GIF", "DDS", "AVIF")
-"""What is read, as Pillow calls it. Others of its decoders start programs, or are not meant for textures."""
-MAX_SIDE, MAX_PIXELS = 16384, 1 << 28
-"""The largest image that is decoded."""
+"""What is read, as Pillow calls it, beside OpenEXR. Others of its decoders start programs, or are not for textures."""
 LARGE = 1 << 22
 """Pixels from which the processes of a build share what one has read."""
 MOST_PIXELS_PER_BYTE = 8 * 1032
@@ -51,6 +50,9 @@ class ImageFile:
 def check_image(image: ImageFile) -> tuple[int, int]:
     """(width, height) from the image's header; nothing is decoded. Raises UserError for what is no image of `FORMATS`,
     or larger than `MAX_SIDE` and `MAX_PIXELS` allow."""
+    with broken_named(image):
+        if is_exr(image.content):
+            return exr_size(image.content)
     with opened_image(image) as opened:
         return opened.size
 
@@ -66,6 +68,8 @@ def read_texels(image: ImageFile, *, srgb: bool, max_size: int, opaque: bool = F
     asks. Raises UserError for what is no image, too large, or has floats that are not in [0, 1].
     """
     def read() -> np.ndarray:
+        if holds_floats(image):
+            return _exr_texels(image, max_size, opaque)
         with opened_image(image) as opened:
             opened.load()
             return reduced(opened, limited_size(opened.size, max_size), srgb=srgb, opaque=opaque)
@@ -75,6 +79,21 @@ def read_texels(image: ImageFile, *, srgb: bool, max_size: int, opaque: bool = F
         return read()
     how = {"srgb": srgb, "max_size": max_size, "opaque": opaque, "pillow": Image.__version__}
     return shared_texels(lambda made_by: digest({"texels": _sha256(image), "made_by": made_by, **how}), read)
+
+
+def holds_floats(image: ImageFile) -> bool:
+    """Whether an image is OpenEXR, of linear floats. Raises UserError where it cannot be read."""
+    with broken_named(image):
+        return is_exr(image.content)
+
+
+def _exr_texels(image: ImageFile, max_size: int, opaque: bool) -> np.ndarray:
+    """(H, W, 4) float32 of an OpenEXR file, in its own primaries."""
+    with broken_named(image):
+        picture = read_exr(image.content)
+        covered = np.ones(picture.pixels.shape[:2], np.float32) if opaque or picture.alpha is None else picture.alpha
+        size = limited_size((covered.shape[1], covered.shape[0]), max_size)
+        return reduced_floats(np.dstack([picture.pixels, covered]), size)
 
 
 def _sha256(image: ImageFile) -> str:
@@ -87,18 +106,24 @@ def _sha256(image: ImageFile) -> str:
 @contextmanager
 def opened_image(image: ImageFile) -> Iterator[Image.Image]:
     """The image with its header read; whatever goes wrong inside becomes a UserError that names it."""
+    with broken_named(image), warnings.catch_warnings(action="ignore"), _unlimited(image) as opened:
+        if max(opened.size) > MAX_SIDE or opened.width * opened.height > MAX_PIXELS:
+            raise _refused(image, f"expected an image of at most {MAX_SIDE} pixels a side, got one of "
+                           f"{opened.width} x {opened.height}", "save it smaller")
+        size = len(image.content) if isinstance(image.content, bytes) else image.content.stat().st_size
+        if opened.format not in ENDLESS and opened.width * opened.height > MOST_PIXELS_PER_BYTE * size:
+            raise _refused(image, f"expected the pixels of an image of {opened.width} x {opened.height}, got "
+                           f"{size} bytes, which cannot hold them", "the file was cut short; copy it again")
+        yield opened
+
+
+@contextmanager
+def broken_named(image: ImageFile) -> Iterator[None]:
+    """Turn what decoders raise for damaged files into a UserError that names the image."""
     try:
-        with warnings.catch_warnings(action="ignore"), _unlimited(image) as opened:
-            if max(opened.size) > MAX_SIDE or opened.width * opened.height > MAX_PIXELS:
-                raise _refused(image, f"expected an image of at most {MAX_SIDE} pixels a side, got one of "
-                               f"{opened.width} x {opened.height}", "save it smaller")
-            size = len(image.content) if isinstance(image.content, bytes) else image.content.stat().st_size
-            if opened.format not in ENDLESS and opened.width * opened.height > MOST_PIXELS_PER_BYTE * size:
-                raise _refused(image, f"expected the pixels of an image of {opened.width} x {opened.height}, got "
-                               f"{size} bytes, which cannot hold them", "the file was cut short; copy it again")
-            yield opened
+        yield
     except BROKEN as error:
-        raise _refused(image, f"expected a readable image ({' '.join(FORMATS)}), got: {error or 'damaged bytes'}",
+        raise _refused(image, f"expected a readable image ({' '.join(FORMATS)} EXR), got: {error or 'damaged bytes'}",
                        "save it again as PNG or JPEG") from error
 
 

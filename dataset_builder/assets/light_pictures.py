@@ -1,41 +1,23 @@
 """OpenEXR and Radiance files -> colours as they are stored, and what makes them linear Rec.709."""
 
 import re
-from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import OpenEXR
 
-from dataset_builder.assets.image_maps import MAX_PIXELS, MAX_SIDE
-from dataset_builder.assets.primaries import REC709, rec709_from_rgb, xyz_from_rgb
+from dataset_builder.assets.exr_picture import FloatPicture, read_exr
+from dataset_builder.assets.linear_texels import MAX_SIDE
+from dataset_builder.assets.primaries import rec709_from_rgb
 
-COLOURS = (("R", "G", "B"), ("Y", "RY", "BY"), ("Y",))
-"""Channels that are taken for colours, the first that are there."""
-MAX_SAMPLES = 4 * MAX_PIXELS
-"""Values of all channels of a file that is decoded."""
 MAX_HEADER = 1 << 16
 """Bytes of a Radiance file that its header may take."""
-DAMAGE = (RuntimeError, ValueError, TypeError, LookupError, AttributeError, ArithmeticError, MemoryError, OSError)
-"""What readers raise for damaged files."""
 NUMBERS = {"COLORCORR": 3, "PRIMARIES": 8, "GAMMA": 1}
 """Lines of a Radiance header that change colours, and how many numbers they have. What changes brightness alone
 changes no picture that is brought to mean 1."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class LightPicture:
-    """A decoded file."""
-
-    pixels: np.ndarray
-    """(H, W, 3) float32, linear, in the file's own primaries."""
-    to_rec709: np.ndarray | None = None
-    """(3, 3) matrix from those primaries; None where they are Rec.709's."""
-
-
-def read_picture(path: Path) -> LightPicture:
+def read_picture(path: Path) -> FloatPicture:
     """The picture of an .exr or .hdr file. Raises ValueError that says what was found instead of one."""
     return {".exr": read_exr, ".hdr": _read_radiance}[path.suffix.lower()](path)
 
@@ -52,102 +34,7 @@ def mean_over_sphere(rows: np.ndarray) -> float:
     return float(np.average(rows, weights=weights))
 
 
-def read_exr(path: Path) -> LightPicture:
-    """Colours of the first part: R, G, B, or luminance with or without chroma; at the root, or in the only layer that
-    has them. Alpha is passed over: colours are those in front of black. Raises ValueError for anything else.
-
-    Mitsuba's own reader and writer hand rows to a pool of threads that, in a process which has other libraries' pools
-    too, may never answer.
-    """
-    try:
-        headers = [part.header for part in OpenEXR.File(str(path), separate_channels=True, header_only=True).parts]
-        names = _colours(headers)
-        _check_headers(headers)
-        channels = OpenEXR.File(str(path), separate_channels=True).channels(0)
-        planes = [np.asarray(channels[name].pixels) for name in names]
-        chromaticities = tuple(map(float, headers[0].get("chromaticities", REC709)))
-    except _Unfit:
-        raise
-    except DAMAGE as error:
-        raise ValueError(f"no OpenEXR picture that can be read ({error})") from error
-    if wrong := [plane.dtype for plane in planes if plane.dtype.kind != "f"]:
-        raise ValueError(f"channels of {wrong[0]}, where colours are float16 or float32")
-    matrix = rec709_from_rgb(chromaticities)
-    planes = [plane.astype(np.float32) for plane in planes]
-    if len(planes) == 1:
-        return LightPicture(pixels=np.stack(planes * 3, axis=-1))
-    if names[0].rpartition(".")[2] == "Y":
-        planes = _from_chroma(planes[0], planes[1], planes[2], xyz_from_rgb(chromaticities)[1])
-    return LightPicture(pixels=np.stack(planes, axis=-1), to_rec709=matrix)
-
-
-class _Unfit(ValueError):
-    """A picture that can be read and is not of the kind that is wanted."""
-
-
-def _colours(headers: list[dict[str, Any]]) -> tuple[str, ...]:
-    """Names of the channels of colours in the first part."""
-    parts = [[channel.name for channel in header["channels"]] for header in headers]
-    layers: dict[str, set[str]] = {}
-    for name in parts[0]:
-        layer, _, channel = name.rpartition(".")
-        layers.setdefault(layer, set()).add(channel)
-    # Y beside X is no luminance of a picture but one of three coordinates
-    found = {layer: next((names for names in COLOURS if set(names) <= there and not (names[0] == "Y" and "X" in there)),
-                         ()) for layer, there in layers.items()}
-    named = [layer for layer, names in found.items() if names]
-    if "" in named or len(named) == 1:
-        layer = "" if "" in named else named[0]
-        return tuple(f"{layer}.{name}" if layer else name for name in found[layer])
-    rule = f"layers {', '.join(sorted(named))}, where one is to have colours" if named else \
-        f"channels {', '.join(sorted(parts[0]))}, none of them R, G, B or Y"
-    raise _Unfit(rule if len(parts) == 1 else f"{len(parts)} parts, the first with {rule}")
-
-
-def _check_headers(headers: list[dict[str, Any]]) -> None:
-    """Raise ValueError for what is too large to decode, no flat picture, not the whole one, or six faces of a cube."""
-    samples = 0
-    for header in headers:
-        (left, top), (right, bottom) = ((int(x), int(y)) for x, y in header["dataWindow"])
-        width, height = right - left + 1, bottom - top + 1
-        if max(width, height) > MAX_SIDE:
-            raise _Unfit(f"{width} x {height} pixels, more than {MAX_SIDE} a side")
-        samples += width * height * len(header["channels"])
-    if samples > MAX_SAMPLES:
-        raise _Unfit(f"{samples} values in all channels, more than {MAX_SAMPLES}")
-    first = headers[0]
-    if first.get("type") not in (None, OpenEXR.scanlineimage, OpenEXR.tiledimage):
-        raise _Unfit("samples in depth, not one picture")
-    if first.get("envmap") == OpenEXR.ENVMAP_CUBE:
-        raise _Unfit("the six faces of a cube, not latitude and longitude")
-    windows = [tuple(tuple(map(int, corner)) for corner in first[name]) for name in ("dataWindow", "displayWindow")]
-    if windows[0] != windows[1]:
-        raise _Unfit(f"pixels of the window {windows[0]}, not of the whole picture {windows[1]}")
-
-
-def _from_chroma(luminance: np.ndarray, red: np.ndarray, blue: np.ndarray, weights: np.ndarray) -> list[np.ndarray]:
-    """R, G, B of Y, RY = (R - Y) / Y and BY = (B - Y) / Y (OpenEXR's technical introduction), chroma interpolated
-    between the pixels that have it; where Y is no luminance, neither are they colours."""
-    red, blue = (_enlarged(chroma, luminance.shape).astype(np.float64) for chroma in (red, blue))
-    planes = [(red + 1) * luminance, luminance, (blue + 1) * luminance]
-    planes[1] = (luminance - weights[0] * planes[0] - weights[2] * planes[2]) / weights[1]
-    return [np.where(luminance >= 0, np.maximum(plane, 0), luminance).astype(np.float32) for plane in planes]
-
-
-def _enlarged(chroma: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    """Chroma of every second row and column, say, at all of them."""
-    for axis, (size, wanted) in enumerate(zip(chroma.shape, shape, strict=True)):
-        step = -(-wanted // size)
-        if step > 1:
-            at = np.minimum(np.arange(wanted) / step, size - 1)
-            low = np.floor(at).astype(np.intp)
-            share = (at - low).reshape([-1 if each == axis else 1 for each in range(2)])
-            high = np.minimum(low + 1, size - 1)
-            chroma = chroma.take(low, axis) * (1 - share) + chroma.take(high, axis) * share
-    return chroma
-
-
-def _read_radiance(path: Path) -> LightPicture:
+def _read_radiance(path: Path) -> FloatPicture:
     """Radiance's .hdr (Ward, "Real Pixels", Graphics Gems II, 1991), with the corrections of its header undone."""
     with path.open("rb") as file:
         header, found, _ = file.read(MAX_HEADER).partition(b"\n\n")
@@ -174,7 +61,7 @@ def _read_radiance(path: Path) -> LightPicture:
             if key == "COLORCORR":
                 correction *= np.array(numbers, dtype=np.float32)
             matrix = rec709_from_rgb(numbers) if key == "PRIMARIES" else matrix
-    return LightPicture(pixels=rgbe_pixels(content, width, height) / correction, to_rec709=matrix)
+    return FloatPicture(pixels=rgbe_pixels(content, width, height) / correction, to_rec709=matrix)
 
 
 def rgbe_pixels(content: bytes, width: int, height: int) -> np.ndarray:

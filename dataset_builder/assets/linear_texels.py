@@ -3,6 +3,8 @@
 import numpy as np
 from PIL import Image
 
+MAX_SIDE, MAX_PIXELS = 16384, 1 << 28
+"""The largest image that is decoded."""
 STRIP = 1 << 21
 """Pixels that are made linear at a time."""
 BARELY = 1e-9
@@ -55,17 +57,28 @@ def _linear(strip: Image.Image, table: np.ndarray, covered: bool) -> np.ndarray:
     """(H, W, 1, 3 or 4) float32 of some rows; colours by `table`, coverage as it is. Raises ValueError for floats that
     are not in [0, 1]."""
     if strip.mode == "F":
-        values = np.asarray(strip)[..., None]
-        wrong = values[~((values >= 0) & (values <= 1))]
-        if len(wrong):
-            raise ValueError(f"the value {wrong[0]:g}, where floats are to be in [0, 1]")
-        return values
+        return in_range(np.asarray(strip)[..., None])
     if strip.mode in WIDE:
         return np.take(table, np.asarray(strip))[..., None]
     mode = "RGBA" if covered else "L" if strip.mode in ("1", "L") else "RGB"
     values = np.asarray(strip if strip.mode == mode else strip.convert(mode))
     colours = np.take(table, np.atleast_3d(values)[..., :3])
     return np.concatenate([colours, values[..., 3:] / np.float32(255)], axis=2) if covered else colours
+
+
+def reduced_floats(texels: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """(H, W, C) float32 means over areas of linear texels, at (width, height) `size`. Raises ValueError for values that
+    are not in [0, 1]."""
+    columns = _area_means(in_range(texels), _edges(texels.shape[0], size[1]), 0)
+    return _area_means(columns, _edges(texels.shape[1], size[0]), 1)
+
+
+def in_range(values: np.ndarray) -> np.ndarray:
+    """The values. Raises ValueError for any that are not in [0, 1]."""
+    wrong = values[~((values >= 0) & (values <= 1))]
+    if len(wrong):
+        raise ValueError(f"the value {wrong[0]:g}, where floats are to be in [0, 1]")
+    return values
 
 
 def _edges(pixels: int, texels: int) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 
 from dataset_builder.assets.asset import Material, Wrap, reflectance_at
 from dataset_builder.assets.file_model import FileMaterial, refuse
-from dataset_builder.assets.image_maps import ImageFile, make_texture, opened_image, read_texels
+from dataset_builder.assets.image_maps import ImageFile, holds_floats, make_texture, opened_image, read_texels
 from dataset_builder.digest import read_regular
 from dataset_builder.spec.file_reference import MOST_BYTES, is_within
 from dataset_builder.spec.scene import MAX_SPECULAR
@@ -184,6 +184,8 @@ def _texels(draft: _Draft, name: str, source: "tuple[UsdShade.Shader, str]") -> 
 
 
 def _is_decoded(image: ImageFile) -> bool:
+    if holds_floats(image):
+        return False
     with opened_image(image) as opened:
         return opened.mode in DECODED
 

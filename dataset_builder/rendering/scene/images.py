@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 from mitsuba import mitsuba_ext
 
+from dataset_builder.assets.exr_picture import FloatPicture
 from dataset_builder.assets.image_maps import ImageFile, check_image, resized
-from dataset_builder.assets.light_pictures import LightPicture, mean_over_sphere, read_picture
+from dataset_builder.assets.light_pictures import mean_over_sphere, read_picture
 from dataset_builder.digest import sha256_file
 from dataset_builder.errors import PlanError, Problem, UserError
 from dataset_builder.planning.view.emission import LUMINANCE
@@ -73,13 +74,13 @@ def mean_luminance(image: np.ndarray) -> float:
     return mean_over_sphere((image @ LUMINANCE).mean(axis=1, dtype=np.float64))
 
 
-def _read_png(path: Path) -> LightPicture:
+def _read_png(path: Path) -> FloatPicture:
     """Of sRGB. Raises ValueError as `read_picture` does."""
     try:
         check_image(ImageFile(name=path.name, content=path))
     except UserError as error:
         raise ValueError(error.problems[0].rule) from error
-    return LightPicture(pixels=_by_mitsuba(path))
+    return FloatPicture(pixels=_by_mitsuba(path))
 
 
 def _by_mitsuba(path: Path) -> np.ndarray:

@@ -1,0 +1,102 @@
+"""One example of a dataset as a folder with a stage, its textures and its layers: whole, or not there."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from dataset_builder.errors import Problem, UserError
+from dataset_builder.exporting.example_stage import StageParts, write_stage
+from dataset_builder.exporting.placed_things import stage_contents
+from dataset_builder.extras import missing_named
+from dataset_builder.files import flush_folder, output_errors
+from dataset_builder.label.example_plan import ExamplePlan
+from dataset_builder.shards import exr
+from dataset_builder.shards.reader import Dataset, open_dataset
+from dataset_builder.spec.problems import nearest
+
+STAGE = "scene.usdc"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportJob:
+    """What to export, and whereto."""
+
+    dataset: Path
+    """Folder of a finished dataset."""
+    key: str
+    out: Path
+    """Folder that is made."""
+    mesh_root: Path
+    """Folder that the label names files relative to: that of the dataset's spec."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Exported:
+    """What was written."""
+
+    stage: Path
+    things: int
+    """Parts of the building and pieces of furniture, the target included."""
+    triangles: int
+    """Of all that, with the 3DM."""
+    layers: tuple[str, ...]
+    not_said: tuple[str, ...]
+    """What of the example the stage does not say, in words."""
+
+
+def export_usd(job: ExportJob) -> Exported:
+    """Write the example into a folder beside `out`, and give it that name when it is whole.
+
+    Raises UserError, with nothing written: no such dataset or key, files that the label names missing or changed,
+    something there already, and without usd-core.
+    """
+    with missing_named():
+        import pxr  # noqa: F401
+    dataset = open_dataset(job.dataset)
+    if job.key not in dataset:
+        keys = [key for split in dataset.splits.values() for key in split]
+        raise UserError([Problem(where=str(job.dataset), path="", hint=nearest(job.key, keys, "key"),
+                                 rule=f"expected the key of an example, got {job.key!r:.60}")])
+    if job.out.exists() or job.out.is_symlink():
+        raise UserError([Problem(where=str(job.out), path="", hint="name another folder with --out, or remove it",
+                                 rule="expected no such folder yet, got one; nothing is overwritten")])
+    label = dataset.label(job.key)
+    _require_files(label.plan, job.mesh_root)
+    contents = stage_contents(label.plan, job.mesh_root)
+    out = job.out.absolute()
+    with output_errors(job.out):
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with TemporaryDirectory(dir=out.parent, prefix=f".{out.name}-") as staging:
+            folder = Path(staging) / out.name
+            folder.mkdir()
+            layers = _write_layers(dataset, job.key, folder)
+            lost = write_stage(folder / STAGE, StageParts(label=label, contents=contents, layers=layers,
+                                                          mesh_root=job.mesh_root))
+            os.rename(folder, out)
+        flush_folder(out.parent)
+    things = (contents.target, *contents.around)
+    return Exported(stage=job.out / STAGE, things=len(things), not_said=lost, layers=tuple(name for name, _ in layers),
+                    triangles=sum(len(thing.soup.corners) for thing in things))
+
+
+def _require_files(plan: ExamplePlan, root: Path) -> None:
+    """Raise UserError for files that the label names and that are not there."""
+    objects = [placed.object.source for placed in (plan.target, *plan.furniture) if placed.object.kind != "procedural"]
+    images = [light.image for lit in (plan.source_light, plan.target_light) for light in lit.lights]
+    named = dict.fromkeys(filter(None, [*objects, plan.room.scene.file.source, *images]))
+    if missing := [name for name in named if not (root / name).is_file()]:
+        raise UserError(Problem(where=str(root / name), path="", rule="expected a file that the example was made from, "
+                                "found none", hint="give the folder of the dataset's spec with --meshes")
+                        for name in missing)
+
+
+def _write_layers(dataset: Dataset, key: str, folder: Path) -> tuple[tuple[str, str], ...]:
+    """Write every layer as it is stored; names, and files relative to the folder."""
+    (folder / "layers").mkdir()
+    found = list[tuple[str, str]]()
+    for name, image in dataset.images(key):
+        path = f"layers/{name}.exr"
+        (folder / path).write_bytes(exr.encode(image.pixels, layer=name, key=key, dtype=image.dtype))
+        found.append((name, path))
+    return tuple(found)
