@@ -101,17 +101,20 @@ def file_named(path: Path) -> Iterator[None]:
         raise UserError([replace(problem, where=problem.where or str(path)) for problem in error.problems]) from error
 
 
-def model_asset(model: FileModel, world_from_file: np.ndarray, *, name: str, category: str, licence: str) -> Asset:
+def model_asset(model: FileModel, world_from_file: np.ndarray, *, name: str, category: str, licence: str,
+                look: bool = True) -> Asset:
     """What a reader took out of a file, of at least one part, as one asset: moved by a (4, 4) affine map to metres with
     Z up, welded and mended. `meta` says what the file contains, what of it was left out, what was mended of which part,
-    and what is wrong with its shape. Raises UserError for what is no surface."""
+    and what is wrong with its shape; look: whether to look for that, which takes most of the time. Raises UserError for
+    what is no surface."""
     plain = _colored_or_not(model)
     whole = transform(concatenate([_mesh(part, model, plain) for part in model.parts]), world_from_file)
     sizes = [len(part.faces) for part in model.parts]
     mesh, mended = repair(whole, part=np.repeat(np.arange(len(sizes)), sizes))
     meta = {"licence": licence, "contains": f"{model.contains}; {pieces_text(mended)}",
-            "left_out": "; ".join(_left_out(model)), "repair": repair_text(mended, [part.name for part in model.parts]),
-            "shape": "; ".join([*repair_notes(mended), *shape_faults(mesh).notes])}
+            "left_out": "; ".join(left_out_of(model)),
+            "repair": repair_text(mended, [part.name for part in model.parts]),
+            "shape": "; ".join([*repair_notes(mended), *(shape_faults(mesh).notes if look else ())])}
     return Asset(name=name, category=category, mesh=mesh, materials=_materials(model), meta=meta)
 
 
@@ -143,7 +146,8 @@ def _colored_or_not(model: FileModel) -> list[bool]:
     return sorted({part.colors is not None for part in model.parts if part.material < 0})
 
 
-def _left_out(model: FileModel) -> list[str]:
+def left_out_of(model: FileModel) -> list[str]:
+    """What a file says and is not honoured, that of its materials first."""
     return [*(f"{each.material.name}: {', '.join(each.left_out)}" for each in model.materials if each.left_out),
             *model.left_out]
 

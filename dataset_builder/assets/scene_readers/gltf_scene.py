@@ -8,6 +8,7 @@ import numpy as np
 
 from dataset_builder.assets.asset import Asset
 from dataset_builder.assets.file_model import FileModel, counted
+from dataset_builder.assets.mesh_file import left_out_of
 from dataset_builder.assets.readers.gltf import GltfReading, gltf_reading
 from dataset_builder.assets.readers.gltf_nodes import NodeTree, Placed, Placement, node_tree, place_meshes
 from dataset_builder.assets.scene_model import SceneModel, SceneThing
@@ -42,9 +43,10 @@ def read_gltf_scene(path: Path, source: SceneSource, roots: tuple[Path, ...], wo
         cameras, camera_notes = scene_cameras(reading.gltf, tree, paths, world_from_file)
         contains = [counted(len(things), "thing"), counted(len(lights), "light"), counted(len(cameras), "camera"),
                     reading.contains(placed)]
-        return SceneModel(things=things, lights=lights, cameras=cameras, contains=", ".join(contains),
-                          left_out=(*reading.left_out(placed, ()), *light_notes, *camera_notes),
-                          faults=tuple(taking.faults))
+        whole = FileModel(parts=(), materials=reading.used_materials(), contains=", ".join(contains),
+                          left_out=(*reading.left_out(placed, ()), *light_notes, *camera_notes))
+        return SceneModel(things=things, lights=lights, cameras=cameras, contains=whole.contains,
+                          left_out=tuple(left_out_of(whole)), faults=tuple(taking.faults))
 
 
 def _check_nodes(reading: GltfReading, tree: NodeTree) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from dataset_builder.assets.file_model import FileModel, counted, refuse
-from dataset_builder.assets.mesh_file import checked_references, file_named, scaled_world
+from dataset_builder.assets.mesh_file import checked_references, file_named, left_out_of, scaled_world
 from dataset_builder.assets.readers import obj, off, ply, stl
 from dataset_builder.assets.scene_model import SceneModel, SceneThing
 from dataset_builder.assets.scene_readers.gltf_scene import read_gltf_scene, unique
@@ -49,9 +49,8 @@ def _flat_scene(model: FileModel, path: Path, source: SceneSource, world_from_fi
     """Every group of the parts as a thing, in the coordinates of the file."""
     faults: list[str] = []
     things = tuple(_group_things(model, path, source, world_from_file, faults))
-    lost = [f"{each.material.name}: {', '.join(each.left_out)}" for each in model.materials if each.left_out]
     return SceneModel(things=things, lights=(), cameras=(), contains=f"{counted(len(things), 'thing')}, "
-                      f"{model.contains}", left_out=(*lost, *model.left_out), faults=tuple(faults))
+                      f"{model.contains}", left_out=tuple(left_out_of(model)), faults=tuple(faults))
 
 
 def _group_things(model: FileModel, path: Path, source: SceneSource, world_from_file: np.ndarray,

@@ -13,7 +13,8 @@ from dataset_builder.geometry.mesh import TriangleMesh
 
 def thing_asset(model: FileModel, world_from_file: np.ndarray, *, name: str, category: str,
                 licence: str) -> tuple[Asset, str]:
-    """The asset of the parts of a model, with the materials that they use, and its `content`.
+    """The asset of the parts of a model, with the materials that they use, and its `content`. Faults of its shape are
+    not looked for: they matter once it is a target.
 
     world_from_file: (4, 4) affine map to metres with Z up. Raises UserError for what is no surface.
     """
@@ -22,7 +23,7 @@ def thing_asset(model: FileModel, world_from_file: np.ndarray, *, name: str, cat
     parts = tuple(replace(part, material=ranks[part.material]) for part in model.parts)
     materials = tuple(model.materials[index] for index in used)
     asset = model_asset(replace(model, parts=parts, materials=materials), world_from_file, name=name,
-                        category=category, licence=licence)
+                        category=category, licence=licence, look=False)
     known = [each.content or made_of(each.material) for each in materials]
     return asset, content_of(asset.mesh, [*known, *map(made_of, asset.materials[len(known):])])
 

@@ -19,6 +19,7 @@ from dataset_builder.assets.procedural.furniture import FINISHES, make_furniture
 from dataset_builder.assets.procedural.rooms import make_room
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.geometry.mesh import transform
+from dataset_builder.geometry.shape_faults import shape_faults
 from dataset_builder.label.scene_plan import MaterialChange, ObjectPlan, Param, PlacedObject, RoomPlan
 from dataset_builder.planning.scene.recent import Recent, bytes_of
 from dataset_builder.planning.scene.scene_models import scene_model
@@ -154,7 +155,7 @@ def _thing_asset(plan: ObjectPlan, mesh_root: Path) -> Asset:
     meta = {**thing.asset.meta, "licence": plan.licence, "source": plan.source,
             "contains": f"{plan.thing} of {plan.source}, {len(mesh.faces):,} triangles",
             "moved": ", ".join(f"{step:.6g} m" for step in moved),
-            "shape": "; ".join(filter(None, [thing.asset.meta.get("shape", ""), *flat]))}
+            "shape": "; ".join(filter(None, [thing.asset.meta.get("shape", ""), *shape_faults(mesh).notes, *flat]))}
     return replace(thing.asset, name=plan.name, category=plan.category, mesh=mesh, meta=meta)
 
 

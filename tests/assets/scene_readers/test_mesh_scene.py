@@ -105,6 +105,12 @@ def test_another_texel_is_another_content(tmp_path: Path) -> None:
     assert found[0] == found[1] != found[2]  # the size of textures does not count
 
 
+def test_what_materials_say_and_is_not_honoured_is_named(tmp_path: Path) -> None:
+    made = GltfMaker()
+    made.draw(made.primitive(material=made.add("materials", name="m", occlusionTexture={"index": 0})))
+    assert load(made.write(tmp_path / "a.glb")).left_out[0] == "m: occlusionTexture (light that is baked in)"
+
+
 def test_files_that_are_no_scene(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="expected an existing file, got none"):
         load(tmp_path / "a.glb")
