@@ -1,5 +1,7 @@
 """How fine textures need to be for what a camera can see of them: a house has hundreds, and few of them are near."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from dataset_builder.geometry.pinhole import Pinhole
@@ -22,10 +24,12 @@ def seen_sides(soup: Soup, camera: Pinhole, texels_per_pixel: float, most: int) 
     are of one frame.
     """
     pixels = camera.focal / np.maximum(distances(camera.position, soup.corners), MIN_DISTANCE)
-    needed = texels_per_pixel * pixels * repeat_lengths(soup.corners, soup.uvs)
+    needed = texels_per_pixel * pixels * repeat_lengths(soup.corners, soup.uvs.astype(float))
     seen = pixels**2 * _areas(soup.corners)
-    return tuple(_side(needed[own], seen[own], most) if (own := soup.material == index).any() else MIN_SIDE
-                 for index in range(len(soup.materials)))
+    order = np.argsort(soup.material, kind="stable")
+    ends = np.searchsorted(soup.material[order], np.arange(len(soup.materials) + 1))
+    faces = [order[first:last] for first, last in pairwise(ends)]
+    return tuple(_side(needed[own], seen[own], most) if len(own) else MIN_SIDE for own in faces)
 
 
 def _side(needed: np.ndarray, weight: np.ndarray, most: int) -> int:

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from dataset_builder.assets.asset import Material
+from dataset_builder.assets.asset import HALF_STEP, Material
 from dataset_builder.rendering.buffers import owned
 from dataset_builder.rendering.surface.texel_reader import TexelReader
-from dataset_builder.rendering.surface.texels import FACTORS, ROUNDING, needs, pack
+from dataset_builder.rendering.surface.texels import FACTORS, needs, pack
 from dataset_builder.rendering.surface.vertex_colours import VertexColours
 
 QUADS = FACTORS // 4
@@ -121,7 +121,7 @@ def _coverage(alpha: mi.Float, cutoff: mi.Float) -> mi.Float:
 
     Weights of interpolation add up to a hair more or less than 1; what is whole must stay whole, or light leaks.
     """
-    whole = alpha > 1 - ROUNDING / 2
+    whole = alpha > 1 - HALF_STEP / 2
     return dr.select(cutoff < 0, dr.select(whole, 1, alpha), dr.select(alpha >= cutoff, mi.Float(1), 0))
 
 

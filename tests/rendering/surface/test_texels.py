@@ -7,7 +7,8 @@ import pytest
 
 from dataset_builder.assets.asset import MORE_MAPS, Material, Texture
 from dataset_builder.errors import PlanError
-from dataset_builder.rendering.surface.texels import CHANNELS, FACTORS, averaged, pack, pack_texture
+from dataset_builder.rendering.surface.texel_means import averaged
+from dataset_builder.rendering.surface.texels import CHANNELS, FACTORS, pack, pack_texture
 
 CHECKED = tuple(field.name for field in fields(Material) if field.name not in ("name", "texture"))
 
