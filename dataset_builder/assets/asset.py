@@ -141,6 +141,7 @@ def texel_ends(texture: Texture | None, name: str) -> tuple[np.ndarray, np.ndarr
 def _ends(texels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     # Along rows that are one piece of memory, which is fifty times as fast as over two axes at once
     rows = texels.reshape(len(texels), -1)
+    rows = rows.astype(np.float32) if rows.dtype == np.float16 else rows
     low, high = (end(end(rows, axis=0).reshape(texels.shape[1:]), axis=0) for end in (np.min, np.max))
     if np.isnan(low).any():
         texels = np.nan_to_num(texels, nan=1.0)

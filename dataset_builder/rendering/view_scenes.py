@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -61,7 +61,8 @@ class ViewScenes:
 
     @cached_property
     def _room(self) -> Soup:
-        return self.local_frame.soup(surroundings(self.plan, self.mesh_root))
+        soup = self.local_frame.soup(surroundings(self.plan, self.mesh_root))
+        return replace(soup, corners=soup.corners.astype(np.float32))
 
     @cached_property
     def _materials(self) -> Textures:
@@ -79,7 +80,8 @@ class ViewScenes:
         return self._body(self.clean_object, self._room)
 
     def _body(self, target: Soup, room: Soup) -> Body:
-        return body_of(merge([target, room]), self._materials, frozenset(self.plan.effects.features))
+        narrow = replace(target, corners=target.corners.astype(np.float32))
+        return body_of(merge([narrow, room]), self._materials, frozenset(self.plan.effects.features))
 
     @cached_property
     def _open_body(self) -> Body:

@@ -12,6 +12,8 @@ SHARE = 0.99
 coarser."""
 MIN_SIDE = 16
 """Texels along a side that every texture keeps, where it has them."""
+STRIP = 1 << 14
+"""Triangles at a time: what is found on the way is ten times as large."""
 MIN_DISTANCE = 1e-6
 """Of the camera from a surface, in lengths of its frame."""
 
@@ -23,9 +25,13 @@ def seen_sides(soup: Soup, camera: Pinhole, texels_per_pixel: float, most: int) 
     wherever the camera looks: in a plane mirror, things are only further away. Both lengths of the soup and the camera
     are of one frame.
     """
-    pixels = camera.focal / np.maximum(distances(camera.position, soup.corners), MIN_DISTANCE)
-    needed = texels_per_pixel * pixels * repeat_lengths(soup.corners, soup.uvs.astype(float))
-    seen = pixels**2 * _areas(soup.corners)
+    needed, seen = np.empty((2, len(soup.corners)))
+    for first in range(0, len(needed), STRIP):
+        some = slice(first, first + STRIP)
+        corners = soup.corners[some].astype(float)
+        pixels = camera.focal / np.maximum(distances(camera.position, corners), MIN_DISTANCE)
+        needed[some] = texels_per_pixel * pixels * repeat_lengths(corners, soup.uvs[some].astype(float))
+        seen[some] = pixels**2 * _areas(corners)
     order = np.argsort(soup.material, kind="stable")
     ends = np.searchsorted(soup.material[order], np.arange(len(soup.materials) + 1))
     faces = [order[first:last] for first, last in pairwise(ends)]

@@ -22,7 +22,7 @@ from dataset_builder.planning.scene.room_parts import RoomPart, room_parts
 from dataset_builder.seeding import rng
 
 KEPT_BASES = 16
-KEPT_ROOMS, KEPT_BYTES = 16, 1 << 30
+KEPT_ROOMS, KEPT_BYTES = 16, 1 << 29
 NARROW = {"normals": np.float32, "uvs": np.float32, "material": np.int32, "instance": np.int32, "part": np.int8}
 PARTS = ("furniture", "floor", "walls", "ceiling")
 """What a triangle belongs to: an object or thing, or a part of the room."""
@@ -33,7 +33,7 @@ class Soup:
     """F triangles in world space. All but corners are kept as narrow as the device takes them."""
 
     corners: np.ndarray
-    """(F, 3, 3), metres."""
+    """(F, 3, 3) float64, metres; float32 for what is around, in the frame that it is rendered in."""
     normals: np.ndarray
     """(F, 3, 3) float32 unit vectors."""
     uvs: np.ndarray
@@ -69,6 +69,8 @@ def _bytes_of(soup: Soup) -> int:
 
 _rooms = Recent[Soup](KEPT_ROOMS, KEPT_BYTES, _bytes_of)
 _known_normals: WeakKeyDictionary[Asset, np.ndarray] = WeakKeyDictionary()
+_part_normals: WeakKeyDictionary[Asset, np.ndarray] = WeakKeyDictionary()
+"""Of what is around, which is most of a house: float32."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -92,6 +94,8 @@ def soup_of(mesh: TriangleMesh, normals: np.ndarray, materials: tuple[Material, 
 
 def merge(soups: Sequence[Soup]) -> Soup:
     """One soup of several, in order."""
+    if len(soups) == 1:
+        return soups[0]
     firsts = np.cumsum([0, *(len(soup.materials) for soup in soups)])
     return Soup(
         corners=np.concatenate([soup.corners for soup in soups]),
@@ -117,10 +121,12 @@ def _room(plan: RoomPlan, mesh_root: Path) -> Soup:
 
 def part_soup(part: RoomPart) -> Soup:
     """The triangles of what is around; its transform may scale, shear and mirror."""
-    mesh, normals = part.asset.mesh, _normals(part.asset)
+    if part.asset not in _part_normals:
+        _part_normals[part.asset] = corner_normals(part.asset.mesh).astype(np.float32)
+    mesh, normals = part.asset.mesh, _part_normals[part.asset]
     linear, offset = part.world[:3, :3], part.world[:3, 3]
     corners = mesh.corners @ linear.T + offset
-    order = [0, 2, 1] if np.linalg.det(linear) < 0 else [0, 1, 2]
+    order = [0, 2, 1] if np.linalg.det(linear) < 0 else slice(None)
     return Soup(corners=corners[:, order], normals=_turned(normals, linear, corners)[:, order], uvs=mesh.uvs[:, order],
                 material=mesh.material, instance=np.full(len(mesh.faces), part.instance, np.int32),
                 part=np.full(len(mesh.faces), PARTS.index(part.part), np.int8), materials=part.asset.materials,
