@@ -1,4 +1,4 @@
-"""CPU seconds and memory of a house of hundreds of pieces and millions of triangles: read, planned, planned again, rendered.
+"""CPU seconds and memory of a house of hundreds of pieces and millions of triangles: read, planned, and rendered.
 
 The house is written as one GLB: four rooms in a row with doors and windows, and bumpy balls on legs, each with a mesh
 and a picture of its own, as in scanned flats. Each size runs in a process of its own, whose peak of memory counts. The
@@ -13,7 +13,7 @@ import struct
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -49,9 +49,38 @@ splits:
 """
 
 
+Corner = tuple[float, float, float]
+Thing = tuple[str, np.ndarray, np.ndarray, np.ndarray, int]
+"""Name, (V, 3) positions in metres with Z up, (F, 3) faces, (V, 2) texture coordinates, and 0 for plaster or the number
+of a picture."""
+
+
 def write_house(path: Path, pieces: int, triangles: int, pictures: int) -> None:
     """The house as a GLB; metres, Y up."""
-    binary, views, accessors, meshes, nodes, images = io.BytesIO(), [], [], [], [], []
+    things = [(name, positions, faces, positions[:, :2], 0)
+              for name, positions, faces in (box_mesh(*part) for part in building(ROOMS, WIDTH, DEPTH))]
+    draws, places = rng(0, "house"), ROOMS * 10
+    positions, faces, uvs = ball(triangles // pieces)
+    for number in range(pieces):
+        shape = positions * draws.uniform(0.2, 0.35, 3) * (1 + 0.05 * np.sin(draws.uniform(3, 9) * positions[:, :1]))
+        row, column = divmod(number, places)
+        spot = np.array([column * WIDTH / 10 + WIDTH / 20, 0.6 + row * (DEPTH - 1.2) / max(-(-pieces // places), 1), 0])
+        things.append((f"piece_{number:03d}", shape + spot - [0, 0, shape[:, 2].min()], faces, uvs,
+                       1 + number % pictures))
+    write_glb(path, things, [picture(number) for number in range(pictures)])
+
+
+def ball(triangles: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Positions, faces and texture coordinates of a bumpy ball of radius 1."""
+    raw = scan(triangles)
+    positions, index = np.unique(raw.positions, axis=0, return_inverse=True)
+    uvs = np.stack([np.arctan2(positions[:, 1], positions[:, 0]) / np.pi, positions[:, 2]], 1)
+    return positions, index.reshape(-1)[raw.faces], uvs
+
+
+def write_glb(path: Path, things: Sequence[Thing], pictures: Sequence[bytes]) -> None:
+    """Things as nodes of a GLB, Y up, each with a mesh of its own."""
+    binary, views, accessors, meshes, nodes = io.BytesIO(), [], [], [], []
 
     def view(data: bytes) -> int:
         binary.write(b"\0" * (-binary.tell() % 4))
@@ -62,38 +91,23 @@ def write_house(path: Path, pieces: int, triangles: int, pictures: int) -> None:
     def accessor(values: np.ndarray, kind: str) -> int:
         accessors.append({"bufferView": view(values.tobytes()), "componentType": 5125 if kind == "SCALAR" else 5126,
                           "count": len(values), "type": kind,
-                          **({} if kind == "SCALAR" else {"min": values.min(0).tolist(), "max": values.max(0).tolist()})})
+                          **({} if kind == "SCALAR" else {"min": values.min(0).tolist(),
+                                                          "max": values.max(0).tolist()})})
         return len(accessors) - 1
 
-    def thing(name: str, positions: np.ndarray, faces: np.ndarray, uvs: np.ndarray, material: int) -> None:
-        """positions: (V, 3) with Z up."""
+    images = [{"bufferView": view(each), "mimeType": "image/png"} for each in pictures]
+    for name, positions, faces, uvs, material in things:
         flat = np.ascontiguousarray(positions @ np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]], dtype=float), np.float32)
         attributes = {"POSITION": accessor(flat, "VEC3"), "TEXCOORD_0": accessor(uvs.astype(np.float32), "VEC2")}
         meshes.append({"primitives": [{"attributes": attributes, "material": material,
                                        "indices": accessor(faces.astype(np.uint32).ravel(), "SCALAR")}]})
         nodes.append({"name": name, "mesh": len(meshes) - 1})
-
-    for number in range(pictures):
-        images.append({"bufferView": view(_picture(number)), "mimeType": "image/png"})
-    for name, low, high in _building():
-        positions, faces = _box(low, high)
-        thing(name, positions, faces, positions[:, :2], 0)
-    ball = scan(triangles // pieces)
-    positions, faces = _welded(ball.positions, ball.faces)
-    uvs = np.stack([np.arctan2(positions[:, 1], positions[:, 0]) / np.pi, positions[:, 2]], 1)
-    draws = rng(0, "house")
-    for number in range(pieces):
-        shape = positions * draws.uniform(0.2, 0.35, 3) * (1 + 0.05 * np.sin(draws.uniform(3, 9) * positions[:, :1]))
-        places = ROOMS * 10
-        row, column = divmod(number, places)
-        spot = np.array([column * WIDTH / 10 + WIDTH / 20, 0.6 + row * (DEPTH - 1.2) / max(-(-pieces // places), 1), 0])
-        thing(f"piece_{number:03d}", shape + spot - [0, 0, shape[:, 2].min()], faces, uvs, 1 + number % pictures)
     materials = [{"name": "plaster", "pbrMetallicRoughness": {"metallicFactor": 0}}, *(
         {"name": f"cloth {k}", "pbrMetallicRoughness": {"metallicFactor": 0, "baseColorTexture": {"index": k}}}
-        for k in range(pictures))]
+        for k in range(len(pictures)))]
     nodes.append({"name": "house", "children": list(range(len(nodes)))})
     head = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [len(nodes) - 1]}], "nodes": nodes,
-            "meshes": meshes, "materials": materials, "textures": [{"source": k} for k in range(pictures)],
+            "meshes": meshes, "materials": materials, "textures": [{"source": k} for k in range(len(pictures))],
             "images": images, "accessors": accessors, "bufferViews": views,
             "buffers": [{"byteLength": binary.tell()}]}
     text = json.dumps(head).encode()
@@ -103,7 +117,7 @@ def write_house(path: Path, pieces: int, triangles: int, pictures: int) -> None:
     path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
 
 
-def _picture(number: int) -> bytes:
+def picture(number: int) -> bytes:
     draws = rng(number, "picture")
     coarse = draws.integers(60, 230, (16, 16, 3), dtype=np.uint8)
     stream = io.BytesIO()
@@ -111,33 +125,31 @@ def _picture(number: int) -> bytes:
     return stream.getvalue()
 
 
-def _building() -> list[tuple[str, tuple[float, float, float], tuple[float, float, float]]]:
+def building(rooms: int, width: float, depth: float) -> list[tuple[str, Corner, Corner]]:
     """Names and corners of boxes: floor, ceiling, outer walls with a window each, inner walls with a door each."""
-    length = ROOMS * WIDTH
-    parts = [("floor", (0, 0, -0.2), (length, DEPTH, 0)), ("ceiling", (0, 0, HEIGHT), (length, DEPTH, HEIGHT + 0.2)),
-             ("wall_east", (-WALL, 0, 0), (0, DEPTH, HEIGHT)), ("wall_west", (length, 0, 0), (length + WALL, DEPTH, HEIGHT)),
-             ("wall_front", (0, -WALL, 0), (length, 0, HEIGHT)), ("wall_back_low", (0, DEPTH, 0), (length, DEPTH + WALL, 0.9)),
-             ("wall_back_high", (0, DEPTH, 2.2), (length, DEPTH + WALL, HEIGHT))]
-    for room in range(ROOMS):
-        x = room * WIDTH
-        parts.append((f"wall_pier_{room}", (x, DEPTH, 0.9), (x + WIDTH / 2, DEPTH + WALL, 2.2)))
+    length = rooms * width
+    parts = [("floor", (0, 0, -0.2), (length, depth, 0)),
+             ("ceiling", (0, 0, HEIGHT), (length, depth, HEIGHT + 0.2)),
+             ("wall_east", (-WALL, 0, 0), (0, depth, HEIGHT)),
+             ("wall_west", (length, 0, 0), (length + WALL, depth, HEIGHT)),
+             ("wall_front", (0, -WALL, 0), (length, 0, HEIGHT)),
+             ("wall_back_low", (0, depth, 0), (length, depth + WALL, 0.9)),
+             ("wall_back_high", (0, depth, 2.2), (length, depth + WALL, HEIGHT))]
+    for room in range(rooms):
+        x = room * width
+        parts.append((f"wall_pier_{room}", (x, depth, 0.9), (x + width / 2, depth + WALL, 2.2)))
         if room:
-            parts += [(f"wall_inner_{room}a", (x, 0, 0), (x + WALL, DEPTH / 2, HEIGHT)),
-                      (f"wall_inner_{room}b", (x, DEPTH / 2 + 0.9, 0), (x + WALL, DEPTH, HEIGHT)),
-                      (f"wall_lintel_{room}", (x, DEPTH / 2, 2.1), (x + WALL, DEPTH / 2 + 0.9, HEIGHT))]
+            parts += [(f"wall_inner_{room}a", (x, 0, 0), (x + WALL, depth / 2, HEIGHT)),
+                      (f"wall_inner_{room}b", (x, depth / 2 + 0.9, 0), (x + WALL, depth, HEIGHT)),
+                      (f"wall_lintel_{room}", (x, depth / 2, 2.1), (x + WALL, depth / 2 + 0.9, HEIGHT))]
     return parts
 
 
-def _box(low: tuple[float, float, float], high: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray]:
+def box_mesh(name: str, low: Corner, high: Corner) -> tuple[str, np.ndarray, np.ndarray]:
     corners = np.array([(x, y, z) for z in (low[2], high[2]) for y in (low[1], high[1]) for x in (low[0], high[0])])
     faces = np.array([(0, 2, 3), (0, 3, 1), (4, 5, 7), (4, 7, 6), (0, 1, 5), (0, 5, 4), (2, 6, 7), (2, 7, 3),
                       (0, 4, 6), (0, 6, 2), (1, 3, 7), (1, 7, 5)])
-    return corners, faces
-
-
-def _welded(positions: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    places, index = np.unique(positions, axis=0, return_inverse=True)
-    return places, index.reshape(-1)[faces]
+    return name, corners, faces
 
 
 def measure(folder: Path, pieces: int, triangles: int, pictures: int) -> dict[str, float]:
