@@ -29,6 +29,8 @@ SCHEMA_VERSION = "1.0.0"
 """Of the ExamplePlan that is written beside the pixels."""
 TEXELS_PER_PIXEL = 2.0
 """Of textures of scenes from files, which have hundreds; no picture shows more."""
+KEPT_BYTES, TRIANGLE_BYTES = 1 << 30, 200
+"""Of arrangements, and of a triangle in one: our arrays and the tree that rays go down."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,8 +47,8 @@ class Planner:
 
     def __init__(self, loaded: LoadedSpec):
         self.loaded = loaded
-        self._arrangements = Recent[Arrangement](4)
-        self._views = Recent[ViewPlan](4)
+        self._arrangements = Recent[Arrangement](4, KEPT_BYTES, _bytes_of)
+        self._views = Recent[ViewPlan](4, KEPT_BYTES, lambda view: _bytes_of(view.arrangement))
         self._lights = Recent[tuple[IlluminationPlan, str]](64)
 
     @cached_property
@@ -124,6 +126,10 @@ class Planner:
             camera=shared.view.camera, source_light=shared.source, target_light=light,
             rough=rough, fog=fog, render=render, effects=effects,
             notes=(*arrangement.notes, shared.view.note, note, *rough_notes(rough, clean)))
+
+
+def _bytes_of(arrangement: Arrangement) -> int:
+    return TRIANGLE_BYTES * sum(len(faces) for _, faces, _ in arrangement.geometry)
 
 
 def _where(ref: ViewRef, arrangement: Arrangement) -> str:

@@ -82,7 +82,7 @@ def estimate_table(estimate: CostEstimate, cores: int) -> Table:
 
 def files_table(files: Mapping[str, Sequence[tuple[str, str]]]) -> Table:
     """What every mesh file contains, and what became of it. Files of which the same is told share a row."""
-    table = Table("file", "what it contains, and what became of it", title="Mesh files", title_justify="left",
+    table = Table("file", "what it contains, and what became of it", title="Mesh and scene files", title_justify="left",
                   show_lines=True)
     rows = dict[str, list[str]]()
     for name, told in files.items():

@@ -39,7 +39,8 @@ class LoadedSpec:
     """One dataset and its files.
 
     Files are keyed by their path relative to the folder of the dataset file, with forward slashes; every reference
-    inside `dataset` and `scenes` is such a key, so `rooms[scene.room]` and `objects[piece.object]` always work.
+    inside `dataset` and `scenes` is such a key, so `objects[piece.object]` always works, and `rooms[scene.room]` where
+    a scene has a room.
     """
 
     path: Path

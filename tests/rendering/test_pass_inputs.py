@@ -6,6 +6,7 @@ import pytest
 
 from dataset_builder.label.example_plan import ExamplePlan, GoalPlan, RoughStep, SppPart
 from dataset_builder.label.scene_plan import MaterialChange, Param
+from dataset_builder.label.scene_source import SceneThingPlan
 from dataset_builder.rendering.pass_inputs import all_passes, goals_at, inputs_of, key_of, sky_radiance, steps_of
 from tests.plans import example_plan
 
@@ -46,6 +47,15 @@ EDITS: dict[str, tuple[Edit, set[str]]] = {
     "key, index, view, notes": (within("", key="00000099", index=99, view="train/000077", notes=("x",)), set()),
     "names": (within("target.object", name="other", category="other", licence="other"), set()),
     "name of the room": (within("room", name="other"), set()),
+    "path and licence of a scene file": (within("room.scene.file", source="a.glb", licence="MIT", roots=("b",),
+                                                models="m", textures="t"), set()),
+    "what a scene's things are called": (within("room.scene", things=(SceneThingPlan(
+        instance=3, name="a", category="chair", licence="MIT"),)), set()),
+    "a thing that is taken away": (within("room.scene", hidden=("a",)), set(PASSES)),
+    "content of a scene file": (within("room.scene.file", source_sha256="0"), set(PASSES)),
+    "scale of a scene file": (within("room.scene.file", scale=0.01), set(PASSES)),
+    "path of a target's scene": (within("target.object.scene", source="a.glb"), set()),
+    "place of a target in its scene": (within("target.object", linear=(2.0,) * 9), set(PASSES)),
     "estimates of the camera": (within("camera", coverage=0.3, visibility=0.5), set()),
     "layers": (within("render", layers=LAYERS[::-1]), set()),
     "denoising": (within("render", denoise=("i_t",), keep_raw=True), set()),

@@ -30,8 +30,9 @@ SMOOTH = 0.0316
 """Roughness below which glass sends light in single directions: GGX alpha of 1e-3, as rendering has it."""
 TOLD = {"contains": "contains", "left_out": "left out", "repair": "repair", "shape": "shape"}
 """Choices of decisions about mesh files, by the key of the asset's `meta`."""
-SENTENCES = 40
-"""About a scene file that one decision lists before it counts the rest."""
+SENTENCES, THINGS = 40, 6
+"""Of what a scene file leaves out or has wrong, and of things about which there is something to say: how many one
+decision lists before it counts the rest."""
 FLAT = 0.01
 """Degrees below which two faces are in one plane."""
 
@@ -197,17 +198,18 @@ def told_of_scene(room: RoomPlan, mesh_root: Path) -> tuple[tuple[str, str], ...
     """Of a scene from a file, pairs of a word and a sentence: one of each word, however many things it is about."""
     if room.kind == "procedural":
         return ()
-    model, told = scene_model(room, mesh_root), dict[str, list[str]]()
-    told |= {"contains": [model.contains], "left out": [*model.left_out], "faults": [*model.faults]}
-    for part in room_parts(room, mesh_root):
-        for word, said in told_of(part.asset):
-            if word != "contains":
-                told.setdefault(word, []).append(f"{part.name}: {said}")
-    told["taken away"] = [*room.scene.hidden]
-    return tuple((word, _listed(sentences)) for word, sentences in told.items() if sentences)
+    model, around = scene_model(room, mesh_root), room_parts(room, mesh_root)
+    told = {"contains": model.contains, "left out": _listed(model.left_out), "faults": _listed(model.faults)}
+    for key, word in TOLD.items():
+        said = [f"{part.name}: {part.asset.meta[key]}" for part in around if part.asset.meta.get(key)]
+        if key != "contains" and said:
+            about = f"{len(said)} of {len(around)} things: {_listed(said, THINGS)}"
+            told[word] = "; ".join(filter(None, [told.get(word, ""), about]))
+    told["taken away"] = _listed(room.scene.hidden)
+    return tuple((word, said) for word, said in told.items() if said)
 
 
-def _listed(sentences: Sequence[str]) -> str:
+def _listed(sentences: Sequence[str], most: int = SENTENCES) -> str:
     """The first few sentences, and how many more there are."""
-    more = len(sentences) - SENTENCES
-    return "; ".join(sentences[:SENTENCES]) + (f"; and {more} more" if more > 0 else "")
+    more = len(sentences) - most
+    return "; ".join(sentences[:most]) + (f"; and {more} more" if more > 0 else "")

@@ -107,7 +107,9 @@ class FreeFloor:
 
     def blocked(self, box: Footprint) -> bool:
         """Whether anything comes nearer than WALL_GAP to the sides of a box, or into it from above."""
-        gap = WALL_GAP - 1e-4
+        gap, own = WALL_GAP - 1e-4, self.under(box)
+        if (self.clear[own] + self.storey.height[own] < box.top - gap).any():
+            return True
         slices = [self.points[self.starts[first]:self.starts[last + 1]] for first, last in self._rows(box, gap)]
         points = np.concatenate(slices) if slices else np.zeros((0, 3))
         across = np.abs((points[:, :2] - box.centre) @ box.axes.T) < np.asarray(box.half) + gap

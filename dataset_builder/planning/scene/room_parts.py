@@ -80,5 +80,4 @@ def _things(plan: RoomPlan, mesh_root: Path) -> tuple[RoomPart, ...]:
 
 
 def _is_clear(thing: SceneThing) -> bool:
-    shown = np.unique(thing.asset.mesh.material).tolist()
-    return all(is_pane(thing.asset.materials[index]) for index in shown)
+    return all(map(is_pane, thing.asset.materials))

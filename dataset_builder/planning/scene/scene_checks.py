@@ -1,14 +1,12 @@
 """What is wrong with the scene files of a spec: all of them are read, and all problems gathered."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.label.scene_plan import ObjectPlan
 from dataset_builder.planning.scene.contents import ScenePlan, SplitContents, across
 from dataset_builder.planning.scene.scene_models import scene_facts
 from dataset_builder.planning.scene.things import left_out, slots, targets, unknown_names
-from dataset_builder.spec.document import Path as KeyPath
 from dataset_builder.spec.licences import contradiction
 from dataset_builder.spec.resolve import LoadedSpec
 
@@ -55,14 +53,11 @@ def _problems(loaded: LoadedSpec, scene: ScenePlan) -> Iterator[Problem]:
 
 
 def _at(loaded: LoadedSpec, scene: ScenePlan, problem: Problem) -> Problem:
-    """A problem of a scene file as one of the spec's line that names it, or of the one that it is about."""
+    """A problem of a scene file as one of the spec's line that names it; one of the spec stays as it is."""
     if problem.where in _places(loaded):
         return problem
-    about = tuple(problem.path.split(".")) if problem.path.startswith("parts.") else ("path",)
-    path: KeyPath = ("file", *about)
-    rule = problem.rule if about != ("path",) else ": ".join(
-        part for part in (problem.where, problem.path, problem.rule) if part)
-    return replace(loaded.problem(scene.key, path, rule), hint=problem.hint)
+    rule = ": ".join(part for part in (problem.where, problem.path, problem.rule) if part)
+    return loaded.problem(scene.key, ("file", "path"), rule, problem.hint)
 
 
 def _places(loaded: LoadedSpec) -> set[str]:

@@ -8,13 +8,14 @@ import numpy as np
 
 from dataset_builder.assets.asset import Asset
 from dataset_builder.errors import PlanError
+from dataset_builder.geometry.raycast import RayScene
 from dataset_builder.label.scene_plan import ObjectPlan, PlacedObject, RoomPlan
 from dataset_builder.label.scene_source import SceneThingPlan
 from dataset_builder.planning.catalogue import PairRef
 from dataset_builder.planning.scene.assets_of_plan import asset_of
 from dataset_builder.planning.scene.contents import ScenePlan, SplitContents
 from dataset_builder.planning.scene.footprints import Box, Footprint, footprint, overlap, standing
-from dataset_builder.planning.scene.room_parts import ROOM_INSTANCE
+from dataset_builder.planning.scene.room_parts import ROOM_INSTANCE, room_parts
 from dataset_builder.planning.scene.scene_models import SceneFacts, ThingFacts, scene_facts
 from dataset_builder.planning.scene.things import Slot, left_out, placed_thing, slot_of, target_plan, unknown_names
 from dataset_builder.spec.resolve import LoadedSpec
@@ -22,6 +23,8 @@ from dataset_builder.spec.resolve import LoadedSpec
 TARGET_INSTANCE = 1
 FURNITURE_INSTANCE = 3
 """Value in the `instance` layer of the first thing or piece of furniture."""
+FLOOR_SHARE = 0.1
+"""Of its height that the corners of a box are looked for within."""
 NAMED = 3
 """Things that a note names before it counts the rest."""
 
@@ -101,11 +104,23 @@ def _slot_notes(room: RoomPlan, facts: SceneFacts, slot: Slot, placed: PlacedObj
     hidden = set(room.scene.hidden)
     met = [thing.name for thing in facts.things if thing.name not in hidden and thing.role == "object"
            and overlap(box, _box(thing)) and not overlap(before, _box(thing))]
+    building = RayScene([(part.positions, part.faces, part.instance) for part in room_parts(room, mesh_root)
+                         if part.part != "furniture"])
+    if _crosses(building, box) and not _crosses(building, before):
+        met.append("the building")
     took = f"the target takes the place of {slot.thing}"
     if not met:
         return (took,)
     more = f" and {len(met) - NAMED} more" if len(met) > NAMED else ""
-    return (f"{took}, but does not fit the free space there: its box meets those of {', '.join(met[:NAMED])}{more}",)
+    return (f"{took}, but does not fit the free space there: its box meets {', '.join(met[:NAMED])}{more}",)
+
+
+def _crosses(building: RayScene, box: Footprint) -> bool:
+    """Whether surfaces part the corners of a box, its lower ones raised off the floor, from its middle."""
+    rise = FLOOR_SHARE * (box.top - box.bottom)
+    corners = np.array([[*corner, z] for corner in box.corners() for z in (box.bottom + rise, box.top - rise)])
+    middle = np.array([*box.centre, (box.bottom + box.top) / 2])
+    return bool(building.occluded(np.broadcast_to(middle, corners.shape), corners).any())
 
 
 def _box(thing: ThingFacts) -> Footprint:

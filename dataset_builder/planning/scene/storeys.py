@@ -24,8 +24,9 @@ LOOSE_SHARE = 0.25
 MOST_STOREYS = 12
 MIN_FLOOR = 1.0
 """Square metres of a floor, or of a free part of one."""
-ROOFED = 0.05
-"""Share of all floor that has a roof above it from which on the rest counts as outdoors: outer roofs, the street."""
+ROOFED, ROOM = 0.05, 8.0
+"""Share of all floor, or square metres of it, under a roof from which on the rest counts as outdoors and as no place:
+outer roofs, the street."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -105,7 +106,7 @@ def find_storeys(grid: Grid, up: tuple[np.ndarray, np.ndarray], ground: RayScene
     band = LOOSE_BAND if loose else BAND
     found = [_storey(grid, level, band, ground, house) for level in sorted(levels(heights, areas, least))]
     covered = sum(int((each.floor & np.isfinite(each.roof)).sum()) for each in found)
-    if covered > ROOFED * sum(int(each.floor.sum()) for each in found):
+    if covered > min(ROOFED * sum(int(each.floor.sum()) for each in found), ROOM / grid.cell**2):
         found = [Storey(floor=each.floor & np.isfinite(each.roof), height=each.height, roof=each.roof)
                  for each in found]
     return [each for each in map(lambda one: _large_parts(grid, one), found) if each.floor.any()]
@@ -125,7 +126,7 @@ def _storey(grid: Grid, level: float, band: float, ground: RayScene, house: RayS
     distance = ground.first_hit(above, down)[1]
     floor = distance < 2 * band
     floor[floor] = ground.normals(above[floor], down[floor])[:, 2] > TILT
-    height, roof = np.where(floor, level + band - distance, level), np.full(len(centres), np.inf)
+    height, roof = np.where(floor, (level + band - distance).round(5), level), np.full(len(centres), np.inf)
     if floor.any():
         start = np.column_stack([centres, height + 2 * STEP])
         roof[floor] = house.first_hit(start[floor], up[floor])[1] + 2 * STEP

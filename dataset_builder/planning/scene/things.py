@@ -162,20 +162,19 @@ def _unusable(thing: ThingFacts, without: frozenset[str]) -> str:
 
 
 def unknown_names(loaded: LoadedSpec, scene: ScenePlan, facts: SceneFacts) -> Iterator[Problem]:
-    """A problem for every pattern of a scene spec that names nothing in its file; readers look at `parts` themselves.
-    """
+    """A problem for every pattern of a scene spec that names nothing in its file."""
     if scene.file is None:
         return
-    things = [thing.name for thing in facts.things]
-    for number, pattern in enumerate(scene.file.leave_out):
-        if unmatched([pattern], things):
-            yield _unknown(loaded, scene, ("leave_out", number), pattern, things, "thing")
-    for pattern in unmatched(scene.file.lights.dim, facts.lights):
-        yield _unknown(loaded, scene, ("lights", "dim", pattern), pattern, facts.lights, "light")
-
-
-def _unknown(loaded: LoadedSpec, scene: ScenePlan, path: KeyPath, pattern: str, known: Sequence[str],
-             what: str) -> Problem:
-    return loaded.problem(scene.key, ("file", *path), f"expected the name of a {what} in "
-                          f"{scene.room.scene.file.source}, got {shown(pattern)}",
-                          nearest(pattern.strip(WILD), known, what) or f"it has no {what}s")
+    things, lights = [thing.name for thing in facts.things], facts.lights
+    # What a reader parts into floor, walls and ceiling has been named as a whole
+    whole = [*things, *(name.rpartition("#")[0] for name in things if "#" in name)]
+    named: list[tuple[KeyPath, str, Sequence[str], str]] = [
+        *((("leave_out", k), pattern, things, "thing") for k, pattern in enumerate(scene.file.leave_out)),
+        *((("parts", part, k), pattern, whole, "thing") for part, patterns in scene.file.parts.items()
+          for k, pattern in enumerate(patterns)),
+        *((("lights", "dim", pattern), pattern, lights, "light") for pattern in scene.file.lights.dim)]
+    for path, pattern, known, what in named:
+        if unmatched([pattern], known):
+            yield loaded.problem(scene.key, ("file", *path), f"expected the name of a {what} in "
+                                 f"{scene.room.scene.file.source}, got {shown(pattern)}",
+                                 nearest(pattern.strip(WILD), known, what) or f"it has no {what}s")

@@ -53,7 +53,8 @@ def test_every_object_of_a_scene_is_a_target_once_and_the_others_are_around(tmp_
     for plan in made:
         other = {"Chair_01": "Table", "Table": "Chair_01"}[plan.target.object.thing]
         assert plan.room.scene.hidden == (plan.target.object.thing,)
-        assert [(each.name, each.instance, each.licence) for each in plan.room.scene.things] == [(other, 3, "CC-BY-4.0")]
+        there = [(each.name, each.instance, each.licence) for each in plan.room.scene.things]
+        assert there == [(other, 3, "CC-BY-4.0")]
         assert plan.target.instance == 1 and plan.target.object.licence == "CC-BY-4.0"
     assert {plan.target.object.name.rstrip("01") for plan in made} == {"train-scene00-chair-", "train-scene00-table-"}
     assert (made[0].room.width, made[0].room.depth, made[0].room.ceiling) == (pytest.approx(4.1), pytest.approx(4.1),
@@ -101,8 +102,8 @@ def test_a_part_of_the_building_is_a_target_only_by_its_whole_name(tmp_path: Pat
     ("{name: '*'}", 3, "expected 3 things in stage.gltf, got 2 of 5 (lower the count, or ask for more with *)"),
     ("{category: tabel}", 1, "expected 1 thing with category 'tabel' in stage.gltf, got 0 of 5 (nearest known "
                              "category: table)"),
-    ("{name: Table, size: [1.1, 2]}", 1, "expected 1 thing with name 'Table', size [1.1, 2.0] in stage.gltf, got 0 of 5 (the "
-                                       "longest sides of those with that name are 1.02 to 1.02 m)"),
+    ("{name: Table, size: [1.1, 2]}", 1, "expected 1 thing with name 'Table', size [1.1, 2.0] in stage.gltf, got 0 of "
+                                         "5 (the longest sides of those with that name are 1.02 to 1.02 m)"),
 ])
 def test_too_few_things_are_refused_with_what_there_is(tmp_path: Path, query: str, count: int, rule: str) -> None:
     said = refused(write_dataset(tmp_path, dataset=things(query, count)))
@@ -110,7 +111,8 @@ def test_too_few_things_are_refused_with_what_there_is(tmp_path: Path, query: st
 
 
 def test_names_that_fit_nothing_are_refused_together_with_their_lines(tmp_path: Path) -> None:
-    scene = SPEC + "  leave_out: [Table, Chiar_01]\n  slot: {name: Stool}\n  lights:\n    dim: {Lamp: 0.5}\n"
+    scene = (SPEC + "  leave_out: [Table, Chiar_01]\n  slot: {name: Stool}\n"
+             "  lights:\n    dim: {Lamp: 0.5}\n    use: kept\n")
     said = refused(write_dataset(tmp_path, scene=scene, dataset=DATASET.replace(
         'things: {name: "*"}, count: 2', "from: [stool.yaml], count: 1"), stool="family: stool\n"))
     assert said.split("\n") == [
@@ -155,8 +157,18 @@ def test_a_target_in_a_slot_stands_where_the_thing_stood(tmp_path: Path) -> None
 def test_a_target_that_its_slot_is_too_small_for_is_told_of(tmp_path: Path) -> None:
     objects = DATASET.replace('things: {name: "*"}, count: 2', "from: [sofa.yaml], count: 1")
     path = write_dataset(tmp_path, dataset=objects, scene=SPEC + "  slot: {category: chair}\n", sofa="family: sofa\n")
-    assert ("the target takes the place of Chair_01, but does not fit the free space there: its box meets those of "
+    assert ("the target takes the place of Chair_01, but does not fit the free space there: its box meets "
             "Table") in plans(path)[0].notes
+
+
+def test_a_target_that_runs_into_a_wall_in_its_slot_is_told_of(tmp_path: Path) -> None:
+    objects = DATASET.replace('things: {name: "*"}, count: 2', "from: [sofa.yaml], count: 1")
+    chair = {**CHAIR, "world": at(-1.7, -1.0, 0, (0.5, 0.5, 0.9))}
+    path = write_dataset(tmp_path, [*ROOM, chair], objects, scene=SPEC + "  slot: {name: Chair_01}\n",
+                         sofa="family: sofa\nparams: {width: 2.0}\n")
+    planner = Planner(load_dataset(path))
+    assert ("the target takes the place of Chair_01, but does not fit the free space there: its box meets the "
+            "building") in planner.arrangement(planner.examples[0].view.pair).notes
 
 
 def test_the_scene_is_read_once_however_many_views_there_are(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
