@@ -10,6 +10,9 @@ MOST_RADIANCE = 1e12
 MOST_METRES = 1e6
 """Of a light's size, and of its distance from the origin."""
 
+LEAST_BEAM = 1e-3
+"""Degrees of the beam of a spot that falls off from its axis on, for 0 stands for a beam that is not stated."""
+
 
 def bounded(path: Path, at: str, name: str, value: float, *, low: float = 0.0, high: float = MOST_RADIANCE) -> float:
     """The value of `name`. Raises UserError that names file and light where it is no number in [low, high]."""

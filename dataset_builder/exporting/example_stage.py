@@ -111,12 +111,14 @@ def _around(stage: "Usd.Stage", contents: StageContents, surfaces: SurfaceWriter
 
 def _thing(stage: "Usd.Stage", path: str, thing: PlacedThing) -> "Usd.Prim":
     """The prim that a mesh goes below."""
-    from pxr import Gf, Kind, Usd, UsdGeom
+    from pxr import Gf, Kind, Usd, UsdGeom, UsdSemantics
 
     made = UsdGeom.Xform.Define(stage, path)
     made.AddTransformOp().Set(Gf.Matrix4d(thing.world.T.tolist()))
     prim = made.GetPrim()
     Usd.ModelAPI(prim).SetKind(Kind.Tokens.component)
+    if thing.category:
+        UsdSemantics.LabelsAPI.Apply(prim, "category").CreateLabelsAttr([thing.category])
     for key, value in {"name": thing.name, "category": thing.category, "licence": thing.licence,
                        "instance": thing.instance}.items():
         prim.SetCustomDataByKey(key, value)

@@ -10,8 +10,8 @@ import numpy as np
 from dataset_builder.assets.asset import Material
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.label.scene_plan import ObjectPlan, PlacedObject
-from dataset_builder.planning.scene.arrangement import ROOM_INSTANCE
 from dataset_builder.planning.scene.assets_of_plan import world_from_object
+from dataset_builder.planning.scene.room_parts import ROOM_INSTANCE
 from dataset_builder.rendering.scene.triangle_soup import PARTS, Soup, clean, rough_twin, surroundings
 from dataset_builder.spec.licences import FREE
 

@@ -80,7 +80,7 @@ def refinement(cage: Cage, scheme: Scheme, *, rounds: int, boundary: Boundary = 
     sharp. For `none`, faces at such edges are no part of the surface: `at_boundary` finds them. Raises ValueError for
     Loop rules on other faces than triangles.
     """
-    if scheme == "loop" and (cage.counts != 3).any():
+    if scheme == "loop" and rounds and (cage.counts != 3).any():
         raise ValueError("expected triangles alone")
     found: list[Round] = []
     for number in range(rounds):

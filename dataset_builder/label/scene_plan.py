@@ -160,7 +160,8 @@ class LightPlan(Model):
     point: radiant intensity. spot: radiant intensity on its axis `direction`, the same up to `beam` degrees from it and
     then falling linearly to `cutoff` degrees, its edge.
     A rectangle's first side is square to +Z, or to +X where `direction` is within 26 degrees of the vertical; then it
-    is turned by `turn`.
+    is turned by `turn`. Seen from where it shines, with the first side to the right and the second upwards, an image
+    on it stands upright; on a square its upper and lower edge are exchanged.
     """
 
     kind: LightName

@@ -14,12 +14,15 @@ from dataset_builder.planning.effects.decisions import plan_effects
 from dataset_builder.planning.rough_plan import rough_notes, rough_plan
 from dataset_builder.planning.scene.arrangement import Arrangement, arrange
 from dataset_builder.planning.scene.assets_of_plan import asset_of
-from dataset_builder.planning.scene.contents import SplitContents, contents, place_of
+from dataset_builder.planning.scene.contents import ScenePlan, SplitContents, contents, place_of
 from dataset_builder.planning.scene.object_size import size_problem
 from dataset_builder.planning.scene.recent import Recent
+from dataset_builder.planning.scene.scene_models import scene_facts
 from dataset_builder.planning.scene.things import target_plan
 from dataset_builder.planning.view.cameras import PlannedCamera, place_camera
 from dataset_builder.planning.view.lights import LitView, sky_share, source_light, target_light, unit_irradiance
+from dataset_builder.planning.view.scene_cameras import own_camera
+from dataset_builder.planning.view.scene_lights import check_lights_differ, scene_light
 from dataset_builder.seeding import derive_seed, rng
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.render import SppSpec
@@ -85,12 +88,19 @@ class Planner:
         """Stage, camera and source light of a view. Raises PlanError where no camera sees the target."""
         return self._views.get(ref, lambda: self._view(ref))
 
+    def _scene(self, pair: PairRef) -> ScenePlan:
+        return self.contents[pair.split].scenes[pair.scene]
+
     def _view(self, ref: ViewRef) -> ViewPlan:
-        spec, arrangement = self.loaded.dataset, self.arrangement(ref.pair)
+        spec, arrangement, scene = self.loaded.dataset, self.arrangement(ref.pair), self._scene(ref.pair)
+        root, where = self.loaded.path.parent, _where(ref, arrangement)
         with self._odd_size_named(arrangement.target.object):
-            view = place_camera(arrangement, spec.camera, spec.image, rng(spec.seed, *ref.path, "camera"),
-                                _where(ref, arrangement))
-        source = source_light(spec.source, partial(rng, spec.seed, *ref.path, "source"), self.loaded.path.parent)
+            if scene.file is not None and scene.file.cameras == "own":
+                view = own_camera(arrangement, scene_facts(scene.room, root).cameras, spec.camera, spec.image,
+                                  ref.camera, where)
+            else:
+                view = place_camera(arrangement, spec.camera, spec.image, rng(spec.seed, *ref.path, "camera"), where)
+        source = source_light(spec.source, partial(rng, spec.seed, *ref.path, "source"), root)
         return ViewPlan(arrangement=arrangement, view=view, source=source)
 
     def light(self, ref: ViewRef, number: int) -> tuple[IlluminationPlan, str]:
@@ -102,9 +112,14 @@ class Planner:
         lit = LitView(arrangement=plan.arrangement, camera=plan.view.camera, sight=plan.view.sight,
                       unit=unit_irradiance(plan.source), sky=sky_share(plan.arrangement, plan.view.sight))
         stream = partial(rng, spec.seed, *ref.path, "light", number)
+        scene, root = self._scene(ref.pair), self.loaded.path.parent
+        where = f"{_where(ref, plan.arrangement)}, light {number}"
         with self._odd_size_named(plan.arrangement.target.object):
-            return target_light(lit, spec.target, stream, f"{_where(ref, plan.arrangement)}, light {number}",
-                                self.loaded.path.parent)
+            if scene.file is None:
+                return target_light(lit, spec.target, stream, where, root)
+            check_lights_differ(scene.file.lights, spec.target, number, where)
+            return scene_light(lit, scene_facts(scene.room, root).lights, scene.file.lights, spec.target, stream,
+                               where, root / scene.file.path, root)
 
     def example(self, ref: ExampleRef) -> ExamplePlan:
         """The plan of one example. Raises PlanError where the spec asks for what cannot be."""
@@ -112,7 +127,7 @@ class Planner:
         light, note = self.light(ref.view, ref.light)
         arrangement = shared.arrangement
         render = render_plan(spec, ref.view, from_file=arrangement.room.kind != "procedural")
-        fog = self.contents[ref.view.pair.split].scenes[ref.view.pair.scene].fog
+        fog = self._scene(ref.view.pair).fog
         effects = plan_effects(spec=spec.render, room=arrangement.room, shell=arrangement.shell,
                                diagonal=arrangement.diagonal(shared.view.camera.position),
                                target=arrangement.target, furniture=arrangement.furniture,

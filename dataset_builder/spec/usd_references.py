@@ -24,6 +24,8 @@ STARTS = {".usd": (TEXT, b"PXR-USDC"), ".usda": (TEXT,), ".usdc": (b"PXR-USDC",)
           ".usdz": (b"PK\x03\x04",)}
 """What files of each suffix start with; pxr is kept from what is no USD at all."""
 MOST_LAYERS = 1000
+TEXTURE, LIGHT_TEXTURE = "inputs:file", "inputs:texture:file"
+"""Properties that name images of materials and of lights."""
 UDIM = "<UDIM>"
 SAID = re.compile(r"' at line \d+ in file [^\n]* : '(.*?)'?\s*$", re.DOTALL)
 
@@ -60,13 +62,16 @@ def usd_files(path: Path, roots: tuple[Path, ...] = ()) -> UsdFiles:
             layer = open_layer(identifier)
             file = Ar.SplitPackageRelativePathOuter(identifier)[0]
             named = [("layer", written) for written in layer.GetCompositionAssetDependencies() if written]
-            for key, written in [*named, *(("inputs:file", name) for name in _textures(layer))]:
+            for key, written in [*named, *_textures(layer)]:
                 target = layer.ComputeAbsolutePath(written)
                 outer, inner = Ar.SplitPackageRelativePathOuter(target)
-                if "://" in written:
-                    raise ValueError(f"{key} of {Path(file).name}: expected a file, got {shown(written)}")
                 if not os.path.isabs(outer):
                     outer = os.path.join(os.path.dirname(file), outer)
+                if key == LIGHT_TEXTURE and ("://" in written or not os.path.isfile(outer)
+                                             or not is_within((top.parent, *roots), outer)):
+                    continue  # The light is there without it, and says so
+                if "://" in written:
+                    raise ValueError(f"{key} of {Path(file).name}: expected a file, got {shown(written)}")
                 if key == "layer" and Path(written).suffix.lower() != ".mtlx":
                     _require_usd(inner or outer, file, written)
                     if target not in seen and is_within((top.parent, *roots), outer) and os.path.isfile(outer):
@@ -79,7 +84,7 @@ def usd_files(path: Path, roots: tuple[Path, ...] = ()) -> UsdFiles:
                     name = os.path.relpath(outer, top.parent)
                     found.setdefault((file, name), FileReference(
                         by=path if file == str(top) else Path(file), key=key, written=written, name=name,
-                        image=key != "layer" and not inner))
+                        image=key == TEXTURE and not inner))
             if len(seen) > MOST_LAYERS:
                 raise ValueError(f"expected at most {MOST_LAYERS} layers, got more")
     sizes = [os.path.getsize(file) for file in {Ar.SplitPackageRelativePathOuter(layer)[0] for layer in seen}]
@@ -128,20 +133,21 @@ def diagnostics() -> Iterator[None]:
         delegate.TakeCoalescedDiagnostics()
 
 
-def _textures(layer: "Sdf.Layer") -> list[str]:
-    """What the shaders of a layer read, as it is written, each once."""
+def _textures(layer: "Sdf.Layer") -> list[tuple[str, str]]:
+    """What the shaders and lights of a layer read: the property, and what is written there, each once."""
     from pxr import Sdf
 
-    found: list[str] = []
+    found: list[tuple[str, str]] = []
 
     def visit(where: "Sdf.Path") -> None:
-        if where.IsPropertyPath() and where.name == "inputs:file":
+        if where.IsPropertyPath() and where.name in (TEXTURE, LIGHT_TEXTURE):
             node = layer.GetAttributeAtPath(where.GetPrimPath().AppendProperty("info:id"))
-            if node and node.default not in (None, "UsdUVTexture"):
+            if where.name == TEXTURE and node and node.default not in (None, "UsdUVTexture"):
                 return
             times = layer.ListTimeSamplesForPath(where)
             values = [layer.GetAttributeAtPath(where).default, *(layer.QueryTimeSample(where, time) for time in times)]
-            found.extend(value.path for value in values if isinstance(value, Sdf.AssetPath) and value.path)
+            found.extend((where.name, value.path) for value in values
+                         if isinstance(value, Sdf.AssetPath) and value.path)
 
     layer.Traverse(Sdf.Path.absoluteRootPath, visit)
     return [*dict.fromkeys(found)]

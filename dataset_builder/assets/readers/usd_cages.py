@@ -24,7 +24,7 @@ TIMES = ("as their control cages", "after one round", "after two rounds")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Surface:
+class RefinedCage:
     """A subdivision surface on its way from the cage."""
 
     rounds: tuple[Round, ...]
@@ -61,7 +61,7 @@ def rounds_of(sizes: Sequence[int]) -> list[int]:
 
 
 def refined(path: Path, prim: "Usd.Prim", polygons: tuple[np.ndarray, np.ndarray, int], kept: np.ndarray, *,
-            rounds: int, planar: bool) -> Surface:
+            rounds: int, planar: bool) -> RefinedCage:
     """The surface over (C,) indices and (F,) counts of so many vertices; kept: (F,) bool, polygons that are no holes.
     Raises UserError for creases and corners at vertices that are not there."""
     counts = polygons[1]
@@ -90,7 +90,7 @@ def refined(path: Path, prim: "Usd.Prim", polygons: tuple[np.ndarray, np.ndarray
     parent = np.arange(len(counts))
     for each in found:
         parent = parent[each.parent]
-    return Surface(rounds=found, parent=parent, kept=kept, decided=tuple(decided))
+    return RefinedCage(rounds=found, parent=parent, kept=kept, decided=tuple(decided))
 
 
 def _cage(path: Path, prim: "Usd.Prim", polygons: tuple[np.ndarray, np.ndarray, int]) -> Cage:

@@ -48,7 +48,7 @@ def stage_settings(path: Path, stage: "Usd.Stage") -> tuple[np.ndarray, list[str
 
 def inventory(prim: "Usd.Prim") -> tuple[list[str], list[str]]:
     """What of a prim by itself is left out, and what was chosen where it leaves a choice."""
-    from pxr import UsdGeom, UsdLux, UsdSkel
+    from pxr import UsdGeom, UsdSkel
 
     lost, decided = list[str](), list[str]()
     if is_unread(prim):
@@ -60,8 +60,8 @@ def inventory(prim: "Usd.Prim") -> tuple[list[str], list[str]]:
         decided.append("surfaces of one side are seen from both")
     if any(attribute.ValueMightBeTimeVarying() for attribute in prim.GetAttributes()) or prim.HasMetadata("clips"):
         decided.append("animation at its first time")
-    if prim.HasAPI(UsdLux.LightAPI) and prim.IsA(UsdGeom.Mesh):
-        decided.append(f"light of the mesh {prim.GetPath()}, which sends none")
+    if (drawn := prim.GetAttribute("model:drawMode").Get()) not in (None, "default", "inherited"):
+        decided.append(f"drawMode {drawn} of {prim.GetPath()}, whose meshes are taken instead")
     return lost, decided
 
 

@@ -65,6 +65,8 @@ def read_preview_surface(path: Path, shader: "UsdShade.Shader", name: str, max_t
     emission = _color(draft, "emissiveColor", "emission", 0.0)
     metallic, specular = _reflection(draft)
     cutoff = _constant(draft, "opacityThreshold", 0.0)
+    if cutoff <= 0 and (alpha < 1 or "alpha" in draft.maps) and _input(shader, "opacityMode") != "presence":
+        draft.left_out.append("opacity of mode transparent, taken as presence: its highlights go with it")
     _normal(draft)
     _name_the_rest(draft)
     names, matrix, wrap_s, wrap_t = draft.layout or ("st", (1.0, 0.0, 0.0, 0.0, 1.0, 0.0), "repeat", "repeat")
@@ -78,7 +80,9 @@ def read_preview_surface(path: Path, shader: "UsdShade.Shader", name: str, max_t
 
 def _reflection(draft: _Draft) -> tuple[float, float]:
     """Metallic and specular: by index of refraction, or from a specular colour that dielectrics have."""
-    from_ior = reflectance_at(max(1.0, _constant(draft, "ior", 1.5)))
+    ior = _constant(draft, "ior", 1.5)
+    draft.left_out += [f"ior {ior:g}, taken as 1"] if ior < 1 else []
+    from_ior = reflectance_at(max(1.0, ior))
     if not _constant(draft, "useSpecularWorkflow", 0):
         if from_ior > MAX_SPECULAR:
             draft.left_out.append(f"ior whose reflectance is {from_ior:.3g}, taken as {MAX_SPECULAR}")

@@ -11,7 +11,7 @@ from dataset_builder.assets.file_model import FilePart, refuse
 from dataset_builder.assets.readers.polygon_checks import FARTHEST
 from dataset_builder.assets.readers.usd_materials import UsdMaterial, read_preview_surface
 from dataset_builder.assets.readers.usd_meshes import UsdMesh, read_mesh
-from dataset_builder.assets.readers.usd_stage import OpenStage
+from dataset_builder.assets.readers.usd_stage import OpenStage, naming
 
 if TYPE_CHECKING:
     from pxr import Usd, UsdShade
@@ -60,7 +60,8 @@ class UsdParts:
         it is no surface."""
         key = (*self.key_of(prim), rounds)
         if key not in self.made:
-            self.made[key] = self._made(prim, rounds)
+            with naming(self.path, name):
+                self.made[key] = self._made(prim, rounds)
         self.meshes += 1
         self.triangles += sum(len(part.faces) for part in self.made[key])
         if self.triangles > MOST_TRIANGLES:

@@ -54,6 +54,15 @@ def stage_of(path: Path, roots: tuple[Path, ...] = (), choices: Choices = ()) ->
         refuse(path, f"expected a readable {path.suffix} file, got: {error}")
 
 
+@contextmanager
+def naming(path: Path, prim: str) -> Iterator[None]:
+    """Name the prim in what goes wrong with its values meanwhile. Raises UserError."""
+    try:
+        yield
+    except (OverflowError, RuntimeError, TypeError, ValueError) as error:
+        refuse(path, f"expected values of the prim's schema, got: {said(str(error))}", at=prim)
+
+
 def _composition(path: Path, stage: "Usd.Stage") -> list[str]:
     """What could not be composed, in words. Raises UserError for circles."""
     from pxr import Pcp

@@ -11,6 +11,7 @@ import numpy as np
 from dataset_builder.assets.file_model import refuse
 from dataset_builder.assets.readers.usd_instancers import MOST_INSTANCES, instances_of
 from dataset_builder.assets.readers.usd_inventory import DRAWN, inventory
+from dataset_builder.assets.readers.usd_stage import naming
 
 if TYPE_CHECKING:
     from pxr import Usd
@@ -83,7 +84,9 @@ class UsdWalk:
                        at=node.name)
             if node.depth > MOST_NESTED:
                 refuse(self.path, f"expected prims at most {MOST_NESTED} deep, got more", at=node.name)
-            if not self._is_seen(node):
+            with naming(self.path, node.name):
+                seen = self._is_seen(node)
+            if not seen:
                 continue
             drawn = node.purpose in DRAWN
             if node.parent is not None and drawn:
@@ -121,8 +124,10 @@ class UsdWalk:
         return list(node.prim.GetFilteredChildren(Usd.TraverseInstanceProxies(which)))
 
     def _child(self, node: UsdNode, prim: "Usd.Prim") -> UsdNode:
-        matrix, local = self._matrices(node, prim)
-        return UsdNode(prim=prim, name=f"{node.name}/{prim.GetName()}", matrix=matrix, local=local, parent=node,
+        name = f"{node.name}/{prim.GetName()}"
+        with naming(self.path, name):
+            matrix, local = self._matrices(node, prim)
+        return UsdNode(prim=prim, name=name, matrix=matrix, local=local, parent=node,
                        depth=node.depth + 1, purpose=_purpose(prim, node.purpose))
 
     def _matrices(self, node: UsdNode, prim: "Usd.Prim") -> tuple[np.ndarray, np.ndarray | None]:
@@ -147,15 +152,22 @@ class UsdWalk:
 
     def _placed(self, node: UsdNode) -> list[UsdNode]:
         """What a PointInstancer places."""
+        from pxr import UsdGeom
+
         if sum(each.prim == node.prim for each in node.above()) > 1:
             refuse(self.path, "expected prototypes that are not instances of themselves, got one that is",
                    at=str(node.prim.GetPath()))
-        found, hidden = instances_of(self.path, node.prim)
+        with naming(self.path, node.name):
+            found, hidden = instances_of(self.path, node.prim)
         self.instances += len(found)
         if self.instances > MOST_INSTANCES:
             refuse(self.path, f"expected at most {MOST_INSTANCES:,} instances of PointInstancers in all, got "
                               f"{self.instances:,} or more", "deactivate the prim, or make some of them inactive",
                    at=str(node.prim.GetPath()))
+        each = [str(primvar.GetPrimvarName()) for primvar in UsdGeom.PrimvarsAPI(node.prim).GetPrimvarsWithValues()
+                if primvar.GetInterpolation() != "constant"]
+        if each:
+            self.left_out[f"{', '.join(each)} of each instance of {node.prim.GetPath()}"] += 1
         if hidden:
             self.left_out[f"{hidden} invisible or inactive instances of {node.prim.GetPath()}"] += 1
         return [UsdNode(prim=prim, name=f"{node.name}[{number}]", matrix=node.matrix @ matrix, local=matrix,

@@ -9,6 +9,7 @@ from math import atan, degrees, pi, tan
 import numpy as np
 
 from dataset_builder.assets.file_model import counted
+from dataset_builder.assets.light_bounds import LEAST_BEAM
 from dataset_builder.assets.readers.gltf_file import GltfFile
 from dataset_builder.assets.readers.gltf_nodes import NodeTree
 from dataset_builder.assets.readers.gltf_values import Entry
@@ -20,13 +21,9 @@ LIGHTS = "KHR_lights_punctual"
 LUMENS_PER_WATT = 683.0
 """Luminous efficacy at 555 nm, by which Blender's exporter goes from watts to glTF's lux and candela."""
 KINDS: dict[str, LightName] = {"directional": "sun", "point": "point", "spot": "spot"}
-WIDEST = 89.0
-"""Degrees of a spot's cutoff."""
 BRIGHTEST = 1e12
 """Of lux or candela, in any channel."""
 MOST_ASPECT = 100.0
-BEAM = 0.75
-"""Share of its cutoff that a spot's full beam has here."""
 
 
 def scene_lights(gltf: GltfFile, tree: NodeTree, paths: list[str],
@@ -71,15 +68,13 @@ def _light(entry: Entry, world: np.ndarray, unit: float) -> tuple[LightPlan | No
     inner = degrees(spot.number("innerConeAngle", 0)) if kind == "spot" else 0.0
     if kind == "spot" and not 0 <= inner < outer <= 90 + 1e-3:
         spot.refuse(f"expected 0 <= inner < outer <= 90 degrees, got {inner:g} and {outer:g}", key="outerConeAngle")
-    if outer > WIDEST:
-        notes.append(f"{WIDEST:g} degrees of half angle instead of {outer:g}")
-    if kind == "spot" and abs(inner - BEAM * outer) > 0.5:
-        notes.append(f"full within {BEAM * min(outer, WIDEST):.3g} degrees instead of {inner:.3g}, from there falling "
-                     "linearly")
+    if kind == "spot":
+        notes.append("the smooth edge of its cone, which falls linearly here")
     factor = unit**LENGTHS[LIGHT_KINDS[KINDS[kind]].quantity] / LUMENS_PER_WATT
     return LightPlan(kind=KINDS[kind], position=(0, 0, 0) if kind == "directional" else _vector(world[:3, 3]),
                      direction=(0, 0, -1) if kind == "point" else _axis(entry, world, 2, -1), size=0,
-                     cutoff=min(outer, WIDEST), temperature=0, weight=0, radiance=_vector(color * factor)), notes
+                     cutoff=min(outer, 90.0), beam=max(inner, LEAST_BEAM) if kind == "spot" else 0.0, temperature=0,
+                     weight=0, radiance=_vector(color * factor)), notes
 
 
 def scene_cameras(gltf: GltfFile, tree: NodeTree, paths: list[str],

@@ -36,6 +36,8 @@ class LightFrame:
     """Its x, y and z, each (3,), as long as the world's metres that they are."""
     down: Vector
     """Unit vector that its light leaves along: its -z, square to x and y."""
+    unit: float
+    """Metres of the stage's unit, in which areas are that brightness is divided by."""
 
     def say_uneven(self, inputs: "LightInputs", scales: tuple[float, ...], what: str) -> None:
         """Say `what` it is where the scales differ."""
@@ -49,8 +51,8 @@ class LightFrame:
             inputs.say("shear; a rectangle of its width and height is taken")
 
 
-def frame_of(path: Path, at: str, world: np.ndarray) -> LightFrame:
-    """The frame of a light whose own axes the (4, 4) matrix takes to the world.
+def frame_of(path: Path, at: str, world: np.ndarray, unit: float) -> LightFrame:
+    """The frame of a light whose own axes the (4, 4) matrix takes to the world, metres; unit: those of the stage's.
 
     Raises UserError for a matrix that is not finite or flattens its x and y.
     """
@@ -63,13 +65,14 @@ def frame_of(path: Path, at: str, world: np.ndarray) -> LightFrame:
         refuse(path, "expected a transform that keeps x and y apart, got one that flattens them", at=at)
     normal /= lengths[3]
     away = normal if normal @ z < 0 else -normal
-    return LightFrame(position=vector(world[:3, 3]), axes=(x, y, z), down=vector(away))
+    return LightFrame(position=vector(world[:3, 3]), axes=(x, y, z), down=vector(away), unit=unit)
 
 
 def rectangle_turn(frame: LightFrame) -> float:
-    """Degrees that a rectangle is turned about its direction so that its first side lies along the frame's x."""
+    """Degrees that a rectangle is turned about its direction so that its first side lies along the frame's -x, which is
+    to the right for who sees it shine with its y upwards."""
     right, above = rectangle_axes(frame.down, 0.0)
-    x = frame.axes[0]
+    x = -frame.axes[0]
     return degrees(atan2(float(x @ above), float(x @ right)))
 
 

@@ -86,8 +86,9 @@ def _mean(path: Path, *, on_sphere: bool) -> float:
         pixels = read_texels(ImageFile(name=path.name, content=path), srgb=True, max_size=LARGEST)[..., :3]
     else:
         picture = read_picture(path)
-        pixels = picture.pixels if picture.to_rec709 is None else np.maximum(picture.pixels @ picture.to_rec709.T, 0)
-    if not (np.isfinite(pixels).all() and (pixels >= 0).all()):
-        raise ValueError("values that are not finite, or below 0")
+        pixels = picture.pixels
+        if not (np.isfinite(pixels).all() and (pixels >= 0).all()):
+            raise ValueError("values that are not finite, or below 0")
+        pixels = pixels if picture.to_rec709 is None else np.maximum(pixels @ picture.to_rec709.T, 0)
     rows = (pixels @ xyz_from_rgb(REC709)[1]).mean(axis=1, dtype=np.float64)
     return mean_over_sphere(rows) if on_sphere and len(rows) > 1 else float(rows.mean())

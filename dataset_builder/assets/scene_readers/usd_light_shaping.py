@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dataset_builder.assets.light_bounds import LEAST_BEAM
 from dataset_builder.assets.scene_readers.usd_light_frames import LightFrame, vector
 from dataset_builder.label.scene_plan import LightPlan
 
@@ -18,8 +19,6 @@ CONE = 90.0
 """Degrees of a cone that is not written, where shaping applies."""
 NARROWEST = 0.1
 """Degrees of the narrowest spot."""
-LEAST_BEAM = 1e-3
-"""Degrees of the beam of a spot that is all soft, for 0 stands for none that is stated."""
 
 
 def shaped(inputs: "LightInputs", plan: LightPlan, frame: LightFrame, *, area: float,
@@ -60,9 +59,8 @@ def shaped(inputs: "LightInputs", plan: LightPlan, frame: LightFrame, *, area: f
 
 def _say_unread(inputs: "LightInputs") -> None:
     """Say what shapes light besides cones."""
-    if (focus := inputs.number("shaping:focus", 0.0, low=-1e6, high=1e6)) > 0:
-        tint = np.asarray(inputs.value("shaping:focusTint", (0, 0, 0)), dtype=float)
-        if not np.allclose(tint, 1):
-            inputs.say(f"focus {focus:g}")
+    focus = inputs.number("shaping:focus", 0.0, low=-1e6, high=1e6)
+    if focus > 0 and not np.allclose(inputs.numbers("shaping:focusTint", (0, 0, 0)), 1):
+        inputs.say(f"focus {focus:g}")
     if path := getattr(inputs.value("shaping:ies:file"), "path", ""):
         inputs.say(f"IES profile {path}")

@@ -3,6 +3,7 @@
 Formulas are those of the schema's own documentation: https://openusd.org/release/api/class_usd_lux_light_a_p_i.html
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import exp2
 from pathlib import Path
@@ -10,7 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from dataset_builder.assets.file_model import counted, refuse
 from dataset_builder.assets.light_bounds import MOST_RADIANCE, bounded
+from dataset_builder.errors import printable
 
 if TYPE_CHECKING:
     from pxr import Usd
@@ -20,11 +23,10 @@ TEMPERATURES = (1000.0, 10000.0)
 OLD = ("intensity", "exposure", "color", "normalize", "radius", "width", "height", "length", "angle", "texture:file",
        "enableColorTemperature", "colorTemperature", "shaping:cone:angle")
 """Inputs that had these names before 2021."""
-UNPHYSICAL = (("diffuse", 1.0, "multiplier of the diffuse response"),
-              ("specular", 1.0, "multiplier of the specular response"),
-              ("shadow:enable", True, "shadows switched off"), ("shadow:color", (0, 0, 0), "colour of shadows"),
-              ("shadow:distance", -1.0, "largest distance of shadows"),
-              ("shadow:falloff", -1.0, "fall-off of shadows"))
+UNPHYSICAL: tuple[tuple[str, tuple[float, ...], str], ...] = (
+    ("diffuse", (1,), "multiplier of the diffuse response"), ("specular", (1,), "multiplier of the specular response"),
+    ("shadow:enable", (1,), "shadows switched off"), ("shadow:color", (0, 0, 0), "colour of shadows"),
+    ("shadow:distance", (-1,), "largest distance of shadows"), ("shadow:falloff", (-1,), "fall-off of shadows"))
 """Inputs that no physical light has, the value that switches each off, and what each is."""
 LINKS = (("lightLink", "light linking"), ("shadowLink", "shadow linking"))
 
@@ -63,6 +65,16 @@ class LightInputs:
         return bounded(self.path, self.name, name, float(value) if isinstance(value, int | float) else np.nan, low=low,
                        high=high)
 
+    def numbers(self, name: str, default: Sequence[float]) -> np.ndarray:
+        """As `value`, as many numbers as `default` has. Raises UserError for anything else."""
+        value = self.value(name, default)
+        try:
+            found = np.asarray(value, dtype=np.float64).reshape(len(default))
+        except (TypeError, ValueError):
+            refuse(self.path, f"expected {name} to be {counted(len(default), 'number')}, got {printable(str(value))}",
+                   at=self.name)
+        return found
+
     def say(self, what: str) -> None:
         """Add something that is not honoured, once."""
         if what not in self.said:
@@ -72,8 +84,9 @@ class LightInputs:
         """(3,) colour times that of the colour temperature, where it is enabled; linear Rec.709."""
         from pxr import UsdLux
 
-        numbers = np.asarray(self.value("color", (1.0, 1.0, 1.0)), dtype=np.float64).reshape(-1)
-        colour = np.array([bounded(self.path, self.name, "color", float(value)) for value in np.resize(numbers, 3)])
+        colour = self.numbers("color", (1.0, 1.0, 1.0))
+        for value in colour:
+            bounded(self.path, self.name, "color", float(value))
         if not self.value("enableColorTemperature", False):
             return colour
         kelvin = self.temperature()
@@ -98,9 +111,9 @@ class LightInputs:
     def name_the_rest(self) -> None:
         """Say what applies to lights of every kind and is not honoured."""
         for name, plain, what in UNPHYSICAL:
-            value = self.value(name, plain)
-            if not np.allclose(np.asarray(value, dtype=float), np.asarray(plain, dtype=float)):
-                self.say(f"{what} ({name} {_shown(value)})")
+            found = self.numbers(name, plain)
+            if not np.allclose(found, plain):
+                self.say(f"{what} ({name} {' '.join(f'{number:g}' for number in found)})")
         for old in OLD:
             attribute = self.prim.GetAttribute(old)
             if attribute and attribute.IsAuthored() and not self.prim.GetAttribute(f"inputs:{old}").IsAuthored():
@@ -121,8 +134,3 @@ class LightInputs:
         links = Usd.CollectionAPI(self.prim, key)
         named = links.GetIncludesRel().HasAuthoredTargets() or links.GetExcludesRel().HasAuthoredTargets()
         return bool(named or links.GetIncludeRootAttr().Get() is False)
-
-
-def _shown(value: Any) -> str:
-    numbers = np.atleast_1d(np.asarray(value, dtype=float))
-    return " ".join(f"{number:g}" for number in numbers)

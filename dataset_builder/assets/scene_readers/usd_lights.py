@@ -58,11 +58,13 @@ def is_light(prim: "Usd.Prim") -> bool:
     return prim.HasAPI(UsdLux.LightAPI) or prim.IsA(UsdLux.LightFilter)
 
 
-def read_light(path: Path, prim: "Usd.Prim", world: np.ndarray, *, image: ImageFinder | None = None) -> FoundLight:
+def read_light(path: Path, prim: "Usd.Prim", world: np.ndarray, *, unit: float = 1.0,
+               image: ImageFinder | None = None) -> FoundLight:
     """The light of a prim at its first time.
 
-    path: of the stage, for messages. world: (4, 4) to metres, Z up, from the prim's own axes. image: finds the file of
-    a texture; None shows none. Raises UserError, with file and prim, for numbers that no light has.
+    path: of the stage, for messages. world: (4, 4) to metres, Z up, from the prim's own axes. unit: metres of the
+    stage's unit: what is normalised is so by areas of its world space. image: finds the file of a texture; None shows
+    none. Raises UserError, with file and prim, for numbers that no light has.
     """
     from pxr import Usd, UsdGeom
 
@@ -73,7 +75,7 @@ def read_light(path: Path, prim: "Usd.Prim", world: np.ndarray, *, image: ImageF
     imageable = UsdGeom.Imageable(prim)
     if imageable and imageable.ComputeVisibility(Usd.TimeCode.EarliestTime()) == UsdGeom.Tokens.invisible:
         return _none(inputs, kind, "invisible")
-    plan = _READERS[_base(prim)](inputs, frame_of(path, inputs.name, world), image)
+    plan = _READERS[_base(prim)](inputs, frame_of(path, inputs.name, world, unit), image)
     inputs.name_the_rest()
     if plan is None or not any(plan.radiance):
         return _none(inputs, kind, DARK)
@@ -121,6 +123,11 @@ def _normalised(inputs: LightInputs, size_factor: float) -> np.ndarray:
     return emission / size_factor if inputs.value("normalize", False) else emission
 
 
+def _radiance(inputs: LightInputs, frame: LightFrame, area: float) -> np.ndarray:
+    """(3,) emission, over its area (square metres) in the stage's unit where it is to be."""
+    return _normalised(inputs, area / frame.unit ** 2)
+
+
 def _distant(inputs: LightInputs, frame: LightFrame, _: ImageFinder | None) -> LightPlan:
     angle = inputs.number("angle", 0.53, high=360.0)
     half = radians(angle) / 2
@@ -151,9 +158,9 @@ def _rect(inputs: LightInputs, frame: LightFrame, image: ImageFinder | None) -> 
         return None
     shown = shown_image(inputs, image, TEXTURE_SUFFIXES, on_sphere=False)
     area = width * height
-    if shown:
-        inputs.say("its image is shown with left and right exchanged")
-    plan = _plan("area", frame, inputs, _normalised(inputs, area) * (shown.mean if shown else 1.0), size=width,
+    if shown and np.dot(np.cross(x, y), frame.down) > 0:
+        inputs.say("a mirrored image; it is shown unmirrored")
+    plan = _plan("area", frame, inputs, _radiance(inputs, frame, area) * (shown.mean if shown else 1.0), size=width,
                  length=height, turn=rectangle_turn(frame), **(shown.fields if shown else {}))
     return shaped(inputs, plan, frame, area=area, width=max(width, height))
 
@@ -165,7 +172,7 @@ def _disk(inputs: LightInputs, frame: LightFrame, _: ImageFinder | None) -> Ligh
     if radius == 0:
         return None
     area = pi * radius ** 2
-    plan = _plan("disk", frame, inputs, _normalised(inputs, area), size=radius)
+    plan = _plan("disk", frame, inputs, _radiance(inputs, frame, area), size=radius)
     return shaped(inputs, plan, frame, area=area, width=2 * radius)
 
 
@@ -175,11 +182,11 @@ def _sphere(inputs: LightInputs, frame: LightFrame, _: ImageFinder | None) -> Li
     radius = inputs.number("radius", 0.5, high=MOST_METRES) * cbrt(scales[0] * scales[1] * scales[2])
     normalised, emission = inputs.value("normalize", False), inputs.emission()
     # A ball of radiance L looks like a disc of it: pi r^2 L, over 4 pi r^2 where it is normalised
-    intensity = emission / 4 if normalised else emission * pi * radius ** 2
+    intensity = emission / 4 * frame.unit ** 2 if normalised else emission * pi * radius ** 2
     if inputs.value("treatAsPoint", False) or radius == 0:
         plan = _plan("point", frame, inputs, intensity, direction=(0.0, 0.0, 0.0))
         return shaped(inputs, plan, frame, area=1.0, width=0.0)
-    plan = _plan("sphere", frame, inputs, _normalised(inputs, 4 * pi * radius ** 2), size=radius,
+    plan = _plan("sphere", frame, inputs, _radiance(inputs, frame, 4 * pi * radius ** 2), size=radius,
                  direction=(0.0, 0.0, 0.0))
     return shaped(inputs, plan, frame, area=pi * radius ** 2, width=2 * radius)
 
@@ -196,8 +203,8 @@ def _cylinder(inputs: LightInputs, frame: LightFrame, _: ImageFinder | None) -> 
         radius = THINNEST * length
     if inputs.value("treatAsLine", False):
         inputs.say("treatAsLine, a hint; it is a cylinder here")
-    plan = _plan("cylinder", frame, inputs, _normalised(inputs, 2 * pi * radius * length), size=radius, length=length,
-                 direction=vector(frame.axes[0] / x))
+    plan = _plan("cylinder", frame, inputs, _radiance(inputs, frame, 2 * pi * radius * length), size=radius,
+                 length=length, direction=vector(frame.axes[0] / x))
     return shaped(inputs, plan, frame, area=2 * radius * length, width=length)
 
 

@@ -12,8 +12,8 @@ from dataset_builder.assets.file_model import FileModel, counted, refuse
 from dataset_builder.assets.mesh_file import checked_references, scaled_world
 from dataset_builder.assets.readers.usd import is_drawn, lost_words, size_of
 from dataset_builder.assets.readers.usd_cages import rounds_of
-from dataset_builder.assets.readers.usd_parts import UsdParts
-from dataset_builder.assets.readers.usd_stage import OpenStage, stage_of
+from dataset_builder.assets.readers.usd_parts import MOST_TRIANGLES, UsdParts
+from dataset_builder.assets.readers.usd_stage import OpenStage, naming, stage_of
 from dataset_builder.assets.readers.usd_walk import UsdNode, UsdWalk
 from dataset_builder.assets.scene_model import SceneCamera, SceneLight, SceneModel, SceneThing
 from dataset_builder.assets.scene_readers.roles import classified
@@ -74,15 +74,20 @@ def read(source: SceneSource, root: Path, max_texture: int) -> SceneModel:
 
 def _read(scene: _Scene) -> SceneModel:
     for node in scene.walk.nodes():
-        _take(scene, node)
+        with naming(scene.opened.path, node.name):
+            _take(scene, node)
     rounds = dict(zip(map(id, scene.drawn), rounds_of([size_of(node.prim) for node in scene.drawn]), strict=True))
     named = {pattern for part in scene.source.parts for pattern in part.patterns}
     found = [thing for group in things_of(scene.drawn, named) for thing in _thing(scene, group, rounds)]
     lost = lost_words(scene.walk)
     if not found:
         refuse(scene.opened.path, "expected things with triangles, got none", "; ".join((*scene.faults, *lost)[:3]))
+    triangles = sum(len(thing.asset.mesh.faces) for thing in found)
+    if triangles > MOST_TRIANGLES:
+        largest = max(found, key=lambda thing: len(thing.asset.mesh.faces))
+        refuse(scene.opened.path, f"expected at most {MOST_TRIANGLES:,} triangles, instances counted each, got "
+                                  f"{triangles:,}", f"{largest.name} has {len(largest.asset.mesh.faces):,}")
     things, decided = classified(found, scene.source)
-    triangles = sum(len(thing.asset.mesh.faces) for thing in things)
     materials = [f"{each.file.material.name}: {', '.join(each.file.left_out)}" for each in scene.taken.materials
                  if each.file.left_out]
     return SceneModel(
@@ -99,7 +104,8 @@ def _take(scene: _Scene, node: UsdNode) -> None:
 
     path = scene.opened.path
     if is_light(node.prim):
-        light = read_light(path, node.prim, scene.world @ node.matrix, image=lambda asset: _image(scene, asset))
+        light = read_light(path, node.prim, scene.world @ node.matrix, image=lambda asset: _image(scene, asset),
+                           unit=float(np.cbrt(np.linalg.det(scene.world[:3, :3]))))
         scene.lights += [replace(light.light, name=node.name)] if light.light else []
         scene.said |= dict.fromkeys(light.said)
     elif node.prim.IsA(UsdGeom.Camera):

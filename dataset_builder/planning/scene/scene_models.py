@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from dataset_builder.assets.scene_file import load_scene
-from dataset_builder.assets.scene_model import Role, SceneModel
+from dataset_builder.assets.scene_model import Role, SceneCamera, SceneLight, SceneModel
 from dataset_builder.errors import PlanError, Problem, UserError
 from dataset_builder.label.scene_plan import RoomPlan
 from dataset_builder.label.scene_source import SceneSource
@@ -50,8 +50,8 @@ class SceneFacts:
     """What planning asks of a scene, without its meshes and textures."""
 
     things: tuple[ThingFacts, ...]
-    lights: tuple[str, ...]
-    """Their names."""
+    lights: tuple[SceneLight, ...]
+    cameras: tuple[SceneCamera, ...]
     said: tuple[str, ...]
     """What was left out of the scene and what is wrong with it, in words."""
 
@@ -92,7 +92,7 @@ def _facts(source: SceneSource, mesh_root: Path) -> SceneFacts:
             faces=len(mesh.faces), low=tuple(corners.min(axis=0).tolist()), high=tuple(corners.max(axis=0).tolist()),
             world=tuple(map(tuple, thing.world.tolist())), content=thing.content,
             licence=thing.licence or source.licence))
-    return SceneFacts(things=tuple(things), lights=tuple(light.name for light in model.lights),
+    return SceneFacts(things=tuple(things), lights=model.lights, cameras=model.cameras,
                       said=(*model.left_out, *model.faults))
 
 

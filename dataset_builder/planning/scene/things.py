@@ -165,7 +165,7 @@ def unknown_names(loaded: LoadedSpec, scene: ScenePlan, facts: SceneFacts) -> It
     """A problem for every pattern of a scene spec that names nothing in its file."""
     if scene.file is None:
         return
-    things, lights = [thing.name for thing in facts.things], facts.lights
+    things, lights = [thing.name for thing in facts.things], [light.name for light in facts.lights]
     # What a reader parts into floor, walls and ceiling has been named as a whole
     whole = [*things, *(name.rpartition("#")[0] for name in things if "#" in name)]
     named: list[tuple[KeyPath, str, Sequence[str], str]] = [

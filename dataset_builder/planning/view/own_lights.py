@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ from dataset_builder.errors import PlanError, Problem, UserError
 from dataset_builder.label.scene_plan import LightPlan
 from dataset_builder.light_kinds import LIGHT_KINDS
 from dataset_builder.planning.view.emission import LUMINANCE
-from dataset_builder.spec.problems import nearest, shown
+from dataset_builder.spec.name_patterns import fits
 
 MOST_LIGHTS = 1024
 """As many as a spec may draw."""
@@ -39,10 +38,9 @@ class OwnLights:
 def own_lights(lights: Sequence[SceneLight], dim: Mapping[str, float], scene: Path) -> OwnLights:
     """The lights of a scene that shine once they are dimmed; of several domes only one does.
 
-    scene: its file, for messages. Raises PlanError, with file and light, for a pattern that fits no light, numbers that
-    no light has, and more lights than a scene may have.
+    scene: its file, for messages. Raises PlanError, with file and light, for numbers that no light has, and for more
+    lights than a scene may have. That every pattern of `dim` fits one is looked at with the spec.
     """
-    _check_patterns(dim, [each.name for each in lights], scene)
     shining, said = list[SceneLight](), list[str]()
     for each in lights:
         _check(each, scene)
@@ -59,11 +57,6 @@ def own_lights(lights: Sequence[SceneLight], dim: Mapping[str, float], scene: Pa
         raise refused(scene, "lights", f"expected at most {MOST_LIGHTS} lights, got {len(kept)}",
                       "switch some off with `lights.dim`")
     return OwnLights(lights=kept, said=(*said, *merged))
-
-
-def fits(name: str, pattern: str) -> bool:
-    """Whether a pattern with * and ? is the name of a light, or of the last part of its path."""
-    return fnmatchcase(name, pattern) or fnmatchcase(name.rpartition("/")[2], pattern)
 
 
 def times(light: LightPlan, factor: float) -> LightPlan:
@@ -104,16 +97,6 @@ def named(names: Iterable[str]) -> str:
 def refused(scene: Path, path: str, rule: str, hint: str = "") -> PlanError:
     """The error about a scene file."""
     return PlanError([Problem(where=str(scene), path=path, rule=rule, hint=hint)])
-
-
-def _check_patterns(dim: Mapping[str, float], names: Sequence[str], scene: Path) -> None:
-    last = [name.rpartition("/")[2] for name in names]
-    problems = [Problem(where=str(scene), path=f"lights.dim.{pattern}",
-                        rule=f"expected the name of a light of the scene, got {shown(pattern)}, which fits none",
-                        hint=nearest(pattern, [*names, *last], "light") if names else "the scene has no lights")
-                for pattern in dim if not any(fits(name, pattern) for name in names)]
-    if problems:
-        raise PlanError(problems)
 
 
 def _check(each: SceneLight, scene: Path) -> None:

@@ -114,5 +114,5 @@ def _kept(view: LitView, lights: Sequence[SceneLight], target: TargetSpec, where
         where=where, path="target", rule=f"expected lights of the scene with a mean direct irradiance in [{low:g}, "
         f"{high:g}] on the visible part of the object" + (f" and light on {LIT_SHARE:.0%} of it" if low > 0 else "")
         + f", got {shown.mean:.3g} and {lit:.0%} ({each}" + (", ..." if len(sent) > TOLD else "") + ")",
-        hint="raise the scene's `lights.scale`, write `use: added`, or allow the dark: target.brightness: [0, ...]"
-        if dark else "lower target.strength or the scene's `lights.scale`")])
+        hint="take away what encloses the lights with `leave_out`, raise `lights.scale`, write `use: added`, or allow "
+        "the dark: target.brightness: [0, ...]" if dark else "lower target.strength or the scene's `lights.scale`")])

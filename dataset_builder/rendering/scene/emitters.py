@@ -172,6 +172,8 @@ def _screen(light: LightPlan, images: _Images) -> dict[str, Any]:
     """An area emitter that shows an image, or an even one where the light has none."""
     even = np.ones((LAMP_SIDE, LAMP_SIDE, 3), dtype=np.float32)
     shown = lamp_texture(images.of(light)) if light.image else even
+    # Mitsuba has the upper row at the lower edge, where squares that are drawn have always had it
+    shown = shown[::-1] if light.length else shown
     # A black image could not be sampled, which Mitsuba refuses even for a spare light
     texels = np.maximum(shown * np.array(light.radiance, dtype=np.float32), np.finfo(np.float32).tiny)
     return {"type": "area", "radiance": {"type": "bitmap", "bitmap": mi.Bitmap(texels), "raw": True},

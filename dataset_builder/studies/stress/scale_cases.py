@@ -125,6 +125,7 @@ def elsewhere(size: Size, scale: float, offset: tuple[float, float, float]) -> C
 def _lamp(lamp: LightPlan, scale: float, shift: np.ndarray) -> LightPlan:
     power = scale ** LENGTHS[LIGHT_KINDS[lamp.kind].quantity]
     return lamp.model_copy(update={"position": _place(lamp.position, scale, shift), "size": lamp.size * scale,
+                                   "length": lamp.length * scale,
                                    "radiance": tuple(value * power for value in lamp.radiance)})
 
 

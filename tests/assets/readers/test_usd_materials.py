@@ -10,6 +10,7 @@ from dataset_builder.assets.readers.usd import read
 from dataset_builder.errors import UserError
 from tests.assets.readers.usd_files import API, BOUND, HEAD, material, mesh, painted, texture, write, write_image
 
+TRANSPARENT = "opacity of mode transparent, taken as presence: its highlights go with it"
 COLOR = "color3f inputs:diffuseColor.connect = </paint/t.outputs:rgb>"
 
 
@@ -73,7 +74,7 @@ def test_channels_and_normals(tmp_path):
     for channel, expected in ((found.roughness, 0.4), (found.metallic, 0.8), (found.alpha, 0.6)):
         np.testing.assert_allclose(channel, expected, rtol=1e-6)
     np.testing.assert_allclose(found.normal[0, 0], (1, 0, 0), atol=0.01)
-    assert file.left_out == ("displacement", "occlusion")
+    assert file.left_out == (TRANSPARENT, "displacement", "occlusion")
 
 
 @pytest.mark.parametrize(("wraps", "expected"), [
@@ -108,6 +109,16 @@ def test_coordinates_are_scaled_turned_and_moved(tmp_path):
     found = {(x + 0.5, z): tuple(uv) for face, uvs in zip(mesh_made.faces, mesh_made.uvs, strict=True)
              for (x, _, z), uv in zip(mesh_made.positions[face], uvs, strict=True)}
     assert found[1, 0] == pytest.approx((0.5, 2.25)) and found[0, 1] == pytest.approx((-3.5, 0.25))
+
+
+@pytest.mark.parametrize(("inputs", "named"), [
+    ("float inputs:opacity = 0.5", (TRANSPARENT,)),
+    ('float inputs:opacity = 0.5\ntoken inputs:opacityMode = "transparent"', (TRANSPARENT,)),
+    ('float inputs:opacity = 0.5\ntoken inputs:opacityMode = "presence"', ()),
+    ("float inputs:opacity = 0.5\nfloat inputs:opacityThreshold = 0.1", ()),
+    ("float inputs:ior = 0.5", ("ior 0.5, taken as 1",))])
+def test_what_opacity_means_is_said(tmp_path, inputs, named):
+    assert made(tmp_path, inputs)[0].left_out == named
 
 
 def test_colours_of_vertices_are_read_where_the_material_asks(tmp_path):

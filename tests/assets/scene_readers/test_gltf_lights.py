@@ -7,9 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dataset_builder.assets.scene_readers import gltf_lights
 from dataset_builder.errors import UserError
-from dataset_builder.planning.view import emission
 from tests.assets.gltf_files import GltfMaker
 from tests.assets.gltf_scenes import add_mesh, box_asset, scene
 
@@ -50,10 +48,10 @@ def test_a_spot(tmp_path: Path) -> None:
     light = found.lights[0].light
     assert light.kind == "spot" and light.cutoff == pytest.approx(45) and light.radiance == pytest.approx((1, 1, 1))
     assert light.direction == pytest.approx((0, 1, 0))  # -Z of the file
-    assert "light lamp: full within 33.8 degrees instead of 22.5, from there falling linearly" in found.left_out
-    as_ours = {"innerConeAngle": 0.75 * pi / 4, "outerConeAngle": pi / 4}
-    assert not any("full within" in note for note in scene(lit({"type": "spot", "spot": as_ours}), tmp_path).left_out)
-    assert gltf_lights.BEAM == emission.BEAM_SHARE
+    assert light.beam == pytest.approx(22.5)
+    assert "light lamp: the smooth edge of its cone, which falls linearly here" in found.left_out
+    wide = scene(lit({"type": "spot", "spot": {"outerConeAngle": pi / 2}}), tmp_path).lights[0].light
+    assert wide.cutoff == 90 and 0 < wide.beam < 0.01
 
 
 @pytest.mark.parametrize(("light", "rule"), [

@@ -7,11 +7,14 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from pxr import Sdf, Usd, UsdGeom, UsdLux
 
 from dataset_builder.assets.scene_readers.usd_light_images import ImageFinder, ImageFound
 from dataset_builder.assets.scene_readers.usd_lights import FoundLight, read_light
 from dataset_builder.digest import sha256_file
+from dataset_builder.errors import UserError
 from dataset_builder.label.scene_plan import LightPlan
 from tests.assets.scene_readers.test_usd_lights import BARE, STAGE, TOTAL, Z_FROM_Y, prim_of
 from tests.rendering.scene.test_emitters import radiance_from, spot_of_sky, written
@@ -129,10 +132,31 @@ def test_a_rectangle_is_as_bright_as_its_image(tmp_path: Path) -> None:
     linear = ((128 / 255 + 0.055) / 1.055) ** 2.4
     assert result.light is not None and result.light.light.radiance == pytest.approx(TOTAL * linear, rel=1e-5)
     assert result.light.light.image_sha256 == sha256_file(tmp_path / "a.png")
-    assert "left and right exchanged" in result.said[0]
+    assert result.said == ()
     jpg = read_light(STAGE, prim_of("RectLight", texture__file=Sdf.AssetPath("a.jpg")), np.eye(4),
                      image=finder(tmp_path))
     assert ".jpg, where .exr and .png are read" in jpg.said[0]
+
+
+@pytest.mark.parametrize("world", [np.eye(4), turned(70), Z_FROM_Y, turned(-30) @ Z_FROM_Y])
+def test_the_image_of_a_rectangle_has_its_first_pixel_at_plus_x_and_y(tmp_path: Path, world: np.ndarray) -> None:
+    from dataset_builder.rendering.backend import activate
+    from dataset_builder.rendering.scene.emitters import emitters
+
+    activate("llvm")
+    pixels = np.full((4, 4, 3), 0.25)
+    pixels[0, 0], pixels[0, 3], pixels[3, 0] = 4, 2, 1
+    written(tmp_path, pixels)
+    far = world.copy()
+    far[:3, 3] = 3 * world[:3, 2]
+    prim = prim_of("RectLight", texture__file=Sdf.AssetPath("image.exr"), width=2.0, height=1.0)
+    result = read_light(STAGE, prim, far, image=finder(tmp_path))
+    assert result.light is not None and result.said == ()
+    made = emitters(lit_by(result.light.light.model_copy(update={"weight": 1.0})), tmp_path)
+    for x, y, value in ((0.9, 0.45, 4), (-0.9, 0.45, 2), (0.9, -0.45, 1), (-0.9, -0.45, 0.25)):
+        assert radiance_from(made, (world[:3, :3] @ (x, y, 3)).tolist()) == pytest.approx([value] * 3, rel=0.02)
+    mirror = far @ np.diag([-1, 1, 1, 1.0])
+    assert "a mirrored image" in read_light(STAGE, prim, mirror, image=finder(tmp_path)).said[0]
 
 
 def test_what_a_stage_animates_is_read_at_its_first_time() -> None:
@@ -142,3 +166,40 @@ def test_what_a_stage_animates_is_read_at_its_first_time() -> None:
         attribute.Set(value, Usd.TimeCode(time))
     light = read_light(STAGE, prim, np.eye(4)).light
     assert light is not None and light.light.radiance == (5, 5, 5)
+
+
+TYPES = {Sdf.ValueTypeNames.Float: st.floats(width=32), Sdf.ValueTypeNames.Token: st.text(max_size=4),
+         Sdf.ValueTypeNames.Bool: st.booleans(), Sdf.ValueTypeNames.Int: st.integers(-9, 9),
+         Sdf.ValueTypeNames.Color3f: st.tuples(*[st.floats(-1, 2, width=32)] * 3),
+         Sdf.ValueTypeNames.FloatArray: st.lists(st.floats(width=32), max_size=4)}
+INPUTS = ("intensity", "exposure", "color", "normalize", "enableColorTemperature", "colorTemperature", "diffuse",
+          "width", "height", "radius", "length", "angle", "texture:file", "texture:format", "shaping:cone:angle",
+          "shaping:cone:softness", "shaping:focus", "shaping:focusTint", "shadow:color", "shadow:enable")
+KINDS = ("RectLight", "DiskLight", "SphereLight", "CylinderLight", "DistantLight", "DomeLight", "DomeLight_1")
+
+
+@settings(max_examples=200, deadline=None)
+@given(chosen=st.data())
+def test_whatever_the_inputs_are_a_light_is_read_left_out_or_refused_in_one_line(chosen: st.DataObject) -> None:
+    stage = Usd.Stage.CreateInMemory()
+    prim = stage.DefinePrim("/World/Key", chosen.draw(st.sampled_from(KINDS)))
+    if chosen.draw(st.booleans()):
+        UsdLux.ShapingAPI.Apply(prim)
+    for name in chosen.draw(st.lists(st.sampled_from(INPUTS), max_size=4, unique=True)):
+        kind = chosen.draw(st.sampled_from([*TYPES]))
+        spec = stage.GetRootLayer().GetPrimAtPath("/World/Key")
+        Sdf.AttributeSpec(spec, f"inputs:{name}", kind).default = chosen.draw(TYPES[kind])
+    world = np.eye(4)
+    world[:3] = chosen.draw(st.lists(st.floats(-3, 3) | st.just(0.0) | st.just(1e30), min_size=12,
+                                     max_size=12).map(lambda values: np.reshape(values, (3, 4))))
+    try:
+        result = read_light(STAGE, prim, world)
+    except UserError as error:
+        assert str(error).startswith("room.usda: /World/Key: expected ") and "\n" not in str(error)
+        return
+    assert result.light is not None or len(result.said) == 1
+    if result.light is not None:
+        light = result.light.light
+        assert np.isfinite([*light.radiance, *light.position, light.size, light.length, light.turn]).all()
+        assert min(light.radiance) >= 0 < max(light.radiance)
+        assert light.kind in ("point", "dome") or np.linalg.norm(light.direction) in (0, pytest.approx(1))

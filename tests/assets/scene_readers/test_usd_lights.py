@@ -80,6 +80,20 @@ def test_scales_of_the_transform_are_taken_into_sizes_and_areas(kind: str, sized
     assert light.radiance == pytest.approx(TOTAL / area)
 
 
+@pytest.mark.parametrize(("kind", "sized", "area"), [
+    ("RectLight", {"width": 20.0, "height": 50.0}, 1000.0), ("DiskLight", {"radius": 30.0}, pi * 900),
+    ("SphereLight", {"radius": 20.0}, 4 * pi * 400), ("CylinderLight", {"radius": 10.0, "length": 90.0}, 1800 * pi)])
+def test_what_is_normalised_is_so_in_the_unit_of_the_stage(kind: str, sized: dict[str, float], area: float) -> None:
+    """A stage in centimetres is as bright as the same numbers in metres."""
+    prim = prim_of(kind, normalize=True, **BARE, **sized)
+    light = read_light(STAGE, prim, scaled(0.01, 0.01, 0.01), unit=0.01).light
+    assert light is not None and light.light.radiance == pytest.approx(TOTAL / area)
+    point = read_light(STAGE, prim_of("SphereLight", radius=0.0, normalize=True, **BARE), scaled(0.01, 0.01, 0.01),
+                       unit=0.01).light
+    # What a ball of radius r units sends: pi (r / 100)^2 of its radiance, which is TOTAL / (4 pi r^2)
+    assert point is not None and point.light.radiance == pytest.approx(TOTAL / 4 * 1e-4)
+
+
 @pytest.mark.parametrize(("kind", "scale", "said"), [
     ("DiskLight", (1, 4, 1), "scale 1 4; an ellipse"), ("SphereLight", (1, 1, 8), "scale 1 1 8; an ellipsoid"),
     ("CylinderLight", (1, 4, 1), "scale 4 1; a cylinder of an ellipse")])

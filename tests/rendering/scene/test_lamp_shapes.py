@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dataset_builder.geometry.light_axes import rectangle_axes
-from dataset_builder.planning.view.emission import facing_irradiance
+from dataset_builder.planning.view.emission import direct_irradiance, facing_irradiance
 from dataset_builder.rendering.scene.emitters import emitters
 from tests.reference_scenes import deviates, diffuse, rectangle, sensor, traced
 from tests.small_scenes import light, lit_by
@@ -34,6 +34,17 @@ def test_a_near_lamp_lights_a_plane_exactly_by_its_formula(kind, more):
     sent = facing_irradiance(kind, lamp.size, 0.8, lamp.length) / np.pi * np.array(lamp.radiance)
     assert not deviates(found, sent)
     assert deviates(found, 1.02 * sent), "two hundredths would be seen"
+
+
+@pytest.mark.parametrize(("beam", "cutoff", "tilt", "share"), [
+    (0.0, 40.0, 35.0, 0.5), (10.0, 40.0, 20.0, 2 / 3), (39.99, 40.0, 39.0, 1.0), (100.0, 120.0, 115.0, 0.25),
+    (1e-3, 90.0, 45.0, 0.5)])
+def test_a_spot_falls_off_from_its_beam_to_its_edge(beam, cutoff, tilt, share):
+    aside = (float(np.sin(np.radians(tilt))), 0.0, -float(np.cos(np.radians(tilt))))
+    lamp = light("spot", (3.0, 2.0, 1.0), position=(0.0, 0.0, 0.8), direction=aside, beam=beam, cutoff=cutoff)
+    sent = direct_irradiance(lamp, np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]))[0]
+    assert sent == pytest.approx(share * np.array(lamp.radiance) / 0.64, rel=1e-4)
+    assert sent_to_the_origin(lamp).mean(axis=0) == pytest.approx(sent / np.pi, rel=1e-3)
 
 
 @pytest.mark.parametrize("turn", [0.0, 40.0])
