@@ -68,19 +68,20 @@ class House:
         """All files, and how they are named in a spec of that folder."""
         files = {**self.files, "models/model_info.json": json.dumps(self.models).encode(),
                  "house.json": json.dumps(self.document).encode()}
+        (folder / "textures").mkdir(parents=True, exist_ok=True)
         for name, content in files.items():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             (folder / name).write_bytes(content)
         return SceneSource(source="house.json", licence="CC0-1.0", models="models", textures="textures")
 
 
-def house() -> House:
-    """A house without faults, a copy of its own."""
-    return copy.deepcopy(_house())
+def house(*, rooms: tuple[str, ...] = tuple(ROOMS), models: tuple[str, ...] = ()) -> House:
+    """A house without faults, a copy of its own: of these rooms, with furniture of these models or of all."""
+    return copy.deepcopy(_house(rooms, models))
 
 
 @functools.cache
-def _house() -> House:
+def _house(rooms: tuple[str, ...], models: tuple[str, ...]) -> House:
     made = House({"uid": "aaaa-house", "design_version": "0.1", "code_version": "0.4", "north_vector": [0, 1, 0],
                   "furniture": [], "mesh": [], "material": [], "extension": {
                       "door": [], "outdoor": "", "pano": {}, "mini_map": "", "perspective_view": {"link": []},
@@ -92,7 +93,7 @@ def _house() -> House:
                                           "color": color})
     made.document["material"][0]["UVTransform"] = [0.5, 0, 0, 0, 0.5, 0, 0, 0, 1]
     made.files["textures/bbbb-wood/texture.png"] = _planks()
-    for name in ROOMS:
+    for name in rooms:
         made.document["scene"]["room"].append({"type": name.split("-")[0], "instanceid": name, **still(),
                                                "children": []})
         _build(made, name)
@@ -103,7 +104,8 @@ def _house() -> House:
     for opening, heights in WINDOWS.items():
         _line(made, "Window", opening, heights)
     for model, room, place, turn, category, above in PIECES:
-        _furnish(made, model, room, place, turn, (category, above))
+        if room in rooms and (not models or model in models):
+            _furnish(made, model, room, place, turn, (category, above))
     return made
 
 
@@ -181,7 +183,7 @@ def _line(made: House, kind: str, opening: Any, heights: tuple[float, float]) ->
              [[ax, low, az], [bx, low, bz], [cx, low, cz], [dx, low, dz]]]
     for quad, normal in zip(quads, ((along[0], 0, along[1]), (-along[0], 0, -along[1]), (0, -1, 0), (0, 1, 0)),
                             strict=True):
-        add_mesh(made, next(iter(ROOMS)), kind, [quad], normal, "white")
+        add_mesh(made, made.document["scene"]["room"][0]["instanceid"], kind, [quad], normal, "white")
     return made.document["mesh"][-1]["uid"]
 
 

@@ -95,7 +95,7 @@ def front3d_references(path: Path, models: Path | None, textures: Path | None) -
         listed = models / MODEL_LIST
         if is_inside(models, MODEL_LIST) and listed.is_file():
             found[listed] = MODEL_LIST, MODEL_LIST, False
-        for jid in _ids(document, "furniture", lambda entry: (folder_name(entry.get("jid")),)):
+        for jid in _ids(document, "furniture", lambda each: (folder_name(each.get("jid")) * bool(each.get("valid")),)):
             file = model_file(models, jid)
             for each in [file, *_companions(file)] if file else []:
                 found.setdefault(each, ("furniture", jid, each.suffix.lower() not in (".obj", ".mtl")))

@@ -14,6 +14,7 @@ from dataset_builder.spec.document import Document
 from dataset_builder.spec.document import Path as KeyPath
 from dataset_builder.spec.file_reference import MOST_BYTES, FileReference
 from dataset_builder.spec.file_scene import SceneFileSpec
+from dataset_builder.spec.front3d_references import front3d_references
 from dataset_builder.spec.mesh_source import MESH_SUFFIXES, MeshSource, broken_suffix_rule, references
 from dataset_builder.spec.problems import name_alike, nearest, shown
 from dataset_builder.spec.usd_references import USD_SUFFIXES
@@ -43,8 +44,9 @@ class SceneFolders:
                    models=folder / models if models else None, textures=folder / textures if textures else None)
 
 
-SCENE_REFERENCES: dict[str, Callable[[SceneFolders], Iterable[FileReference]]] = dict.fromkeys(
-    MESH_SUFFIXES, lambda scene: references(scene.path, scene.roots))
+SCENE_REFERENCES: dict[str, Callable[[SceneFolders], Iterable[FileReference]]] = {
+    **dict.fromkeys(MESH_SUFFIXES, lambda scene: references(scene.path, scene.roots)),
+    FRONT_SUFFIX: lambda scene: front3d_references(scene.path, scene.models, scene.textures)}
 """What finds the files that a scene file needs, by its suffix: names relative to the folder of the scene file. A file
 that the scene can do without, and that is not there, is none of them."""
 

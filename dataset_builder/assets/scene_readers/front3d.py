@@ -6,14 +6,15 @@ TextURE", IJCV 2021. What the files are known to get wrong is lived with and lis
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from dataset_builder.assets.file_model import counted, refuse
+from dataset_builder.assets.mesh_file import scaled_world
 from dataset_builder.assets.scene_model import Role, SceneModel, SceneThing
-from dataset_builder.assets.scene_readers.front3d_building import FrontBuilding, role_of
+from dataset_builder.assets.scene_readers.front3d_building import FrontBuilding, front_role
 from dataset_builder.assets.scene_readers.front3d_json import FrontScene, Names, read_front3d
 from dataset_builder.assets.scene_readers.front3d_models import (
     LONGEST,
@@ -26,12 +27,17 @@ from dataset_builder.assets.scene_readers.front3d_models import (
 )
 from dataset_builder.assets.scene_readers.front3d_overlaps import overlaps
 from dataset_builder.assets.scene_readers.front3d_values import FaultNotes, SceneFault
+from dataset_builder.assets.scene_readers.roles import said_role
+from dataset_builder.errors import printable
 from dataset_builder.geometry.mesh import transform
 from dataset_builder.label.scene_source import SceneSource
 from dataset_builder.spec.problems import name_alike
 
 LARGE = 5.0
 """Scale that pieces of furniture seldom have (ATISS drops rooms with larger ones)."""
+MOST_THINGS, MOST_PIECES = 20_000, 2_000
+"""Children of rooms of a scene, and pieces of furniture up to which overlaps are looked for; real houses have some
+hundred."""
 NAMED = 3
 """Faults of a kind that are told one by one."""
 
@@ -43,14 +49,17 @@ def read(source: SceneSource, root: Path, max_texture: int) -> SceneModel:
     """
     path = root / source.source
     scene = read_front3d(path)
+    if (children := sum(len(room.children) for room in scene.rooms)) > MOST_THINGS:
+        refuse(path, f"expected at most {MOST_THINGS:,} things, got {children:,}")
     models, textures = (_folder(path, root, key, name) for key, name in
                         (("models", source.models), ("textures", source.textures)))
-    house = _House(scene, FaultNotes(list(scene.faults)), models, textures, max_texture)
-    things = tuple(house.things())
+    house = _House(scene, FaultNotes(list(scene.faults)), models, textures, max_texture,
+                   scaled_world(source.scale, "y"))
+    things = tuple(replace(thing, role=said_role(thing.name, source) or thing.role) for thing in house.things())
     if not things:
         refuse(path, f"expected walls, floors or furniture, got a scene without any: {house.contains(things)}",
                "; ".join(fault_texts(house.notes.found)))
-    pairs, in_walls = overlaps(things)
+    pairs, in_walls = overlaps(things) if house.placed <= MOST_PIECES else ([], [])
     for kind, found in (("pieces of furniture that stand in each other, as they are", pairs),
                         ("pieces of furniture that stand in walls, as they are", in_walls)):
         for one, other in found:
@@ -63,14 +72,14 @@ def fault_texts(faults: Iterable[SceneFault]) -> list[str]:
     """A sentence for each kind of fault, in the order in which kinds are met: how many, and the first few.
 
     >>> fault_texts([SceneFault("rugs that fly", "Hall/3", "2 m up"), SceneFault("rugs that fly", "Hall/4")])
-    ['2 rugs that fly: Hall/3 (2 m up), Hall/4']
+    ['rugs that fly (2): Hall/3 (2 m up), Hall/4']
     """
     kinds: dict[str, list[SceneFault]] = {}
     for fault in faults:
         kinds.setdefault(fault.kind, []).append(fault)
-    return [f"{len(found):,} {kind}: " + ", ".join(
+    return [printable(f"{kind} ({len(found):,}): " + ", ".join(
         f"{fault.where} ({fault.said})" if fault.said else fault.where for fault in found[:NAMED])
-        + (f" and {len(found) - NAMED:,} more" if len(found) > NAMED else "") for kind, found in kinds.items()]
+        + (f" and {len(found) - NAMED:,} more" if len(found) > NAMED else "")) for kind, found in kinds.items()]
 
 
 def _folder(scene: Path, root: Path, key: str, name: str) -> Path | None:
@@ -93,6 +102,8 @@ class _House:
     models: Path | None
     textures: Path | None
     max_texture: int
+    world_from_file: np.ndarray
+    """(4, 4), with the scale that the spec gives."""
     categories: dict[str, FrontCategory] = field(default_factory=dict)
     unnamed: int = 0
     """Pieces of furniture, where the spec names no folder of models."""
@@ -118,7 +129,7 @@ class _House:
         placed: dict[tuple[str, bytes], str] = {}
         for room in scene.rooms:
             for child in room.children:
-                matrix = WORLD_FROM_FRONT @ scene.matrix @ room.matrix @ child.matrix @ WORLD_FROM_FRONT.T
+                matrix = self.world_from_file @ scene.matrix @ room.matrix @ child.matrix @ WORLD_FROM_FRONT.T
                 key = child.ref, (np.round(matrix, 5) + 0.0).tobytes()
                 if key in placed:
                     self.notes.add("things placed twice, the second left out", child.name, f"as {placed[key]}")
@@ -134,16 +145,16 @@ class _House:
         for uid in scene.meshes:
             if uid not in used:
                 self.notes.add("meshes of no room, in place", uid, scene.meshes[uid].kind)
-                matrix = WORLD_FROM_FRONT @ scene.matrix @ WORLD_FROM_FRONT.T
+                matrix = self.world_from_file @ scene.matrix @ WORLD_FROM_FRONT.T
                 yield from self._part(uid, names.free(f"house/{uid}"), matrix)
 
     def _is_floor(self, ref: str) -> bool:
-        return ref in self.scene.meshes and role_of(self.scene.meshes[ref].kind) == "floor"
+        return ref in self.scene.meshes and front_role(self.scene.meshes[ref].kind) == "floor"
 
     def _part(self, uid: str, name: str, matrix: np.ndarray) -> Iterator[SceneThing]:
         mesh = self.scene.meshes[uid]
         if model := self.building.model(mesh, name):
-            yield _thing(model, name, mesh.kind.lower(), role_of(mesh.kind), matrix)
+            yield _thing(model, name, mesh.kind.lower(), front_role(mesh.kind), matrix)
 
     def _piece(self, uid: str, name: str, matrix: np.ndarray, library: FrontModels | None) -> Iterator[SceneThing]:
         piece = self.scene.furniture[uid]
@@ -187,6 +198,8 @@ class _House:
         """What is not honoured, and what was decided."""
         lamps = f": {', '.join(f'{number} {kind}' for kind, number in sorted(self.dark.items()))}" if self.dark else ""
         yield f"no lights: scenes of 3D-FRONT have none, and lamps give no light{lamps}"
+        if self.placed > MOST_PIECES:
+            yield f"overlaps, which are looked for among up to {MOST_PIECES:,} pieces of furniture"
         if self.unnamed:
             yield f"{counted(self.unnamed, 'piece')} of furniture: the spec names no folder of models"
         if self.building.unnamed:

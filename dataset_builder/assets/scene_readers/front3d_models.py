@@ -9,22 +9,21 @@ import numpy as np
 
 from dataset_builder.assets.asset import Asset
 from dataset_builder.assets.file_model import FileModel
-from dataset_builder.assets.mesh_file import WORLD_FROM_FILE, model_asset
+from dataset_builder.assets.mesh_file import scaled_world
 from dataset_builder.assets.readers import obj
 from dataset_builder.assets.scene_readers.front3d_json import FrontFurniture
 from dataset_builder.assets.scene_readers.front3d_values import FaultNotes, cleaned, number
+from dataset_builder.assets.scene_readers.thing_assets import thing_asset
 from dataset_builder.digest import digest
 from dataset_builder.errors import UserError
 from dataset_builder.geometry.mesh import transform
 from dataset_builder.spec.file_reference import is_inside
 from dataset_builder.spec.front3d_references import MODEL_FILES, MODEL_LIST, front3d_document, model_file
-from dataset_builder.spec.mesh_source import companions, mesh_source
 from dataset_builder.spec.obj_references import READ_MAPS
 from dataset_builder.spec.problems import shown
 from dataset_builder.spec.wavefront import Statement
 
-WORLD_FROM_FRONT = np.eye(4)
-WORLD_FROM_FRONT[:3, :3] = WORLD_FROM_FILE["y"]
+WORLD_FROM_FRONT = scaled_world(1.0, "y")
 """(4, 4): Y up to Z up."""
 CENTIMETRE = 0.01
 AGREES = 1.25
@@ -47,7 +46,7 @@ class FrontModel:
     asset: Asset
     """In metres, Z up, its origin where the file has it."""
     content: str
-    """SHA-256 over its files and its unit."""
+    """SHA-256 over all of it."""
 
 
 @dataclass(eq=False)
@@ -92,11 +91,9 @@ class FrontModels:
             return None
         try:
             model = self._file_model(path, jid)
-            asset = model_asset(model, WORLD_FROM_FRONT, name=jid, category=category, licence="")
-            names = tuple(name for name in companions(path) if (path.parent / name).is_file())
-            return FrontModel(asset, mesh_source(path, names).digest)
-        except (UserError, OSError, ValueError) as error:
-            self.notes.add("models that cannot be read, left out", f"{jid}/{path.name}", _rule(error, self.folder))
+            return FrontModel(*thing_asset(model, WORLD_FROM_FRONT, name=jid, category=category, licence=""))
+        except UserError as error:
+            self.notes.add("models that cannot be read, left out", f"{jid}/{path.name}", rule_of(error, self.folder))
             return None
 
     def _file_model(self, path: Path, jid: str) -> FileModel:
@@ -113,7 +110,7 @@ class FrontModels:
         except UserError as error:
             found = obj.read(path, self.max_texture,
                              ignored=lambda said: _glows(said) or said.key.lower() in READ_MAPS)
-            self.notes.add("models whose textures cannot be read, in plain colours", jid, _rule(error, self.folder))
+            self.notes.add("models whose textures cannot be read, in plain colours", jid, rule_of(error, self.folder))
         if reset:
             self.notes.add("models that glow or are glass by their materials, which is reset", jid,
                            ", ".join(reset))
@@ -133,10 +130,9 @@ def _matters(said: Statement) -> bool:
     return _glows(said) and values not in neutral
 
 
-def _rule(error: Exception, folder: Path) -> str:
+def rule_of(error: UserError, folder: Path) -> str:
     """What was wrong, without paths of this machine."""
-    text = error.problems[0].rule if isinstance(error, UserError) else type(error).__name__
-    return text.replace(f"{folder}/", "")
+    return error.problems[0].rule.replace(f"{folder}/", "")
 
 
 def metres_per_unit(extents: Sequence[float], sizes: Sequence[Sequence[float]]) -> tuple[float, str, str]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import hypot
 from typing import Any
 
 import numpy as np
@@ -118,7 +119,7 @@ class FaultNotes:
         position, rotation, scale = parts["pos"], parts["rot"], parts["scale"]
         if position is None or rotation is None or scale is None:
             return None
-        norm = float(np.linalg.norm(rotation))
+        norm = hypot(*rotation)
         if not np.abs(position).max() < FURTHEST:
             self.add("places further than 10 km, left out", where, shown(position.tolist()))
         elif not 1e-6 < norm < 1e6:

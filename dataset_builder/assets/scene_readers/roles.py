@@ -68,7 +68,7 @@ def classified(things: Sequence[SceneThing], source: SceneSource) -> tuple[tuple
             found.append(thing)
             continue
         parts = parted(thing)
-        found += [replace(part, role=_said(part.name, source) or part.role) for part in parts]
+        found += [replace(part, role=said_role(part.name, source) or part.role) for part in parts]
         decided.append(f"{thing.name} is the building in one mesh: parted into "
                        f"{', '.join(part.name.rpartition('#')[2] for part in parts)} by how its faces lie")
     return tuple(map(_called, found)), tuple(decided)
@@ -83,7 +83,7 @@ def _called(thing: SceneThing) -> SceneThing:
 
 def _by_name(thing: SceneThing, source: SceneSource) -> tuple[SceneThing, bool]:
     """The thing with the role that the spec, its reader, or its name tells, and whether one of them did."""
-    said = _said(thing.name, source)
+    said = said_role(thing.name, source)
     if said is not None:
         return replace(thing, role=said), True
     if thing.role != "object":
@@ -96,7 +96,7 @@ def _by_name(thing: SceneThing, source: SceneSource) -> tuple[SceneThing, bool]:
     return thing, False
 
 
-def _said(name: str, source: SceneSource) -> Role | None:
-    """What the spec says of a name; the last pattern that fits holds."""
+def said_role(name: str, source: SceneSource) -> Role | None:
+    """What the spec says of a name, the last pattern that fits; None where it says nothing."""
     said = [part.part for part in source.parts if any(fits(name, pattern) for pattern in part.patterns)]
     return said[-1] if said else None
