@@ -12,13 +12,15 @@ from dataset_builder.errors import UserError, printable
 from dataset_builder.processes import cores
 
 if TYPE_CHECKING:
-    from dataset_builder.importing.front3d_models import FutureModel
     from dataset_builder.importing.front3d_split import SplitProposal
+    from dataset_builder.importing.future_models import FutureModel
     from dataset_builder.importing.index_folder import IndexedFile
 
 VERB = "import front3d"
 """Parsed as one word."""
 _WORDS = VERB.split()
+SEEN = 10
+"""Files that are looked into, to see whether a folder holds scenes."""
 
 
 def joined(arguments: Sequence[str]) -> list[str]:
@@ -33,9 +35,14 @@ def _holds_scenes(text: str) -> bool:
     """Whether a folder holds a JSON object that begins like a scene of 3D-FRONT."""
     try:
         files = sorted(path for path in Path(text).glob("*.json") if path.is_file())
-        return any(b'"uid"' in path.open("rb").read(1000) for path in files[:10])
+        return any(b'"uid"' in _beginning(path) for path in files[:SEEN])
     except (OSError, ValueError):
         return False
+
+
+def _beginning(path: Path) -> bytes:
+    with path.open("rb") as stream:
+        return stream.read(1000)
 
 
 def add(verbs: common.Verbs) -> None:

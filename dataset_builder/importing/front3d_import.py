@@ -11,9 +11,9 @@ from tempfile import TemporaryDirectory
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.files import output_errors
 from dataset_builder.importing.find_models import file_names
-from dataset_builder.importing.front3d_models import FutureModel, find_future_models
 from dataset_builder.importing.front3d_split import SplitProposal, propose_split
 from dataset_builder.importing.front3d_texts import Folders, split_texts
+from dataset_builder.importing.future_models import FutureModel, find_future_models
 from dataset_builder.importing.in_place import move, refuse_existing
 from dataset_builder.importing.index_file import IndexFile
 from dataset_builder.importing.index_folder import FolderIndex, Watch, index_folder, made_by, scene_files

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from dataset_builder.importing.front3d_models import GROUPS, FutureModel, category_in, target_group
+from dataset_builder.importing.future_models import GROUPS, FutureModel, category_in, target_group
 from dataset_builder.importing.scene_index import SceneIndex
 from dataset_builder.seeding import rng
 

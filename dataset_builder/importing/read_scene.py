@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dataset_builder.assets.scene_readers.front3d_building import role_of
+from dataset_builder.assets.scene_readers.front3d_building import front_role
 from dataset_builder.assets.scene_readers.front3d_json import (
     FrontChild,
     FrontFurniture,
@@ -75,7 +75,7 @@ def _furniture(scene: FrontScene, room: FrontRoom) -> Iterator[tuple[FrontChild,
 
 
 def _is_floor(kind: str) -> bool:
-    return role_of(kind) == "floor"
+    return front_role(kind) == "floor"
 
 
 def _is_wall(kind: str) -> bool:

@@ -9,8 +9,8 @@ from PIL import Image, ImageDraw, ImageFont
 
 from dataset_builder.engine.local import run
 from dataset_builder.files import write_atomic
-from dataset_builder.importing.front3d_models import GROUPS, FutureModel, category_in, target_group
 from dataset_builder.importing.front3d_split import SplitProposal
+from dataset_builder.importing.future_models import GROUPS, FutureModel, category_in, target_group
 from dataset_builder.importing.read_scene import FloorPlan, FurnitureBox, RoomOutline, floor_plan
 from dataset_builder.importing.scene_index import SceneIndex
 from dataset_builder.report.example_sheet import INK, MARGIN, PALE, PAPER, png_of

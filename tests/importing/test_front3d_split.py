@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from dataset_builder.importing import front3d_models, front3d_split
-from dataset_builder.importing.front3d_models import GROUPS, FutureModel
+from dataset_builder.importing import front3d_split, future_models
 from dataset_builder.importing.front3d_split import PAPER, SplitProposal, TargetChoice, propose_split
+from dataset_builder.importing.future_models import GROUPS, FutureModel
 from dataset_builder.importing.scene_index import (
     BROKEN,
     EMPTY,
@@ -53,7 +53,7 @@ def jids(split: front3d_split.SplitChoice) -> set[str]:
 
 
 def test_examples_of_the_docstrings() -> None:
-    assert doctest.testmod(front3d_split).failed == doctest.testmod(front3d_models).failed == 0
+    assert doctest.testmod(front3d_split).failed == doctest.testmod(future_models).failed == 0
 
 
 def test_the_papers_numbers_and_nothing_in_common() -> None:

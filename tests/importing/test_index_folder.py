@@ -54,7 +54,7 @@ def test_the_same_lines_whatever_the_workers(scenes: Path, tmp_path: Path) -> No
     assert one.read == 7 and one.read_bytes == sum(scene.size for scene in one.scenes)
 
 
-def test_an_order_that_is_not_the_files_is_mended(scenes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_order_of_arrival_is_mended(scenes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     index(scenes, tmp_path / "one")
     monkeypatch.setattr(module, "run", lambda work, units, workers: reversed([*map(work, units)]))
     index(scenes, tmp_path / "two", workers=2)

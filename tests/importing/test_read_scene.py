@@ -81,7 +81,7 @@ def test_faults_are_told_in_the_words_of_the_reader(tmp_path: Path) -> None:
         "rooms without a floor": 1, "rotations of another length than 1, made 1": 1}
     assert sum(scene.faults.values()) == len(faults)
     told = " ".join(read(source, tmp_path, 16).faults)
-    assert all(f"{count} {kind}" in told for kind, count in scene.faults.items())
+    assert all(f"{kind} ({count})" in told for kind, count in scene.faults.items())
     assert [room.area for room in scene.rooms if room.name == "Bedroom-31"] == [0]
 
 
