@@ -1,7 +1,7 @@
 """Free floor of a scene given as triangles: where something of a size can stand, clear of all that is there."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt
@@ -38,7 +38,7 @@ class FreeFloor:
     """(K, 3) points that stand in the way, in the order of cells."""
     starts: np.ndarray
     """(N + 1,) the first point of each cell."""
-    _wide: dict[float, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    _wide: dict[float, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict, init=False)
     """By least head room: free cells, those furthest from what is not free first, and how far, below 0."""
 
     @property
@@ -116,22 +116,27 @@ class FreeFloor:
         return bool((across.all(axis=1) & (points[:, 2] < box.top - 1e-6) & (points[:, 2] > box.bottom)).any())
 
 
-def free_floor(grid: Grid, storey: Storey, building: Iterable[np.ndarray], contents: Iterable[np.ndarray]) -> FreeFloor:
-    """A storey with what stands on it. building, contents: corners of triangles (T, 3, 3)."""
-    spacing = grid.cell / 2
-    top, clear = storey.height.copy(), np.full(len(storey.height), TALLEST)
-    kept = list[np.ndarray]()
-    for parts, below in ((building, True), (contents, False)):
-        for part in parts:
-            for points in surface_points(_within_reach(grid, storey, part), spacing):
-                kept.append(_add(grid, storey, points, top, clear, spacing))
-        if below:
-            bare = clear.copy()
-    points = np.concatenate([np.zeros((0, 3)), *kept])
+def bare_floor(grid: Grid, storey: Storey, building: Iterable[np.ndarray]) -> FreeFloor:
+    """A storey with what is built on it. building: corners of triangles (T, 3, 3)."""
+    nothing = np.full(len(storey.height), TALLEST)
+    floor = furnished(FreeFloor(grid=grid, storey=storey, top=storey.height, clear=nothing, bare=nothing,
+                                points=np.zeros((0, 3)), starts=np.zeros(len(nothing) + 1, np.int64)), building)
+    return replace(floor, bare=floor.clear)
+
+
+def furnished(floor: FreeFloor, contents: Iterable[np.ndarray]) -> FreeFloor:
+    """The storey with more on it. contents: corners of triangles (T, 3, 3)."""
+    grid, storey, spacing = floor.grid, floor.storey, floor.grid.cell / 2
+    top, clear, kept = floor.top.copy(), floor.clear.copy(), [floor.points]
+    for part in contents:
+        for points in surface_points(_within_reach(grid, storey, part), spacing):
+            kept.append(_add(grid, storey, points, top, clear, spacing))
+    points = np.concatenate(kept)
     cells = grid.indices(points)
     order = np.argsort(cells, kind="stable")
     starts = np.searchsorted(cells[order], np.arange(len(storey.height) + 1))
-    return FreeFloor(grid=grid, storey=storey, top=top, clear=clear, bare=bare, points=points[order], starts=starts)
+    return FreeFloor(grid=grid, storey=storey, top=top, clear=clear, bare=floor.bare, points=points[order],
+                     starts=starts)
 
 
 def _within_reach(grid: Grid, storey: Storey, corners: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ from hashlib import sha256
 import numpy as np
 
 from dataset_builder.geometry.raycast import RayScene
-from dataset_builder.planning.scene.free_floor import FreeFloor, free_floor
+from dataset_builder.planning.scene.free_floor import FreeFloor, bare_floor, furnished
 from dataset_builder.planning.scene.shell import Geometry, box_of
 from dataset_builder.planning.scene.storeys import MIN_FLOOR, Grid, areas_facing_up, corners_of, find_storeys
 
@@ -105,10 +105,15 @@ class MeshSpace:
         """Storeys with what stands on them, lowest first."""
         if not self._up[0][1].sum() >= MIN_FLOOR:
             return ()
+        contents = corners_of(self.content.contents)
+        if contents and not self._up[1]:
+            # Scenes that differ in what stands in them, as those of several targets do, share what is built
+            built = space_of(Content.of(self.content.building, ())).floors
+            return tuple(furnished(floor, contents) for floor in built)
         grid = Grid.over(*self.extent)
         storeys = find_storeys(grid, self._up[0], self.ground, self.house, self._up[1])
-        building, contents = corners_of(self.content.building), corners_of(self.content.contents)
-        return tuple(free_floor(grid, storey, building, contents) for storey in storeys)
+        building = corners_of(self.content.building)
+        return tuple(furnished(bare_floor(grid, storey, building), contents) for storey in storeys)
 
     def _finite(self, scene: RayScene, points: np.ndarray, direction: np.ndarray) -> np.ndarray:
         return np.isfinite(scene.first_hit(points, np.broadcast_to(direction, points.shape))[1])
