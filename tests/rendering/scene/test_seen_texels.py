@@ -5,6 +5,7 @@ import pytest
 
 from dataset_builder.assets.asset import Material, Texture
 from dataset_builder.geometry.pinhole import Pinhole
+from dataset_builder.rendering.scene import seen_texels
 from dataset_builder.rendering.scene.seen_texels import MIN_SIDE, distances, repeat_lengths, seen_sides
 from dataset_builder.rendering.scene.triangle_soup import Soup
 from dataset_builder.rendering.surface.texels import pack
@@ -45,6 +46,14 @@ def test_what_is_further_away_is_coarser_and_none_is_above_the_limit() -> None:
 def test_what_lies_behind_the_camera_counts_by_its_distance() -> None:
     """It may show in a mirror."""
     assert seen_sides(sheets([-1.0]), camera(), 2, 4096) == seen_sides(sheets([1.0]), camera(), 2, 4096)
+
+
+def test_materials_and_strips_of_triangles_are_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In any order of the triangles, however many are looked at together."""
+    soup, order = sheets([0.1, 1, 2, 4, 100]), rng(3, "order").permutation(10)
+    expected = seen_sides(soup, camera(), 2, 512)
+    monkeypatch.setattr(seen_texels, "STRIP", 3)
+    assert seen_sides(soup.only(order), camera(), 2, 512) == expected
 
 
 def test_slivers_of_the_unwrapping_do_not_decide() -> None:
