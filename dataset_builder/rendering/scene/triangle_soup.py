@@ -22,30 +22,35 @@ from dataset_builder.planning.scene.room_parts import RoomPart, room_parts
 from dataset_builder.seeding import rng
 
 KEPT_BASES = 16
-KEPT_ROOMS, KEPT_BYTES = 16, 1 << 30
+KEPT_ROOMS, KEPT_BYTES = 16, 1 << 29
+NARROW = {"normals": np.float32, "uvs": np.float32, "material": np.int32, "instance": np.int32, "part": np.int8}
 PARTS = ("furniture", "floor", "walls", "ceiling")
 """What a triangle belongs to: an object or thing, or a part of the room."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Soup:
-    """F triangles in world space."""
+    """F triangles in world space. All but corners are kept as narrow as the device takes them."""
 
     corners: np.ndarray
-    """(F, 3, 3), metres."""
+    """(F, 3, 3) float64, metres; float32 for what is around, in the frame that it is rendered in."""
     normals: np.ndarray
-    """(F, 3, 3) unit vectors."""
+    """(F, 3, 3) float32 unit vectors."""
     uvs: np.ndarray
-    """(F, 3, 2)."""
+    """(F, 3, 2) float32."""
     material: np.ndarray
-    """(F,) index into `materials`."""
+    """(F,) int32 index into `materials`."""
     instance: np.ndarray
-    """(F,) value in the `instance` layer."""
+    """(F,) int32 value in the `instance` layer."""
     part: np.ndarray
-    """(F,) index into `PARTS` of what may be taken out of a light's way."""
+    """(F,) int8 index into `PARTS` of what may be taken out of a light's way."""
     materials: tuple[Material, ...]
     colors: np.ndarray | None = None
     """(F, 3, 4) linear Rec.709 and coverage that multiply base colour and alpha; None is all ones."""
+
+    def __post_init__(self) -> None:
+        for name, dtype in NARROW.items():
+            object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=dtype))
 
     def without(self, parts: Sequence[str]) -> "Soup":
         """The triangles that belong to none of `parts`; materials stay as they are."""
@@ -64,6 +69,8 @@ def _bytes_of(soup: Soup) -> int:
 
 _rooms = Recent[Soup](KEPT_ROOMS, KEPT_BYTES, _bytes_of)
 _known_normals: WeakKeyDictionary[Asset, np.ndarray] = WeakKeyDictionary()
+_part_normals: WeakKeyDictionary[Asset, np.ndarray] = WeakKeyDictionary()
+"""Of what is around, which is most of a house: float32."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -81,18 +88,21 @@ def soup_of(mesh: TriangleMesh, normals: np.ndarray, materials: tuple[Material, 
     frame."""
     rotation, offset = world[:3, :3], world[:3, 3]
     return Soup(corners=mesh.corners @ rotation.T + offset, normals=normals @ rotation.T, uvs=mesh.uvs,
-                material=mesh.material, instance=np.full(len(mesh.faces), instance),
-                part=np.zeros(len(mesh.faces), dtype=int), materials=materials, colors=mesh.colors)
+                material=mesh.material, instance=np.full(len(mesh.faces), instance, np.int32),
+                part=np.zeros(len(mesh.faces), np.int8), materials=materials, colors=mesh.colors)
 
 
 def merge(soups: Sequence[Soup]) -> Soup:
     """One soup of several, in order."""
+    if len(soups) == 1:
+        return soups[0]
     firsts = np.cumsum([0, *(len(soup.materials) for soup in soups)])
     return Soup(
         corners=np.concatenate([soup.corners for soup in soups]),
         normals=np.concatenate([soup.normals for soup in soups]),
         uvs=np.concatenate([soup.uvs for soup in soups]),
-        material=np.concatenate([soup.material + first for soup, first in zip(soups, firsts, strict=False)]),
+        material=np.concatenate([soup.material + np.int32(first)
+                                 for soup, first in zip(soups, firsts, strict=False)]),
         instance=np.concatenate([soup.instance for soup in soups]),
         part=np.concatenate([soup.part for soup in soups]),
         materials=tuple(material for soup in soups for material in soup.materials),
@@ -111,13 +121,15 @@ def _room(plan: RoomPlan, mesh_root: Path) -> Soup:
 
 def part_soup(part: RoomPart) -> Soup:
     """The triangles of what is around; its transform may scale, shear and mirror."""
-    mesh, normals = part.asset.mesh, _normals(part.asset)
+    if part.asset not in _part_normals:
+        _part_normals[part.asset] = corner_normals(part.asset.mesh).astype(np.float32)
+    mesh, normals = part.asset.mesh, _part_normals[part.asset]
     linear, offset = part.world[:3, :3], part.world[:3, 3]
     corners = mesh.corners @ linear.T + offset
-    order = [0, 2, 1] if np.linalg.det(linear) < 0 else [0, 1, 2]
+    order = [0, 2, 1] if np.linalg.det(linear) < 0 else slice(None)
     return Soup(corners=corners[:, order], normals=_turned(normals, linear, corners)[:, order], uvs=mesh.uvs[:, order],
-                material=mesh.material, instance=np.full(len(mesh.faces), part.instance),
-                part=np.full(len(mesh.faces), PARTS.index(part.part)), materials=part.asset.materials,
+                material=mesh.material, instance=np.full(len(mesh.faces), part.instance, np.int32),
+                part=np.full(len(mesh.faces), PARTS.index(part.part), np.int8), materials=part.asset.materials,
                 colors=None if mesh.colors is None else mesh.colors[:, order])
 
 
