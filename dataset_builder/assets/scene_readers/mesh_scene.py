@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from dataset_builder.assets.file_model import FileModel, counted, refuse
+from dataset_builder.assets.file_model import FileModel, counted, refuse, unique
 from dataset_builder.assets.mesh_file import checked_references, file_named, left_out_of, scaled_world
 from dataset_builder.assets.readers import obj, off, ply, stl
 from dataset_builder.assets.scene_model import SceneModel, SceneThing
-from dataset_builder.assets.scene_readers.gltf_scene import read_gltf_scene, unique
+from dataset_builder.assets.scene_readers.gltf_scene import read_gltf_scene
 from dataset_builder.assets.scene_readers.roles import classified
 from dataset_builder.assets.scene_readers.thing_assets import thing_asset
 from dataset_builder.assets.scene_readers.thing_tree import category_in

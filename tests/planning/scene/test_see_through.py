@@ -53,7 +53,7 @@ def test_a_target_is_seen_in_a_case_of_glass_and_in_no_other(kind: str, tmp_path
                                              (True, pytest.approx(1.25)))
     assert len(found.clear) == (kind != "opaque")
     # A camera keeps away from the glass, too
-    assert found.surfaces.distance(eye + [[0.0, 1.1, 0.0]])[0] == pytest.approx(0.05)
+    assert found.surfaces.distance(np.add(eye, (0.0, 1.1, 0.0)))[0] == pytest.approx(0.05)
     assert found.shell.inside(eye[0], 0.1, found.centre)
 
 
