@@ -201,6 +201,17 @@ def is_pane(material: Material) -> bool:
     return _transmits(material) and material.thin
 
 
+def see_through(asset: Asset) -> np.ndarray:
+    """(F,) which faces let light through, if only at some texel of their material: glass, and what is there in part."""
+    clear, colors = np.zeros(len(asset.mesh.faces), bool), asset.mesh.colors
+    for index in np.unique(asset.mesh.material).tolist():
+        material, own = asset.materials[index], asset.mesh.material == index
+        alphas = 1.0 if colors is None else colors[own, :, 3].min(axis=1)
+        there = 1.0 if material.alpha_cutoff is None else material.alpha_cutoff
+        clear[own] = _transmits(material) | (range_of(material, "alpha")[0] * alphas < there)
+    return clear
+
+
 def disperses(material: Material) -> bool:
     """Whether a surface bounds glass that bends the colours differently."""
     return is_solid(material) and material.abbe > 0

@@ -27,13 +27,16 @@ LATTICE, MOST_ACROSS = 0.1, 24
 """Metres between the points of a footprint that have floor under them, and points along a side at most."""
 
 
-def shell_of(room: RoomPlan, building: Sequence[Geometry], contents: Sequence[Geometry]) -> Shell:
-    """The space of a room. building: world triangles of floors, walls and ceilings without panes; contents: all other
-    things of the scene, without the target and without what is placed by layout. Neither matters for a procedural room.
+def shell_of(room: RoomPlan, building: Sequence[Geometry], contents: Sequence[Geometry],
+             clear: tuple[Sequence[Geometry], Sequence[Geometry]] = ((), ())) -> Shell:
+    """The space of a room. building: world triangles of floors, walls and ceilings; contents: of all other things of
+    the scene, without the target and without what is placed by layout; clear: of both, those that are see-through and
+    in neither. None of it matters for a procedural room.
     """
     if room.kind == "procedural":
         return BoxShell(room)
-    return MeshShell(name=room.name, space=space_of(Content.of(building, contents)))
+    hiding, whole = Content.of(building, contents), Content.of((*building, *clear[0]), (*contents, *clear[1]))
+    return MeshShell(name=room.name, space=space_of(whole, hiding))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,7 +97,8 @@ class MeshShell:
         ahead = np.stack([np.cos(turns), np.sin(turns), np.zeros(LOOKS)], axis=1)
         low = [floor.top[floor.grid.indices(point[None])[0]] for floor, point in zip(floors, points, strict=True)]
         eyes = np.column_stack([points, np.array(low) + min(extent.size[2] / 2, HEAD_ROOM)])
-        distance, normals = self.space.house.first_hit(eyes, ahead)[1], self.space.house.normals(eyes, ahead)
+        walls = self.space.opaque_house
+        distance, normals = walls.first_hit(eyes, ahead)[1], walls.normals(eyes, ahead)
         for k in np.flatnonzero(np.isfinite(distance) & (np.abs(normals[:, 2]) < 0.1)):
             inward = normals[k, :2] / np.linalg.norm(normals[k, :2])
             if (pose := self._back_to(floors[k], extent, eyes[k, :2] + ahead[k, :2] * distance[k], inward)) is not None:
@@ -113,7 +117,7 @@ class MeshShell:
                                                             [STEP, height / 2, 0.95 * height]))
         along = foot + inward * out + aside[:, None] * np.array([-inward[1], inward[0]])
         starts = np.column_stack([along, pose[0][2] + rise])
-        found = self.space.house.first_hit(starts, np.broadcast_to([*-inward, 0.0], starts.shape))[1]
+        found = self.space.opaque_house.first_hit(starts, np.broadcast_to([*-inward, 0.0], starts.shape))[1]
         if not np.isfinite(found).all() or np.ptp(found) > UNEVEN or abs(found.min() - out) > UNEVEN:
             return None
         return _on(floor, extent, foot + inward * (2 * out - found.min()), yaw)

@@ -105,7 +105,7 @@ def _stands_free(arrangement: Arrangement, light: LightPlan, camera: np.ndarray,
     position, clearance = np.asarray(light.position), max(light.size, MIN_CLEARANCE)
     if not inside(arrangement, position, clearance) or _in_the_way(light, camera, points):
         return False
-    return float(arrangement.everything.distance(position[None])[0]) >= clearance
+    return float(arrangement.surfaces.distance(position[None])[0]) >= clearance
 
 
 def expose(arrangement: Arrangement, sight: Sight, lights: Sequence[LightPlan], unit: float, sky: float, *,
