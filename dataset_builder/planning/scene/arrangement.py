@@ -18,7 +18,7 @@ from dataset_builder.planning.scene.layout import Piece, Place, furnish, lay_out
 from dataset_builder.planning.scene.mesh_shell import shell_of
 from dataset_builder.planning.scene.object_size import advice_on
 from dataset_builder.planning.scene.room_parts import RoomPart, room_parts
-from dataset_builder.planning.scene.shell import Geometry, Shell, box_of
+from dataset_builder.planning.scene.shell import PARTS, Geometry, Shell, box_of
 from dataset_builder.planning.scene.stage import FURNITURE_INSTANCE, TARGET_INSTANCE, extent_of, stage
 from dataset_builder.seeding import rng
 from dataset_builder.spec.resolve import LoadedSpec
@@ -107,7 +107,8 @@ def arrange(pair: PairRef, loaded: LoadedSpec, split: SplitContents) -> Arrangem
     around = room_parts(staged.room, mesh_root)
     building, things = (_parted([part for part in around if (part.part == "furniture") == furniture])
                         for furniture in (False, True))
-    shell = shell_of(staged.room, building.hiding, things.hiding, (building.clear, things.clear))
+    shell = shell_of(staged.room, building.hiding, things.hiding, (building.clear, things.clear),
+                     [name for name in PARTS if any(part.part == name for part in around)])
     pieces = [_piece(piece.object, piece.place, mesh_root,
                      partial(rng, seed, *pair.path, "furniture", *piece.number, "position"))
               for piece in scene.furniture]

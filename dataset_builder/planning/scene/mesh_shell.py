@@ -13,7 +13,7 @@ from dataset_builder.planning.scene.box_shell import BoxShell
 from dataset_builder.planning.scene.footprints import WALL_GAP, Box, Footprint, Pose, footprint, standing
 from dataset_builder.planning.scene.free_floor import HEAD_ROOM, FreeFloor
 from dataset_builder.planning.scene.mesh_space import Content, MeshSpace, space_of
-from dataset_builder.planning.scene.shell import Geometry, Reach, Shell
+from dataset_builder.planning.scene.shell import PARTS, Geometry, Reach, Shell
 from dataset_builder.planning.scene.storeys import MIN_FLOOR, STEP
 from dataset_builder.planning.scene.ways_out import BOUNCES, WaysOut, ways_out
 
@@ -28,15 +28,15 @@ LATTICE, MOST_ACROSS = 0.1, 24
 
 
 def shell_of(room: RoomPlan, building: Sequence[Geometry], contents: Sequence[Geometry],
-             clear: tuple[Sequence[Geometry], Sequence[Geometry]] = ((), ())) -> Shell:
+             clear: tuple[Sequence[Geometry], Sequence[Geometry]] = ((), ()), parts: Sequence[str] = PARTS) -> Shell:
     """The space of a room. building: world triangles of floors, walls and ceilings; contents: of all other things of
     the scene, without the target and without what is placed by layout; clear: of both, those that are see-through and
-    in neither. None of it matters for a procedural room.
+    in neither; parts: of the building that there are. None of it matters for a procedural room.
     """
     if room.kind == "procedural":
         return BoxShell(room)
     hiding, whole = Content.of(building, contents), Content.of((*building, *clear[0]), (*contents, *clear[1]))
-    return MeshShell(name=room.name, space=space_of(whole, hiding))
+    return MeshShell(name=room.name, space=space_of(whole, hiding), parts=tuple(parts))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +45,7 @@ class MeshShell:
 
     name: str
     space: MeshSpace
+    parts: tuple[str, ...] = PARTS
     noun = "scene"
     larger = ("take a smaller object (`scale` says how large a mesh file is), `leave_out` what stands in the way, or "
               "let it take the place of a thing with `slot`")

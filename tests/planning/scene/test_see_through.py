@@ -112,3 +112,9 @@ def test_which_faces_let_light_through(fields: dict[str, Any], expected: list[in
     asset = Asset(name="a", category="a", mesh=mesh,
                   materials=(plain, Material(name="m", base_color=(1, 1, 1), **fields)))
     assert see_through(asset).tolist() == [bool(each) for each in (*expected, 0)]
+
+
+def test_a_scene_knows_which_parts_it_has(tmp_path: Path) -> None:
+    assert arranged(tmp_path / "a", "opaque").shell.parts == ("floor",)
+    roof = thing("Ceiling", at(0, 0, 2.5, (4, 4, 0.1)))
+    assert arranged(tmp_path / "b", "opaque", roof).shell.parts == ("floor", "ceiling")
