@@ -207,7 +207,7 @@ def see_through(asset: Asset) -> np.ndarray:
     for index in np.unique(asset.mesh.material).tolist():
         material, own = asset.materials[index], asset.mesh.material == index
         alphas = 1.0 if colors is None else colors[own, :, 3].min(axis=1)
-        there = 1.0 if material.alpha_cutoff is None else material.alpha_cutoff
+        there = 1.0 if material.alpha_cutoff is None else cutoff_in_half(material.alpha_cutoff)
         clear[own] = _transmits(material) | (range_of(material, "alpha")[0] * alphas < there)
     return clear
 
