@@ -1,6 +1,6 @@
 """What a reader takes out of a mesh file, and what it says it did not take: the same for every format."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -88,3 +88,15 @@ def counted(number: int, one: str, many: str = "") -> str:
     ('1 mesh', '0 images', '1,234 triangles')
     """
     return f"{number:,} {one if number == 1 else many or one + 's'}"
+
+
+def of_each(kind: str, names: Sequence[str], what: str, *, most: int = 3) -> str:
+    """What is told of one thing of a kind, or alike of several.
+
+    >>> of_each("light", ["a"], "dark"), of_each("light", ["a", "b", "c", "d"], "dark")
+    ('light a: dark', '4 lights (a, b, c and 1 more): dark')
+    """
+    if len(names) == 1:
+        return f"{kind} {names[0]}: {what}"
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return f"{len(names):,} {kind}s ({', '.join(names[:most])}{more}): {what}"

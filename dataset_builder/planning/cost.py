@@ -86,6 +86,8 @@ class CostEstimate:
     """Views that planning tried."""
     planned: int
     """Those that can be."""
+    problems: tuple[Problem, ...]
+    """Why the others cannot."""
     runs: Mapping[str, int]
     """Launches of each pass for the examples themselves."""
     warnings: tuple[str, ...] = ()
@@ -187,8 +189,8 @@ def _chosen(spec: DatasetSpec, views: Sequence[ViewRef], share: float) -> list[V
 
 
 def _split_cost(planner: Planner, views: Sequence[ViewRef], split: SplitSpec, rates: Rates,
-                cores: int) -> list[tuple[ExamplePlan, Cost]]:
-    """Plan and cost of each of some views of one split under their first light, where they can be planned."""
+                cores: int) -> tuple[list[tuple[ExamplePlan, Cost]], list[Problem]]:
+    """Plan and cost of each of some views of one split under their first light, and why others cannot be planned."""
     spec = planner.loaded.dataset
     costs, problems = list[tuple[ExamplePlan, Cost]](), list[Problem]()
     for ref in views:
@@ -203,7 +205,7 @@ def _split_cost(planner: Planner, views: Sequence[ViewRef], split: SplitSpec, ra
                                       cores, _files(spec, split))))
     if not costs:
         raise PlanError(dict.fromkeys(problems))
-    return costs
+    return costs, problems
 
 
 def estimate(planner: Planner, views: int = 24, rates: Rates | None = None, cores: int = 1) -> CostEstimate:
@@ -215,11 +217,13 @@ def estimate(planner: Planner, views: int = 24, rates: Rates | None = None, core
     """
     spec, files = planner.loaded.dataset, read_meshes(planner)
     total, variance, tried, planned, runs = np.zeros(5), np.zeros(5), 0, list[ExamplePlan](), dict.fromkeys(RUNS, 0)
+    problems = list[Problem]()
     all_views = [views_of(spec, split) for split in spec.splits]
     count = sum(map(len, all_views))
     for split, own in zip(spec.splits, all_views, strict=True):
         chosen = _chosen(spec, own, views / count)
-        costs = _split_cost(planner, chosen, split, rates or Rates(), cores)
+        costs, failed = _split_cost(planner, chosen, split, rates or Rates(), cores)
+        problems += failed
         whole, error = extrapolate([cost for _, cost in costs], len(own))
         total, variance = total + astuple(whole), variance + np.square(astuple(error))
         tried, planned = tried + len(chosen), planned + [plan for plan, _ in costs]
@@ -227,4 +231,5 @@ def estimate(planner: Planner, views: int = 24, rates: Rates | None = None, core
             runs[name] += times * len(own)
     return CostEstimate(total=Cost.of(total + astuple(calibration_cost(planner, rates or Rates(), cores))), views=count,
                         error=Cost.of(np.sqrt(variance)), examples=count_examples(spec), tried=tried, runs=runs,
-                        planned=len(planned), warnings=(*files.warnings, *narrow_views(planned)), files=files.told)
+                        planned=len(planned), warnings=(*files.warnings, *narrow_views(planned)), files=files.told,
+                        problems=tuple(dict.fromkeys(problems)))

@@ -26,6 +26,8 @@ from dataset_builder.studies.stress.case import CaseResult
 MIB = 2**20
 NAME, NUMBER, VERDICT = 31, 10, 7
 """Widths of columns; the expectation takes what is left."""
+MOST_REASONS = 3
+"""Reasons why views cannot be planned that are printed."""
 News = TypeVar("News")
 REASONS = {"steps": "all steps done", "patience": "no better check within the patience",
            "already": "already finished"}
@@ -65,8 +67,11 @@ def estimate_table(estimate: CostEstimate, cores: int) -> Table:
     table = Table("what", "planned", title=f"{estimate.examples} examples in {estimate.views} views, "
                                            f"{estimate.planned} of them planned in full", title_justify="left")
     if failed := estimate.tried - estimate.planned:
-        table.add_row("cannot be planned", f"{failed} of the {estimate.tried} views tried cannot be planned",
-                      style="red")
+        reasons = [str(problem) for problem in estimate.problems]
+        more = [f"and {len(reasons) - MOST_REASONS} more"] if len(reasons) > MOST_REASONS else []
+        table.add_row("cannot be planned", "\n".join([
+            f"{failed} of the {estimate.tried} views tried cannot be planned", *reasons[:MOST_REASONS], *more]),
+            style="red")
     for warning in estimate.warnings:
         table.add_row("warning", warning, style="red")
     for name, count in estimate.runs.items():
@@ -94,11 +99,14 @@ def files_table(files: Mapping[str, Sequence[tuple[str, str]]]) -> Table:
 
 
 def decisions_table(plan: ExamplePlan) -> Table:
-    """What an example's passes simulate and why."""
+    """What an example's passes simulate and why, and what was decided about it; `files_table` tells of its scene."""
     title = f"What is simulated: example {plan.key}, {plan.target.object.name} in {plan.room.name}"
     table = Table("effect", "choice", "why", title=title, title_justify="left")
     for decision in plan.effects.decisions:
-        table.add_row(*map(Text, (decision.effect, decision.choice, decision.reason)))
+        if decision.effect != "scene file" or decision.choice == "taken away":
+            table.add_row(*map(Text, (decision.effect, decision.choice, decision.reason)))
+    for note in plan.notes:
+        table.add_row("note", "", Text(note))
     return table
 
 

@@ -51,9 +51,12 @@ def _flow(value: Any) -> str:
 
 
 def nearest(name: str, known: Sequence[str], what: str = "name") -> str:
-    """A hint: the known name most like `name`, or all known names where none is like it."""
+    """A hint: the known name most like `name`, or else the path whose last part is, or all known names where none is."""
     if close := get_close_matches(name, known, n=1):
         return f"nearest known {what}: {close[0]}"
+    ends = {each.rpartition("/")[2]: each for each in reversed(known) if "/" in each}
+    if close := get_close_matches(name.rpartition("/")[2], ends, n=1):
+        return f"nearest known {what}: {ends[close[0]]}"
     listed = ", ".join(known[:MAX_KNOWN]) + (", ..." if len(known) > MAX_KNOWN else "")
     return f"known {what}s: {listed}" if known else ""
 

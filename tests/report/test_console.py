@@ -128,8 +128,13 @@ def test_views_from_one_side_alone_are_told(small_spec: Path) -> None:
 
 
 def test_views_that_cannot_be_planned_are_told(small_spec: Path) -> None:
-    found = replace(estimate(Planner(load_dataset(small_spec)), views=3), tried=5)
-    assert "2 of the 5 views tried cannot be planned" in printed([estimate_table(found, cores=2)])
+    planner = Planner(load_dataset(small_spec, ["camera.attempts=1", "splits.train.views=8"]))
+    found = estimate(planner, views=100)
+    failed = found.tried - found.planned
+    assert 0 < failed < found.tried and len(found.problems) == failed
+    text = " ".join(printed([estimate_table(found, cores=2)]).split())
+    assert f"{failed} of the {found.tried} views tried cannot be planned" in text
+    assert "expected a camera" in text and str(found.problems[0].where) in text
 
 
 def test_a_dataset_in_tables(small_dataset: Path, tmp_path: Path) -> None:
@@ -146,9 +151,14 @@ def test_a_dataset_in_tables(small_dataset: Path, tmp_path: Path) -> None:
 def test_decisions_in_a_table() -> None:
     plan = example_plan()
     decision = Decision(effect="lights of rough", choice="1 of 2", reason="dome [left out]: no way in")
-    plan = plan.model_copy(update={"effects": plan.effects.model_copy(update={"decisions": (decision,)})})
+    scene = [Decision(effect="scene file", choice=choice, reason=reason) for choice, reason in (
+        ("contains", "14 things"), ("taken away", "Chair"))]
+    effects = plan.effects.model_copy(update={"decisions": (decision, *scene)})
+    plan = plan.model_copy(update={"effects": effects, "notes": ("a [note]",)})
     text = printed([decisions_table(plan)])
     assert row(text, "lights of rough") == ["1 of 2", "dome [left out]: no way in"]
+    assert row(text, "note")[-1] == "a [note]"
+    assert row(text, "scene file") == ["taken away", "Chair"] and "14 things" not in text
     assert plan.key in text and plan.target.object.name in text
 
 

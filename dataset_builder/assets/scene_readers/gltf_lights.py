@@ -8,7 +8,7 @@ from math import atan, degrees, pi, tan
 
 import numpy as np
 
-from dataset_builder.assets.file_model import counted
+from dataset_builder.assets.file_model import counted, of_each
 from dataset_builder.assets.light_bounds import LEAST_BEAM
 from dataset_builder.assets.readers.gltf_file import GltfFile
 from dataset_builder.assets.readers.gltf_nodes import NodeTree
@@ -33,14 +33,16 @@ def scene_lights(gltf: GltfFile, tree: NodeTree, paths: list[str],
     Colours are linear Rec.709; lux and candela become W/m^2 and W/sr by `LUMENS_PER_WATT`. Where the file's unit is no
     metre, intensities grow with its square, so that the picture stays the same.
     """
-    found, notes = [], list[str]()
+    found, told = [], dict[str, list[str]]()
     unit = float(np.cbrt(np.linalg.det(world_from_file[:3, :3])))
     known = (gltf.root.extension(LIGHTS) or Entry({}, LIGHTS, gltf.path)).entries("lights")
     for number, world, entry in _drawn(gltf, tree, LIGHTS, "light", known):
         light, said = _light(entry, world_from_file @ world, unit)
-        notes += [f"light {paths[number]}: {word}" for word in said]
+        for word in said:
+            told.setdefault(word, []).append(paths[number])
         if light is not None:
             found.append(SceneLight(name=paths[number], light=light))
+    notes = [of_each("light", names, word) for word, names in told.items()]
     if found:
         notes.append(f"lights read at {LUMENS_PER_WATT:g} lm/W")
     return tuple(found), notes

@@ -149,8 +149,9 @@ class _Taking:
         self.count, self.triangles = self.count + 1, self.triangles + len(asset.mesh.faces)
         self._check_size(root, asset, world)
         turn = self.world_from_file
-        yield SceneThing(name=name, category=asset.category, role="object", asset=asset, content=content,
-                         world=turn @ world @ np.linalg.inv(turn))
+        # Things that share what they are made of may be called differently
+        yield SceneThing(name=name, category=category_in(name, *self._words(placements)), role="object", asset=asset,
+                         content=content, world=turn @ world @ np.linalg.inv(turn))
 
     def _made(self, name: str, placements: list[Placement]) -> tuple[Asset, str] | UserError:
         parts = tuple(part for each in placements for part in self.reading.parts(each))
@@ -159,9 +160,14 @@ class _Taking:
         model = FileModel(parts=parts, materials=self.reading.used_materials(), contains="")
         try:
             return thing_asset(model, self.world_from_file, name=name, licence=self.source.licence,
-                               category=category_in(name))
+                               category=category_in(name, *self._words(placements)))
         except UserError as error:
             return error
+
+    def _words(self, placements: list[Placement]) -> Iterator[str]:
+        """What may tell the kind of a thing where its own path does not: its pieces and their meshes."""
+        yield from (self.paths[each.number] for each in placements)
+        yield from (self.reading.gltf.lists["meshes"][each.mesh].text("name") for each in placements)
 
     def _check_size(self, root: int, asset: Asset, world: np.ndarray) -> None:
         node = self.reading.gltf.lists["nodes"][root]

@@ -70,13 +70,23 @@ def is_kind(name: str) -> bool:
     return usual_of(name) is not None and not is_place(name) and not _is_plural(name)
 
 
-def category_in(path: str) -> str:
-    """The kind of thing that the last part of a path tells that tells of one and is no place; `object` where none does.
+def is_one_kind(name: str) -> bool:
+    """Whether a node of this name is one thing, whatever hangs below it: a `Chair`, no part of a building.
 
-    >>> category_in("Room/Chair_01/Object_4"), category_in("Bed room/Object_4")
-    ('chair', 'object')
+    >>> is_one_kind("Chair_01"), is_one_kind("Door")
+    (True, False)
     """
-    return category_of(name for name in reversed(path.split("/")) if not is_place(name))
+    return is_kind(name) and not is_building(name)
+
+
+def category_in(*paths: str) -> str:
+    """The kind of thing that the last part of a path tells that tells of one and is no place, of the first path that
+    has such a part; `object` where none does.
+
+    >>> category_in("Room/Chair_01/Object_4"), category_in("Bed room/Object_4"), category_in("a/b", "a/stool")
+    ('chair', 'object', 'stool')
+    """
+    return category_of(name for path in paths for name in reversed(path.split("/")) if not is_place(name))
 
 
 def _is_plural(name: str) -> bool:
@@ -130,7 +140,7 @@ def _is_one(nodes: Sequence[TreeNode], number: int, speaking: int, meshes: list[
     node, pieces = nodes[number], meshes[number]
     if not pieces:
         return False
-    if is_kind(node.name) and not is_building(node.name):
+    if is_one_kind(node.name):
         return True
     if speaking > 1 or (speaking and (is_place(node.name) or is_building(node.name))):
         return False

@@ -91,7 +91,7 @@ def dome_turn(inputs: "LightInputs", frame: LightFrame) -> float:
     pole, middle = (z, -y) if pole_axis == "Z" else (y, z)
     tilt = degrees(atan2(float(np.hypot(*pole[:2])), float(pole[2])))
     if tilt > TILTED:
-        inputs.say(f"tilt of {tilt:.3g} degrees; only turns about the vertical are honoured")
+        inputs.say(f"tilt of {tilt:.3g} degrees; the image is shown upright")
     if np.linalg.det(np.stack([x, y, z])) < 0:
         inputs.say("a mirrored image; it is shown unmirrored")
     return degrees(atan2(float(middle[1]), float(middle[0])))

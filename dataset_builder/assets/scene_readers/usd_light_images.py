@@ -45,6 +45,8 @@ class ShownImage:
     """Of `LightPlan`."""
     mean: float
     """Its mean luminance: rendering brings images to mean 1."""
+    plain: bool
+    """Whether it has one colour, so that it does not matter how it is turned."""
 
 
 def shown_image(inputs: "LightInputs", finder: ImageFinder | None, suffixes: tuple[str, ...], *,
@@ -63,7 +65,7 @@ def shown_image(inputs: "LightInputs", finder: ImageFinder | None, suffixes: tup
     if suffix not in suffixes:
         return _without(inputs, asset, f"{suffix or 'no suffix'}, where {' and '.join(suffixes)} are read")
     try:
-        mean = _mean(found.path, on_sphere=on_sphere)
+        mean, plain = _mean(found.path, on_sphere=on_sphere)
         digest = sha256_file(found.path)
     except (OSError, ValueError, UserError) as error:
         return _without(inputs, asset, str(error))
@@ -71,7 +73,7 @@ def shown_image(inputs: "LightInputs", finder: ImageFinder | None, suffixes: tup
         return _without(inputs, asset, "it is black")
     bounded(inputs.path, inputs.name, "mean of the image", mean, high=MOST_RADIANCE)
     name = Path(os.path.relpath(found.path, found.root)).as_posix()
-    return ShownImage(fields={"image": name, "image_sha256": digest}, mean=mean)
+    return ShownImage(fields={"image": name, "image_sha256": digest}, mean=mean, plain=plain)
 
 
 def _without(inputs: "LightInputs", asset: "Sdf.AssetPath", why: str) -> ShownImage | None:
@@ -80,8 +82,9 @@ def _without(inputs: "LightInputs", asset: "Sdf.AssetPath", why: str) -> ShownIm
     return None
 
 
-def _mean(path: Path, *, on_sphere: bool) -> float:
-    """Mean luminance of an image, over the sphere or its area. Raises UserError or ValueError for what is none."""
+def _mean(path: Path, *, on_sphere: bool) -> tuple[float, bool]:
+    """Mean luminance of an image, over the sphere or its area, and whether it has one colour. Raises UserError or
+    ValueError for what is none."""
     if path.suffix.lower() == ".png":
         pixels = read_texels(ImageFile(name=path.name, content=path), srgb=True, max_size=LARGEST)[..., :3]
     else:
@@ -91,4 +94,5 @@ def _mean(path: Path, *, on_sphere: bool) -> float:
             raise ValueError("values that are not finite, or below 0")
         pixels = pixels if picture.to_rec709 is None else np.maximum(pixels @ picture.to_rec709.T, 0)
     rows = (pixels @ xyz_from_rgb(REC709)[1]).mean(axis=1, dtype=np.float64)
-    return mean_over_sphere(rows) if on_sphere and len(rows) > 1 else float(rows.mean())
+    mean = mean_over_sphere(rows) if on_sphere and len(rows) > 1 else float(rows.mean())
+    return mean, bool((pixels == pixels[0, 0]).all())

@@ -146,7 +146,7 @@ def _dome(inputs: LightInputs, frame: LightFrame, image: ImageFinder | None) -> 
     if shown is None:
         return _plan("dome", frame, inputs, radiance, position=(0.0, 0.0, 0.0), direction=(0.0, 0.0, 0.0))
     return _plan("dome", frame, inputs, radiance * shown.mean, position=(0.0, 0.0, 0.0), direction=(0.0, 0.0, 0.0),
-                 turn=dome_turn(inputs, frame), **shown.fields)
+                 turn=0.0 if shown.plain else dome_turn(inputs, frame), **shown.fields)
 
 
 def _rect(inputs: LightInputs, frame: LightFrame, image: ImageFinder | None) -> LightPlan | None:

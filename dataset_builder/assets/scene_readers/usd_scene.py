@@ -1,6 +1,6 @@
 """USD stages as scenes: their things, lights and cameras."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dataset_builder.assets.asset import Asset
-from dataset_builder.assets.file_model import FileModel, counted, refuse
+from dataset_builder.assets.file_model import FileModel, counted, of_each, refuse
 from dataset_builder.assets.mesh_file import checked_references, scaled_world
 from dataset_builder.assets.readers.usd import is_drawn, lost_words, size_of
 from dataset_builder.assets.readers.usd_cages import rounds_of
@@ -48,8 +48,8 @@ class _Scene:
     drawn: list[UsdNode] = field(default_factory=list)
     lights: list[SceneLight] = field(default_factory=list)
     cameras: list[SceneCamera] = field(default_factory=list)
-    said: dict[str, None] = field(default_factory=dict)
-    """Of lights and cameras."""
+    said: dict[tuple[str, str], list[str]] = field(default_factory=dict)
+    """What is told of lights and cameras, by their kind and in words, and the names of those of which it is told."""
     faults: list[str] = field(default_factory=list)
     assets: dict[tuple[object, ...], tuple[Asset, str] | str] = field(default_factory=dict)
     """By what they are made of; or why there is none."""
@@ -90,11 +90,12 @@ def _read(scene: _Scene) -> SceneModel:
     things, decided = classified(found, scene.source)
     materials = [f"{each.file.material.name}: {', '.join(each.file.left_out)}" for each in scene.taken.materials
                  if each.file.left_out]
+    said = [of_each(kind, names, what) if kind else what for (kind, what), names in scene.said.items()]
     return SceneModel(
         things=things, lights=tuple(scene.lights), cameras=tuple(scene.cameras),
         contains=", ".join((counted(len(things), "thing"), counted(len(scene.lights), "light"),
                             counted(len(scene.cameras), "camera"), counted(triangles, "triangle"))),
-        left_out=(*materials, *lost, *scene.opened.decided, *scene.taken.decided, *scene.said, *decided),
+        left_out=(*materials, *lost, *scene.opened.decided, *scene.taken.decided, *said, *decided),
         faults=tuple(scene.faults))
 
 
@@ -107,13 +108,20 @@ def _take(scene: _Scene, node: UsdNode) -> None:
         light = read_light(path, node.prim, scene.world @ node.matrix, image=lambda asset: _image(scene, asset),
                            unit=float(np.cbrt(np.linalg.det(scene.world[:3, :3]))))
         scene.lights += [replace(light.light, name=node.name)] if light.light else []
-        scene.said |= dict.fromkeys(light.said)
+        _say(scene, "light", node, light.said)
     elif node.prim.IsA(UsdGeom.Camera):
         camera = read_camera(path, node.prim, scene.world @ node.matrix)
         scene.cameras += [replace(camera.camera, name=node.name)] if camera.camera else []
-        scene.said |= dict.fromkeys(camera.said)
+        _say(scene, "camera", node, camera.said)
     if is_drawn(scene.walk, node):
         scene.drawn.append(node)
+
+
+def _say(scene: _Scene, kind: str, node: UsdNode, said: Iterable[str]) -> None:
+    """Keep what is told of a light or a camera, with others of which the same is."""
+    head = f"{kind} {node.prim.GetPath()}: "
+    for line in said:
+        scene.said.setdefault((kind if line.startswith(head) else "", line.removeprefix(head)), []).append(node.name)
 
 
 def _image(scene: _Scene, asset: "Sdf.AssetPath") -> ImageFound | str:
@@ -147,8 +155,9 @@ def _thing(scene: _Scene, group: Group, rounds: dict[int, int]) -> Iterator[Scen
     if isinstance(made, str):
         scene.faults.append(f"{top.name}: {made}: left out")
         return
-    yield SceneThing(name=top.name, category=made[0].category, role="object", asset=made[0], world=back,
-                     content=made[1])
+    # Things that share what they are made of may be called differently
+    yield SceneThing(name=top.name, category=category_of(words_for(top, meshes)), role="object", asset=made[0],
+                     world=back, content=made[1])
 
 
 def _asset(scene: _Scene, group: Group, relative: list[np.ndarray], rounds: dict[int, int]) -> tuple[Asset, str] | str:

@@ -4,12 +4,12 @@ A thing is, for each mesh or shape, what comes first of
 1. the lowest prim at or above it that a pattern of the spec's `parts` names in full,
 2. the outermost component of the model hierarchy (`kind`), or else the outermost subcomponent,
 3. the outermost instance of a PointInstancer,
-4. the lowest scene-graph instance,
-5. the lowest Xform above it; the only root prim that holds anything is none,
-6. the mesh itself.
-Things hold no other things: an instance or Xform (4, 5) that would is no thing, and its own meshes are. What is below a
-component, instance or Xform (2, 4, 5) by 5 and 6 are things in its place where their names mean different parts of a
-building: see `roles.is_building`.
+4. the lowest scene-graph instance, or else the lowest Xform above it; the only root prim that holds anything is none.
+   Or the outermost Xform around that which is called after one kind of thing: a `Table` with its legs,
+5. the mesh itself.
+Things hold no other things: an instance or Xform (4) that would, and is not called so, is no thing, and its own meshes
+are. What is below a component, instance or Xform (2, 4) by 4 and 5 are things in its place where their names mean
+different parts of a building: see `roles.is_building`.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 
 from dataset_builder.assets.readers.usd_walk import UsdNode
 from dataset_builder.assets.scene_readers.roles import is_building
+from dataset_builder.assets.scene_readers.thing_tree import is_one_kind
 
 if TYPE_CHECKING:
     from pxr import Usd
@@ -65,10 +66,10 @@ def _root_of(node: UsdNode, named: Collection[str], *, alone: bool) -> tuple[Usd
             return models[-1], False
     if placed := [each for each in chain if each.placed]:
         return placed[-1], False
-    for each in chain:
-        if each.prim.IsInstance():
-            return each, True
-    return next(((each, True) for each in _xforms(chain) if not (alone and each.depth == 1)), (node, False))
+    groups = [each for each in _xforms(chain) if not (alone and each.depth == 1)]
+    own = next((each for each in chain if each.prim.IsInstance()), groups[0] if groups else node)
+    called = [each for each in groups if each.depth <= own.depth and is_one_kind(each.prim.GetName())]
+    return (called[-1], False) if called else (own, own is not node)
 
 
 def _xforms(chain: Iterable[UsdNode]) -> Iterator[UsdNode]:

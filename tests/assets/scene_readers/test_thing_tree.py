@@ -56,6 +56,13 @@ def test_what_the_spec_names_is_a_thing_of_its_own(tmp_path: Path) -> None:
     assert names(scene(tree_of(tree), tmp_path, parts=parts)) == ["Room/Table", "Room/Table/Vase", "Room/set"]
 
 
+def test_what_a_group_is_may_show_in_its_pieces_and_their_meshes(tmp_path: Path) -> None:
+    made = tree_of({"Room": {"Group12": {"seat_old": 0, "b": 1}, "x": 9, "Lamp": 12}})
+    assert [thing.category for thing in scene(made, tmp_path).things] == ["chair", "object", "lamp"]
+    made.header["meshes"][0]["name"] = "StoolMesh"
+    assert [thing.category for thing in scene(made, tmp_path).things] == ["chair", "stool", "lamp"]
+
+
 def test_a_mesh_whose_children_are_things_stands_alone(tmp_path: Path) -> None:
     made = GltfMaker()
     mesh = add_mesh(made, box_asset((0, 0, 0), (1, 1, 1)))

@@ -110,6 +110,9 @@ def test_domes_that_lean_or_are_mirrored_are_said(tmp_path: Path) -> None:
     assert "a mirrored image" in dome(tmp_path, Z_FROM_Y @ np.diag([-1, 1, 1, 1.0])).said[0]
     plain = read_light(STAGE, prim_of("DomeLight", **BARE), np.eye(4))
     assert plain.said == () and plain.light is not None and plain.light.light.radiance == pytest.approx(TOTAL)
+    # An image of one colour, as Blender writes it for a world without an image, looks the same from all sides
+    written(tmp_path, np.ones_like(spot_of_sky(0.25, 0.5)))
+    assert dome(tmp_path, np.eye(4)).said == ()
 
 
 @pytest.mark.parametrize(("made", "inputs", "said"), [

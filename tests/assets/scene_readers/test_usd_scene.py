@@ -41,6 +41,17 @@ def test_a_package_is_a_scene_with_its_textures(tmp_path):
     np.testing.assert_array_equal(thing.asset.materials[0].texture.base_color[0, 0], (1, 0, 0))
 
 
+def test_what_is_alike_of_several_cameras_is_told_once(tmp_path):
+    """Exporters write some attributes for each of them."""
+    near = "float2 clippingRange = (0.1, 1000)"
+    eyes = [prim("Camera", f"Eye{k}", at(0, -5, k), near) for k in range(5)]
+    blurred = prim("Camera", "Off", at(1), "float fStop = 2")
+    model = scene(tmp_path, METRES + prim("Xform", "World", CHAIR, *eyes, blurred))
+    assert model.left_out == (
+        "5 cameras (/World/Eye0, /World/Eye1, /World/Eye2 and 2 more): clipping range 0.1 to 1000",
+        "camera /World/Off: depth of field (fStop 2)")
+
+
 @pytest.mark.parametrize("unit", ["metersPerUnit = 2", ""])
 @pytest.mark.parametrize(("axis", "top"), [("X", (2, 3, 1)), ("Y", (1, -3, 2)), ("Z", (1, 2, 3)), ("", (1, -3, 2))])
 def test_units_and_axis(tmp_path, unit, axis, top):

@@ -13,12 +13,33 @@ def test_the_lowest_xform_is_a_thing(tmp_path):
     """As Blender exports it: an Xform for each object, its mesh below."""
     model = scene(tmp_path, METRES + prim(
         "Xform", "root", prim("Xform", "Chair", at(3), mesh("ChairMesh")), prim(
-            "Xform", "Lamp", prim("Xform", "Shade", mesh("ShadeMesh")), prim("Scope", "Geom", mesh("Stand"))),
+            "Xform", "Post", prim("Xform", "Sign", mesh("SignMesh")), prim("Scope", "Geom", mesh("Stand"))),
         prim("Scope", "Looks"), mesh("Floor")))
-    assert names(model) == ["/root/Chair", "/root/Lamp/Shade", "/root/Lamp/Geom/Stand", "/root/Floor"]
+    assert names(model) == ["/root/Chair", "/root/Post/Sign", "/root/Post/Geom/Stand", "/root/Floor"]
     assert [thing.category for thing in model.things[:2]] == ["chair", "object"]
     assert place(model.things[0]) == (3.5, 0.5, 0)
     assert model.things[3].role == "floor"
+
+
+def test_an_xform_that_is_called_after_one_thing_is_that_thing(tmp_path):
+    """As Blender exports objects with a parent: each an Xform, in that of its parent."""
+    legs = [prim("Xform", f"leg{k}", at(k), mesh("m")) for k in range(2)]
+    model = scene(tmp_path, METRES + prim(
+        "Xform", "root", prim("Xform", "Table", at(5), prim("Xform", "Table_top", mesh("m")), *legs),
+        prim("Xform", "Chairs", *(prim("Xform", f"Chair_{k}", at(k), prim("Xform", "seat", mesh("m")))
+                                  for k in range(2))),
+        prim("Xform", "Bedroom", prim("Xform", "Bits", mesh("m"))),
+        prim("Xform", "Door", prim("Xform", "b", mesh("m")))))
+    assert names(model) == ["/root/Table", "/root/Chairs/Chair_0", "/root/Chairs/Chair_1", "/root/Bedroom/Bits",
+                            "/root/Door/b"]
+    assert [thing.category for thing in model.things[:3]] == ["table", "chair", "chair"]
+    np.testing.assert_allclose(model.things[0].asset.mesh.size, (2, 1, 0))
+    instance = 'instanceable = true; references = </Proto>'
+    proto = 'class Xform "Proto" {\n' + prim("Xform", "Seat", mesh("a")) + "}\n"
+    assert names(scene(tmp_path, METRES + proto + prim(
+        "Xform", "World", prim("Xform", "c", metadata=instance), prim("Xform", "Sofa", prim(
+            "Xform", "left", metadata=instance), prim("Xform", "right", at(1), metadata=instance))))) == [
+        "/World/c", "/World/Sofa"]
 
 
 def test_root_prims_of_their_own_are_things(tmp_path):
@@ -41,7 +62,7 @@ def test_components_are_things_whatever_is_below(tmp_path):
 
 @pytest.mark.parametrize(("pattern", "expected"), [
     ("/World/Chair", ["/World/Chair", "/World/Table"]),
-    ("/World/Chair/Seat/a", ["/World/Chair/Seat/a", "/World/Chair/Seat/c", "/World/Chair/Back", "/World/Table"])])
+    ("/World/Chair/Seat/a", ["/World/Chair/Seat/a", "/World/Chair", "/World/Table"])])
 def test_a_prim_that_the_spec_names_is_a_thing(tmp_path, pattern, expected):
     text = METRES + prim("Xform", "World", prim("Xform", "Chair", prim("Xform", "Seat", mesh("a"), mesh(
         "c", points="(5,0,0), (6,0,0), (6,1,0), (5,1,0)")), prim("Xform", "Back", mesh("b"))),
@@ -60,6 +81,15 @@ def test_instances_share_an_asset_each_at_its_place(tmp_path):
     assert [place(thing)[0] for thing in model.things] == [0.5, 10.5, 20.5, 1]
     assert len({id(thing.asset) for thing in model.things}) == 2
     assert len({thing.content for thing in model.things}) == 2
+
+
+def test_things_that_share_an_asset_are_called_each_by_its_own_name(tmp_path):
+    proto = 'class Xform "Proto" {\n' + mesh("a") + "}\n"
+    model = scene(tmp_path, METRES + proto + prim("Xform", "World", *(
+        prim("Xform", name, metadata="instanceable = true; references = </Proto>")
+        for name in ("thing", "Chair", "Lamp"))))
+    assert len({id(thing.asset) for thing in model.things}) == 1
+    assert [thing.category for thing in model.things] == ["object", "chair", "lamp"]
 
 
 def test_instances_with_materials_or_colours_of_their_own_do_not_share(tmp_path):
@@ -121,11 +151,11 @@ TWO = f"""
 
 
 @pytest.mark.parametrize(("chosen", "expected"), [
-    ((), "/World/Table"), ((("/World/Table", "size", "large"),), "/World/Table/Leaf"),
-    ((("/World/Table/Leaf", "side", "right"), ("/World/Table", "size", "large")), "/World/Table/Leaf")])
+    ((), "/World/Kit"), ((("/World/Kit", "size", "large"),), "/World/Kit/Leaf"),
+    ((("/World/Kit/Leaf", "side", "right"), ("/World/Kit", "size", "large")), "/World/Kit/Leaf")])
 def test_variants_that_the_spec_chooses_may_bring_prims_into_being(tmp_path, chosen, expected):
     text = METRES + prim("Xform", "World", prim(
-        "Xform", "Table", TWO, metadata='prepend variantSets = "size"; variants = { string size = "small" }'),
+        "Xform", "Kit", TWO, metadata='prepend variantSets = "size"; variants = { string size = "small" }'),
         mesh("floor"))
     model = scene(tmp_path, text, variants=tuple(choose(*choice) for choice in chosen))
     assert names(model) == [expected, "/World/floor"]
@@ -134,12 +164,12 @@ def test_variants_that_the_spec_chooses_may_bring_prims_into_being(tmp_path, cho
 
 
 @pytest.mark.parametrize(("chosen", "error"), [
-    (("/World/Tible", "size", "large"), "expected a prim of the stage, got /World/Tible (nearest: /World/Table"),
-    (("/World/Table", "siz", "large"), "/World/Table: expected a variant set, got siz (nearest: size)"),
-    (("/World/Table", "size", "lage"), "/World/Table: size: expected a variant, got lage (nearest: large"),
-    (("/World/Table/Leaf", "side", "right"), "expected a prim of the stage, got /World/Table/Leaf"),
+    (("/World/Kitt", "size", "large"), "expected a prim of the stage, got /World/Kitt (nearest: /World/Kit"),
+    (("/World/Kit", "siz", "large"), "/World/Kit: expected a variant set, got siz (nearest: size)"),
+    (("/World/Kit", "size", "lage"), "/World/Kit: size: expected a variant, got lage (nearest: large"),
+    (("/World/Kit/Leaf", "side", "right"), "expected a prim of the stage, got /World/Kit/Leaf"),
     (("no path", "size", "large"), "expected the path of a prim")])
 def test_variants_that_are_not_there_are_refused(tmp_path, chosen, error):
     text = METRES + prim("Xform", "World", prim(
-        "Xform", "Table", TWO, metadata='prepend variantSets = "size"; variants = { string size = "small" }'))
+        "Xform", "Kit", TWO, metadata='prepend variantSets = "size"; variants = { string size = "small" }'))
     assert error in refused(tmp_path, text, variants=(choose(*chosen),))

@@ -16,7 +16,7 @@ from dataset_builder.planning.scene import scene_models
 from dataset_builder.planning.scene.recent import Recent, bytes_of
 from dataset_builder.planning.scene.sources import object_sources
 from dataset_builder.spec.load import load_dataset
-from tests.gltf_scenes import DATASET, SPEC, write_dataset
+from tests.gltf_scenes import DATASET, SCENE, SPEC, at, thing, write_dataset
 
 
 def refused(path: Path) -> list[str]:
@@ -54,6 +54,38 @@ def test_parts_that_name_nothing_are_told_of_with_their_line(tmp_path: Path) -> 
     assert refused(write_dataset(tmp_path, scene=SPEC + "  parts:\n    floor: [Floor, Flor]\n")) == [
         "scene.yaml:5: file.parts.floor[1]: expected the name of a thing in stage.gltf, got 'Flor' (nearest known "
         "thing: Floor)"]
+
+
+def test_the_path_of_a_name_is_proposed(tmp_path: Path) -> None:
+    """USD and glTF name things by their paths, people by what they are called."""
+    things = [{**each, "name": f"World/Room/{each['name']}"} for each in SCENE]
+    assert refused(write_dataset(tmp_path, things, scene=SPEC + "  leave_out: [Tabel]\n")) == [
+        "scene.yaml:4: file.leave_out[0]: expected the name of a thing in stage.gltf, got 'Tabel' (nearest known thing: "
+        "World/Room/Table)"]
+
+
+def test_lights_and_cameras_that_a_scene_has_not_are_told_of_with_their_lines(tmp_path: Path) -> None:
+    assert refused(write_dataset(tmp_path, scene=SPEC + "  cameras: own\n  lights: {use: kept}\n")) == [
+        "scene.yaml:5: file.lights.use: expected a scene with lights, got none in stage.gltf (write `use: replaced`)",
+        "scene.yaml:4: file.cameras: expected a scene with cameras, got none in stage.gltf (write `cameras: random`)"]
+    read_meshes(Planner(load_dataset(write_dataset(tmp_path, scene=SPEC + "  lights: {use: added}\n"))))
+
+
+def test_a_scene_in_another_unit_is_told_of_with_its_scale(tmp_path: Path) -> None:
+    said = ("scene.yaml: file.scale: expected things of usual sizes, got Chair_01, of kind chair, of 90 m, and 1 of 1 "
+            "others as odd (write `scale: 1`)")
+    [got] = refused(write_dataset(tmp_path, scene=SPEC + "  scale: 100\n"))
+    assert got == said.replace("scene.yaml:", "scene.yaml:4:", 1)
+    # One thing alone may have a misleading name
+    huge = thing("Sofa", at(0, -1.5, 0, (60, 0.4, 0.4)))
+    (tmp_path / "one").mkdir()
+    read_meshes(Planner(load_dataset(write_dataset(tmp_path / "one", [*SCENE, huge]))))
+
+
+def test_centimetres_taken_as_metres_are_told_of(tmp_path: Path) -> None:
+    big = [{**each, "world": np.diag([100, 100, 100, 1]) @ each["world"]} for each in SCENE]
+    [got] = refused(write_dataset(tmp_path, big))
+    assert got.startswith("scene.yaml:") and got.endswith("(write `scale: 0.01`; the file is probably in centimetres)")
 
 
 def test_a_target_without_faces_is_refused(tmp_path: Path,
