@@ -60,8 +60,8 @@ def test_the_path_of_a_name_is_proposed(tmp_path: Path) -> None:
     """USD and glTF name things by their paths, people by what they are called."""
     things = [{**each, "name": f"World/Room/{each['name']}"} for each in SCENE]
     assert refused(write_dataset(tmp_path, things, scene=SPEC + "  leave_out: [Tabel]\n")) == [
-        "scene.yaml:4: file.leave_out[0]: expected the name of a thing in stage.gltf, got 'Tabel' (nearest known thing: "
-        "World/Room/Table)"]
+        "scene.yaml:4: file.leave_out[0]: expected the name of a thing in stage.gltf, got 'Tabel' (nearest known "
+        "thing: World/Room/Table)"]
 
 
 def test_lights_and_cameras_that_a_scene_has_not_are_told_of_with_their_lines(tmp_path: Path) -> None:

@@ -119,6 +119,7 @@ def test_names_that_fit_nothing_are_refused_together_with_their_lines(tmp_path: 
         "scene.yaml:4: file.leave_out[1]: expected the name of a thing in stage.gltf, got 'Chiar_01' (nearest known "
         "thing: Chair_01)",
         "scene.yaml:8: file.lights.dim.Lamp: expected the name of a light in stage.gltf, got 'Lamp' (it has no lights)",
+        "scene.yaml:7: file.lights.use: expected a scene with lights, got none in stage.gltf (write `use: replaced`)",
         "scene.yaml:5: file.slot: expected 1 thing with name 'Stool' in stage.gltf, got 0 of 5 (known names: Floor, "
         "Wall_back, Wall_left, Chair_01, Table)"]
 
