@@ -16,6 +16,7 @@ from dataset_builder.planning.view.emission import direct_irradiance, facing_irr
 from dataset_builder.rendering.backend import activate
 from dataset_builder.report.spec_help import export_schema
 from dataset_builder.spec.light import TargetSpec
+from tests.plans import example_plan
 from tests.small_scenes import light, lit_by
 
 KINDS = tuple(LIGHT_KINDS.values())
@@ -107,7 +108,7 @@ def test_caustics_of_what_no_path_meets_are_not_simulated(kind: LightKind) -> No
     glass = Material(name="glass", base_color=(1, 1, 1), roughness=0.0, transmission=1.0)
     use = MaterialUse(owner="vase", part="furniture", material=glass, scattered=0.0, smoothest=0.0, roughest=0.0)
     _, decisions = scene_features(SceneUse(materials=(use,), smooth=(), flat=()), FogPlan(),
-                                  [light(kind.name)], 64)
+                                  [light(kind.name)], example_plan().render)
     found = {decision.choice for decision in decisions if decision.effect == "caustics"}
     assert found == ({"simulated"} if kind.extended else {"not simulated"})
 

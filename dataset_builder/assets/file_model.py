@@ -71,6 +71,16 @@ def refuse(path: Path, rule: str, hint: str = "", *, at: str = "") -> NoReturn:
     raise UserError([Problem(where=str(path), path=at, rule=rule, hint=hint)])
 
 
+def unique(name: str, taken: set[str]) -> str:
+    """The name, or with a number if it is among those `taken`, which it joins."""
+    number, made = 1, name
+    while made in taken:
+        number += 1
+        made = f"{name}_{number}"
+    taken.add(made)
+    return made
+
+
 def counted(number: int, one: str, many: str = "") -> str:
     """A number and what it counts.
 

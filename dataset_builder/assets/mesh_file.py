@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from dataset_builder.assets.asset import Asset, Material
+from dataset_builder.assets.even_colours import with_even_colours
 from dataset_builder.assets.file_model import GREY, ROUGHNESS, FileModel, FilePart, refuse
 from dataset_builder.assets.image_maps import ImageFile, check_image
 from dataset_builder.assets.readers import gltf, obj, off, ply, stl, usd
@@ -107,6 +108,7 @@ def model_asset(model: FileModel, world_from_file: np.ndarray, *, name: str, cat
     Z up, welded and mended. `meta` says what the file contains, what of it was left out, what was mended of which part,
     and what is wrong with its shape; look: whether to look for that, which takes most of the time. Raises UserError for
     what is no surface."""
+    model = with_even_colours(model)
     plain = _colored_or_not(model)
     whole = transform(concatenate([_mesh(part, model, plain) for part in model.parts]), world_from_file)
     sizes = [len(part.faces) for part in model.parts]

@@ -1,11 +1,14 @@
 """Scene files -> SceneModel."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from dataset_builder.assets.file_model import refuse
+from dataset_builder.assets.image_maps import half_texels
 from dataset_builder.assets.scene_model import SceneModel
 from dataset_builder.assets.scene_readers import front3d, mesh_scene, usd_scene
+from dataset_builder.assets.scene_readers.shared_textures import sharing_textures
 from dataset_builder.label.scene_source import SceneSource
 from dataset_builder.spec.usd_references import USD_SUFFIXES
 
@@ -22,11 +25,13 @@ READERS: dict[str, Reader] = {
 
 
 def load_scene(source: SceneSource, root: Path, *, max_texture: int = 1024) -> SceneModel:
-    """The scene that a source names, in metres, Z up.
+    """The scene that a source names, in metres, Z up. Its textures are float16; equal ones are one.
 
     Raises UserError: no such file, another format, unreadable, a file that it needs is missing, nothing in it.
     """
     path = root / source.source
     if path.suffix.lower() not in READERS:
         refuse(path, f"expected a scene file that ends in one of {' '.join(READERS)}, got {path.suffix or 'none'}")
-    return READERS[path.suffix.lower()](source, root, max_texture)
+    with half_texels():
+        model = READERS[path.suffix.lower()](source, root, max_texture)
+    return replace(model, things=sharing_textures(model.things))

@@ -151,7 +151,8 @@ class _Inputs:
         """A normal map, encoded to [0, 1] in its file."""
         texture = self.material.texture
         if texture is not None and texture.normal is not None:
-            self._texture("normal", "Normal3f", 0.5 + 0.5 * texture.normal, "normal", (2.0,) * 3, -1.0)
+            encoded = 0.5 + 0.5 * texture.normal.astype(np.float32)
+            self._texture("normal", "Normal3f", encoded, "normal", (2.0,) * 3, -1.0)
 
     def read(self, name: str, primvar: str, shader: str, fallback: Any) -> None:
         """A value of the mesh."""

@@ -36,11 +36,12 @@ class TexelFiles:
     _known: dict[str, TexelFile] = field(default_factory=dict)
 
     def write(self, texels: np.ndarray, name: str, *, color: bool) -> TexelFile:
-        """Write (H, W) or (H, W, 3) linear float32 texels as a PNG of 8 bits where that decodes to the same floats,
-        else as OpenEXR. color: whether 8 bits are sRGB, as viewers expect of colours; data never are."""
-        texels = np.ascontiguousarray(texels, dtype=np.float32)
+        """Write (H, W) or (H, W, 3) linear float16 or float32 texels as a PNG of 8 bits where that decodes to the same
+        floats, else as OpenEXR. color: whether 8 bits are sRGB, as viewers expect of colours; data never are."""
         space = "sRGB" if color else "raw"
-        if (levels := _levels(texels, DECODED[space])) is not None:
+        decoded = DECODED[space].astype(texels.dtype).astype(np.float32)
+        texels = np.ascontiguousarray(texels, dtype=np.float32)
+        if (levels := _levels(texels, decoded)) is not None:
             stream = io.BytesIO()
             Image.fromarray(levels).save(stream, "PNG")
             return self._kept(stream.getvalue(), name, "png", space)

@@ -25,6 +25,11 @@ class Edges:
     """(F, 3) bool, True where the face runs from the smaller vertex index to the larger."""
 
     @cached_property
+    def half_edges(self) -> np.ndarray:
+        """(3 F,) flat places in `of_face` in the order of their edges, each edge's in face order."""
+        return np.argsort(self.of_face.ravel(), kind="stable")
+
+    @cached_property
     def face_count(self) -> np.ndarray:
         """(E,) number of faces at each edge: 1 on a boundary, 2 inside a surface, more where it is not a manifold."""
         return np.bincount(self.of_face.ravel(), minlength=len(self.vertices))
@@ -32,9 +37,8 @@ class Edges:
     @cached_property
     def faces(self) -> np.ndarray:
         """(E, 2) int64 first two faces of each edge, in face order; -1 where there is none."""
-        order = np.argsort(self.of_face.ravel(), kind="stable")
         starts = np.concatenate([[0], np.cumsum(self.face_count)[:-1]]).astype(np.int64)
-        owners = order // 3
+        owners = self.half_edges // 3
         second = owners[np.minimum(starts + 1, max(len(owners) - 1, 0))]
         return np.stack([owners[starts], np.where(self.face_count > 1, second, -1)], axis=1)
 
@@ -108,7 +112,7 @@ def fans(edges: Edges, passable: np.ndarray) -> np.ndarray:
 
     Every edge's faces are joined in a chain, so that more than two faces may meet where the mask allows it.
     """
-    order = np.argsort(edges.of_face.ravel(), kind="stable")
+    order = edges.half_edges
     edge = edges.of_face.ravel()[order]
     joined = (edge[:-1] == edge[1:]) & passable[edge[:-1]]
     one, other = order[:-1][joined], order[1:][joined]

@@ -59,7 +59,7 @@ def winding_of(mesh: TriangleMesh, edges: Edges) -> Winding:
 
 def pieces(edges: Edges) -> np.ndarray:
     """(F,) number of the piece that each face belongs to, from 0: those that share edges belong together."""
-    order = np.argsort(edges.of_face.ravel(), kind="stable")
+    order = edges.half_edges
     edge = edges.of_face.ravel()[order]
     joined = edge[:-1] == edge[1:]
     return _components(order[:-1][joined] // 3, order[1:][joined] // 3, len(edges.of_face))

@@ -152,6 +152,8 @@ class RenderPlan(Model):
     """Path length in edges from which Russian roulette may end a path."""
     texture_size: int = 4096
     """Most texels along a side of a texture."""
+    texels_per_pixel: float = 0.0
+    """How fine textures are where the camera is nearest to them, for a scene from a file; 0 is as they come."""
     denoise: tuple[str, ...] = ()
     """Layers that are denoised."""
     keep_raw: bool = False

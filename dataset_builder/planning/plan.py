@@ -30,6 +30,8 @@ from dataset_builder.spec.resolve import LoadedSpec
 
 SCHEMA_VERSION = "1.0.0"
 """Of the ExamplePlan that is written beside the pixels."""
+TEXELS_PER_PIXEL = 2.0
+"""Of textures of scenes from files, which have hundreds; no picture shows more."""
 KEPT_BYTES, TRIANGLE_BYTES = 1 << 30, 200
 """Of arrangements, and of a triangle in one: our arrays and the tree that rays go down."""
 
@@ -123,7 +125,8 @@ class Planner:
         """The plan of one example. Raises PlanError where the spec asks for what cannot be."""
         spec, shared = self.loaded.dataset, self.view(ref.view)
         light, note = self.light(ref.view, ref.light)
-        arrangement, render = shared.arrangement, render_plan(spec, ref.view)
+        arrangement = shared.arrangement
+        render = render_plan(spec, ref.view, from_file=arrangement.room.kind != "procedural")
         fog = self._scene(ref.view.pair).fog
         effects = plan_effects(spec=spec.render, room=arrangement.room, shell=arrangement.shell,
                                diagonal=arrangement.diagonal(shared.view.camera.position),
@@ -160,8 +163,8 @@ def layers_asked(spec: DatasetSpec) -> tuple[tuple[str, Extent], ...]:
     return tuple(asked.items())
 
 
-def render_plan(spec: DatasetSpec, view: ViewRef) -> RenderPlan:
-    """How the pixels of a view are computed."""
+def render_plan(spec: DatasetSpec, view: ViewRef, *, from_file: bool = False) -> RenderPlan:
+    """How the pixels of a view are computed. from_file: whether its scene is one of a file."""
     render = spec.render
     goals = tuple(GoalPlan(layer=name, error=goal.error or 0.0, seconds=goal.seconds or 0.0, cap=goal.cap)
                   for name in render.accuracy for goal in render.goals(name))
@@ -171,6 +174,7 @@ def render_plan(spec: DatasetSpec, view: ViewRef) -> RenderPlan:
                       spp_first_hit=render.spp.total("first_hit"), spp_source=render.spp.total("source"),
                       spp_target=render.spp.total("target"), spp_rough=render.spp.total("rough"), spp_parts=parts,
                       batches=render.batches, goals=goals, rr_depth=render.rr_depth, texture_size=render.texture_size,
+                      texels_per_pixel=TEXELS_PER_PIXEL if from_file else 0.0,
                       denoise=render.denoise.layers, keep_raw=render.denoise.keep_raw,
                       seed=str(derive_seed(spec.seed, *view.path, "render")))
 

@@ -79,6 +79,8 @@ def inputs_of(plan: ExamplePlan, name: str, steps: int | None = None) -> Inputs:
     found: Inputs = {"pass": name, "seed": plan.render.seed, "room": _room(plan.room), "object": _placed(plan.target),
                      "furniture": [_placed(placed) for placed in plan.furniture], "fog": _plain(plan.fog),
                      "effects": list(plan.effects.features), "texture size": plan.render.texture_size}
+    if plan.render.texels_per_pixel:
+        found["texels"] = [plan.render.texels_per_pixel, plan.render.width, plan.render.height, _plain(plan.camera)]
     if "emission" in plan.effects.features and name in (*RADIANCE, LIGHTING):
         found["emission"] = sky_radiance(plan)
     if name == LIGHTING:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from dataset_builder.rendering.pass_inputs import sky_radiance
 from dataset_builder.rendering.passes import ViewSensor
 from dataset_builder.rendering.scene.local_frame import LocalFrame
 from dataset_builder.rendering.scene.open_scene import Body, OpenScene, body_of, open_scene
+from dataset_builder.rendering.scene.seen_texels import seen_sides
 from dataset_builder.rendering.scene.triangle_soup import RoughTwin, Soup, clean, merge, rough_twin, surroundings
 from dataset_builder.rendering.surface.material_table import Textures
 from dataset_builder.rendering.transport.fog import Fog
@@ -60,20 +61,27 @@ class ViewScenes:
 
     @cached_property
     def _room(self) -> Soup:
-        return self.local_frame.soup(surroundings(self.plan, self.mesh_root))
+        soup = self.local_frame.soup(surroundings(self.plan, self.mesh_root))
+        return replace(soup, corners=soup.corners.astype(np.float32))
 
     @cached_property
     def _materials(self) -> Textures:
         """Materials of the target and of everything about it: the same for every geometry of the view."""
-        return Textures.upload([*self.clean_object.materials, *self._room.materials], self.plan.render.texture_size,
-                               sky_radiance(self.plan))
+        render, materials = self.plan.render, [*self.clean_object.materials, *self._room.materials]
+        if not render.texels_per_pixel:
+            return Textures.upload(materials, render.texture_size, sky_radiance(self.plan))
+        camera = Pinhole.of(self.view.camera, render.width, render.height)
+        sides = [side for soup in (self.clean_object, self._room)
+                 for side in seen_sides(soup, camera, render.texels_per_pixel, render.texture_size)]
+        return Textures.upload(materials, sides, sky_radiance(self.plan))
 
     @cached_property
     def _clean_body(self) -> Body:
         return self._body(self.clean_object, self._room)
 
     def _body(self, target: Soup, room: Soup) -> Body:
-        return body_of(merge([target, room]), self._materials, frozenset(self.plan.effects.features))
+        narrow = replace(target, corners=target.corners.astype(np.float32))
+        return body_of(merge([narrow, room]), self._materials, frozenset(self.plan.effects.features))
 
     @cached_property
     def _open_body(self) -> Body:

@@ -51,7 +51,7 @@ def _flow(value: Any) -> str:
 
 
 def nearest(name: str, known: Sequence[str], what: str = "name") -> str:
-    """A hint: the known name most like `name`, else the path whose last part is, or all known names where none is."""
+    """A hint: the known name most like `name`, or else the path whose last part is, or all names where none is."""
     if close := get_close_matches(name, known, n=1):
         return f"nearest known {what}: {close[0]}"
     ends = {each.rpartition("/")[2]: each for each in reversed(known) if "/" in each}

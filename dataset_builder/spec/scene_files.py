@@ -94,7 +94,7 @@ def find_scene(spec: SceneFileSpec, document: Document, folder: Path) -> MeshSou
     try:
         return scene_files(scene)
     except FileNotFoundError as error:
-        missing = Path(str(error.filename))
+        missing = Path(os.path.normpath(str(error.filename)))
         rule = f"expected the files that {scene.path.name} names, found no {missing.name} in {missing.parent}"
         hint = name_alike(missing) or "put it there, or export the scene again with its files"
     except OSError as error:

@@ -14,6 +14,7 @@ from dataset_builder.assets.asset import (
     is_solid,
     range_of,
     sends,
+    texel_ends,
 )
 from dataset_builder.planning.effects.features import _CALLS
 from dataset_builder.rendering.surface.texels import needs
@@ -40,6 +41,22 @@ def test_ranges_are_over_the_texels() -> None:
 def test_what_is_not_a_number_counts_as_one() -> None:
     made = material(texture=textured(metallic=[np.nan, np.nan], roughness=[0.5, np.nan]))
     assert range_of(made, "metallic") == (1, 1) and range_of(made, "roughness") == (0.5, 1)
+
+
+@pytest.mark.parametrize("dtype", [np.float16, np.float32, np.float64])
+def test_ends_of_a_map_are_those_of_its_texels_by_channel(dtype: type) -> None:
+    texels = np.random.default_rng(4).uniform(-0.2, 1.2, (7, 5, 3)).astype(dtype)
+    low, high = texel_ends(Texture(base_color=texels), "base_color")
+    assert np.array_equal(low, np.clip(texels, 0, 1).min(axis=(0, 1)))
+    assert np.array_equal(high, np.clip(texels, 0, 1).max(axis=(0, 1)))
+    assert all(float(end) == 1 for end in texel_ends(None, "alpha"))
+
+
+def test_a_texel_that_means_the_cutoff_is_there_in_half_precision() -> None:
+    """0.2 is rounded down; rendering allows for it, and so does planning."""
+    texture = Texture(base_color=np.ones((1, 1, 3), np.float16), alpha=np.full((1, 1), 0.2, np.float16))
+    assert coverage_range(material(alpha_cutoff=0.2, texture=texture)) == (1, 1)
+    assert coverage_range(material(alpha_cutoff=0.201, texture=texture)) == (0, 0)
 
 
 def test_the_least_metallic_texel_decides() -> None:

@@ -1,5 +1,6 @@
 """A procedural room, written as glTF and read back, gives the same pictures, by the same kernel."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -27,17 +28,20 @@ FAILURES = 1e-3
 
 
 @pytest.fixture
-def plan(small_spec: Path, monkeypatch: pytest.MonkeyPatch) -> ExamplePlan:
+def plan(small_spec: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[ExamplePlan]:
     """A view of the small dataset, all of whose materials are plain: glTF has no floats as texels."""
     for name in ("make_room", "make_furniture"):
         made = getattr(assets_of_plan, name)
         monkeypatch.setattr(assets_of_plan, name, lambda made=made, **how: _plain(made(**how)))
     found = plan_example(load_dataset(small_spec), 1)
     # Other names than elsewhere: what was made of them before is remembered
-    return found.model_copy(update={
+    yield found.model_copy(update={
         "room": found.room.model_copy(update={"name": "plain"}), "target": _renamed(found.target),
         "furniture": tuple(map(_renamed, found.furniture)),
         "render": found.render.model_copy(update={"layers": LAYERS})})
+    # What was made plain is remembered, too
+    room_shell.cache_clear()
+    assets_of_plan.ASSETS.cache_clear()
 
 
 def _plain(made: Any) -> Any:

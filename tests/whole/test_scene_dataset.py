@@ -83,3 +83,11 @@ def test_licences_of_a_scene_stand_in_manifest_card_and_croissant(built: Path) -
 
 def test_the_dataset_verifies(built: Path) -> None:
     assert verify(built) == []
+
+
+def test_a_scene_of_nothing_but_its_target_is_rendered(tmp_path: Path) -> None:
+    """What is about the target is probed for light, too, and there nothing is."""
+    one = DATASET.replace('{things: {name: "*"}, count: 2}', "{things: {}, count: 1}")
+    spec = write_dataset(tmp_path, [CHAIR], one)
+    run_build(spec, tmp_path / "out")
+    assert load_manifest(tmp_path / "out").splits[0].examples == 1 and verify(tmp_path / "out") == []

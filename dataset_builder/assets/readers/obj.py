@@ -23,10 +23,11 @@ KINDS = ("vertices", "texture coordinates", "normals")
 MOST_PARTS = 1000
 
 
-def read(path: Path, max_texture: int, *, whole_objects: bool = False,
+def read(path: Path, max_texture: int, *, whole: Callable[[str, list[str]], bool] | None = None,
          ignored: Callable[[Statement], bool] | None = None) -> FileModel:
-    """The file and its material libraries. whole_objects: where the file has objects, its groups part nothing.
-    ignored: which statements of the libraries are left out. Raises UserError for what breaks the format."""
+    """The file and its material libraries. whole: where the file has objects, whether one is not parted by its groups,
+    from its name and theirs; without it, each group ends what is before it. ignored: which statements of the libraries
+    are left out. Raises UserError for what breaks the format."""
     try:
         data = obj_bytes(path)
         entries = defined_entries(path, obj_libraries(path, data))
@@ -42,8 +43,8 @@ def read(path: Path, max_texture: int, *, whole_objects: bool = False,
         others = "".join(f", with {each}" for each in _others(lines))
         refuse(path, f"expected triangles, got a file without any{others}")
     labels = np.concatenate(lines.labels)
-    if whole_objects:
-        lines.objects, labels[:, 1] = _whole_objects(lines, data, labels)
+    if whole is not None:
+        lines.objects, labels[:, 1] = _whole_objects(lines, data, labels, whole)
     for kind, size in enumerate(lines.sizes):
         beyond = np.unique(np.repeat(np.arange(len(counts)), counts)[corners[:, kind] >= size])
         lines.fault(f"expected indices of {KINDS[kind]} up to {size}, got {{}} faces with higher ones",
@@ -70,14 +71,28 @@ def _raise_faults(path: Path, lines: ObjLines) -> None:
                          for rule, (count, line) in lines.faults.items()])
 
 
-def _whole_objects(lines: ObjLines, data: bytes, labels: np.ndarray) -> tuple[dict[str, int], np.ndarray]:
-    """The objects by their numbers, and (F,) the object of each face, -1 before the first; groups where none is."""
+def _whole_objects(lines: ObjLines, data: bytes, labels: np.ndarray,
+                   whole: Callable[[str, list[str]], bool]) -> tuple[dict[str, int], np.ndarray]:
+    """The objects, or `OBJECT/GROUP` of those that are parted, by their numbers, and (F,) the one of each face, -1
+    before the first; groups where there is no object."""
     statements = list(obj_statements(data, b"o"))
     if not statements:
         return lines.objects, labels[:, 1]
     numbers: dict[str, int] = {}
     after = [-1, *(numbers.setdefault(name, len(numbers)) for _, name in statements)]
-    return numbers, np.array(after)[np.searchsorted([offset for offset, _ in statements], labels[:, 2])]
+    found = np.array(after)[np.searchsorted([offset for offset, _ in statements], labels[:, 2])]
+    pairs, inverse = np.unique(np.stack([found, labels[:, 1]], axis=1), axis=0, return_inverse=True)
+    names, groups = [*lines.objects], dict[int, list[int]]()
+    for number, group in pairs.tolist():
+        groups.setdefault(number, []).append(group)
+    made = pairs[:, 0].copy()
+    for name, number in [*numbers.items()]:
+        inner = [group for group in groups.get(number, ()) if names[group] != name]
+        if not whole(name, [names[group] for group in inner]):
+            for group in inner:
+                at = (pairs == (number, group)).all(axis=1)
+                made[at] = numbers.setdefault(f"{name}/{names[group]}", len(numbers))
+    return numbers, made[inverse.ravel()]
 
 
 def _parts(lines: ObjLines, triangles: Triangulation, labels: np.ndarray,

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from dataset_builder.assets.asset import Asset
-from dataset_builder.assets.file_model import FileModel, counted
+from dataset_builder.assets.file_model import FileModel, counted, unique
 from dataset_builder.assets.mesh_file import left_out_of
 from dataset_builder.assets.readers.gltf import GltfReading, gltf_reading
 from dataset_builder.assets.readers.gltf_nodes import NodeTree, Placed, Placement, node_tree, place_meshes
@@ -72,16 +72,6 @@ def node_paths(reading: GltfReading, tree: NodeTree) -> list[str]:
         path = f"{paths[parent]}/" * bool(parent >= 0) + printable(name)
         paths[number] = unique(path, taken)
     return paths
-
-
-def unique(name: str, taken: set[str]) -> str:
-    """The name, or with a number if it is among those `taken`, which it joins."""
-    number, made = 1, name
-    while made in taken:
-        number += 1
-        made = f"{name}_{number}"
-    taken.add(made)
-    return made
 
 
 @dataclass(eq=False)

@@ -1,18 +1,21 @@
-"""Mesh files as scenes: glTF by its nodes, .obj by its objects or groups, .ply, .stl and .off as one thing."""
+"""Mesh files as scenes: glTF by its nodes, .obj by its objects or groups, .ply, .stl and .off as one thing.
+
+An object of an .obj file whose groups name different parts of a building is parted by them, `OBJECT/GROUP`, unless the
+spec's `parts` gives its whole name.
+"""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from dataset_builder.assets.file_model import FileModel, counted, refuse
+from dataset_builder.assets.file_model import FileModel, counted, refuse, unique
 from dataset_builder.assets.mesh_file import checked_references, file_named, left_out_of, scaled_world
 from dataset_builder.assets.readers import obj, off, ply, stl
 from dataset_builder.assets.scene_model import SceneModel, SceneThing
-from dataset_builder.assets.scene_readers.gltf_scene import read_gltf_scene, unique
-from dataset_builder.assets.scene_readers.roles import classified
+from dataset_builder.assets.scene_readers.gltf_scene import read_gltf_scene
+from dataset_builder.assets.scene_readers.roles import classified, is_building
 from dataset_builder.assets.scene_readers.thing_assets import thing_asset
 from dataset_builder.assets.scene_readers.thing_tree import category_in
 from dataset_builder.errors import UserError, printable
@@ -20,7 +23,7 @@ from dataset_builder.label.scene_source import SceneSource
 
 GLTF = (".glb", ".gltf")
 WHOLE: dict[str, Callable[[Path, int], FileModel]] = {
-    ".obj": partial(obj.read, whole_objects=True), ".ply": ply.read, ".stl": stl.read, ".off": off.read}
+    ".obj": obj.read, ".ply": ply.read, ".stl": stl.read, ".off": off.read}
 """What reads the formats without a hierarchy."""
 MESH_SCENES = (*GLTF, *WHOLE)
 """Suffixes of mesh files that are read as scenes."""
@@ -38,11 +41,18 @@ def read(source: SceneSource, root: Path, max_texture: int) -> SceneModel:
         if path.suffix.lower() in GLTF:
             scene = read_gltf_scene(path, source, roots, world_from_file, max_texture)
         else:
-            scene = _flat_scene(WHOLE[path.suffix.lower()](path, max_texture), path, source, world_from_file)
+            scene = _flat_scene(_model(path, source, max_texture), path, source, world_from_file)
         if not scene.things:
             refuse(path, "expected things with triangles, got none", "; ".join(scene.faults[:3]))
         things, decided = classified(scene.things, source)
     return replace(scene, things=things, left_out=(*scene.left_out, *decided))
+
+
+def _model(path: Path, source: SceneSource, max_texture: int) -> FileModel:
+    if path.suffix.lower() != ".obj":
+        return WHOLE[path.suffix.lower()](path, max_texture)
+    named = {pattern for part in source.parts for pattern in part.patterns}
+    return obj.read(path, max_texture, whole=lambda name, groups: name in named or not is_building(name, groups))
 
 
 def _flat_scene(model: FileModel, path: Path, source: SceneSource, world_from_file: np.ndarray) -> SceneModel:

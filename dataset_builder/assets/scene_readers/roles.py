@@ -4,7 +4,7 @@ First what the spec's `parts` says, then words in the last part of a name (or in
 `shape_roles`. What none of these tells is an object.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -49,6 +49,17 @@ def says_object(text: str) -> bool:
     """
     kinds = [usual_of(text), *map(usual_of, words_of(text))]
     return any(kind is not None and kind.name != "door" for kind in kinds) or bool(HANGING.intersection(words_of(text)))
+
+
+def is_building(whole: str, pieces: Iterable[str]) -> bool:
+    """Whether pieces of something name different parts of a building, and it is no piece of furniture.
+
+    >>> is_building("House", ("Floor", "WallNorth", "Mesh")), is_building("House", ("Wall_1", "Door"))
+    (True, False)
+    >>> is_building("Dollhouse", ("Floor", "WallNorth"))
+    False
+    """
+    return not says_object(whole) and len({role for piece in pieces if (role := role_of(piece)) is not None}) > 1
 
 
 def classified(things: Sequence[SceneThing], source: SceneSource) -> tuple[tuple[SceneThing, ...], tuple[str, ...]]:

@@ -82,7 +82,7 @@ def plan_effects(*, spec: RenderSpec, room: RoomPlan, shell: Shell, diagonal: fl
                    render=render)
     planned = [_plan_pass(scene, name) for name in PASSES]
     lights = tuple(each for illumination in (source_light, target_light) for each in illumination.lights)
-    features, on_surfaces = scene_features(use, fog, lights, render.texture_size)
+    features, on_surfaces = scene_features(use, fog, lights, render)
     decisions = (*(decision for _, about in planned for decision in about), *_light_free(render), *on_surfaces)
     return EffectsPlan(features=features, passes=tuple(entry for entry, _ in planned), decisions=decisions)
 

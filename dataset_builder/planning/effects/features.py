@@ -13,7 +13,7 @@ from dataset_builder.assets.asset import (
     range_of,
     sends,
 )
-from dataset_builder.label.example_plan import Decision, Feature
+from dataset_builder.label.example_plan import Decision, Feature, RenderPlan
 from dataset_builder.label.scene_plan import FogPlan, LightPlan
 from dataset_builder.light_kinds import LIGHT_KINDS
 from dataset_builder.planning.effects.materials_used import MaterialUse, SceneUse, is_smooth
@@ -58,7 +58,7 @@ def names(uses: Sequence[str]) -> str:
     return ", ".join(uses[:NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
-def scene_features(use: SceneUse, fog: FogPlan, lights: Sequence[LightPlan], texture_size: int) \
+def scene_features(use: SceneUse, fog: FogPlan, lights: Sequence[LightPlan], render: RenderPlan) \
         -> tuple[tuple[Feature, ...], tuple[Decision, ...]]:
     """The features that a scene calls for, in the order of `Feature`, and the decisions about its surfaces and air.
 
@@ -70,7 +70,7 @@ def scene_features(use: SceneUse, fog: FogPlan, lights: Sequence[LightPlan], tex
     features = tuple(feature for feature in get_args(Feature) if feature in on)
     decisions = [_said(feature, found, len(use.materials)) for feature, found in calling.items()
                  if feature not in ("textures", "dispersion")]
-    return features, (_textures(calling["textures"], texture_size), *decisions, _dispersion(calling["dispersion"]),
+    return features, (_textures(calling["textures"], render), *decisions, _dispersion(calling["dispersion"]),
                       _fog(fog), *_nowhere(use), *_caustics(use.materials, lights), _normals(use), *_files(use))
 
 
@@ -98,14 +98,16 @@ def _nowhere(use: SceneUse) -> list[Decision]:
                      reason=f"alpha is 0, or below its cutoff, everywhere on {names(gone)}")]
 
 
-def _textures(found: Sequence[MaterialUse], texture_size: int) -> Decision:
+def _textures(found: Sequence[MaterialUse], render: RenderPlan) -> Decision:
     textures = {id(each.material.texture): each.material.texture for each in found}.values()
     if not textures:
         return Decision(effect="textures", choice="off", reason="no material in the scene has one")
     sizes = [texture.base_color.shape[:2] for texture in textures if texture is not None]
     texels, largest = sum(height * width for height, width in sizes), max(max(size) for size in sizes)
-    limit = (f"downsampled to {texture_size} texels per side" if largest > texture_size
-             else f"all within {texture_size} texels per side")
+    limit = (f"downsampled to {render.texture_size} texels per side" if largest > render.texture_size
+             else f"all within {render.texture_size} texels per side")
+    if render.texels_per_pixel:
+        limit += f", and to {render.texels_per_pixel:g} per pixel where the camera is nearest"
     return Decision(effect="textures", choice=f"{len(sizes)}",
                     reason=f"{texels:,} texels, {limit}: {names([each.name for each in found])}")
 

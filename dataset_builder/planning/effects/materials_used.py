@@ -11,9 +11,9 @@ import numpy as np
 from dataset_builder.assets.asset import (
     Asset,
     Material,
-    Texture,
     coverage_range,
     range_of,
+    texel_ends,
     vertex_alphas,
 )
 from dataset_builder.geometry.edges import CREASE_ANGLE, consistent, dihedral_angles, edges_of
@@ -64,7 +64,7 @@ def scattered_share(material: Material, vertices: Sequence[float] | np.ndarray =
 
     In [0, 1]. What goes into glass or back inside it is not in it: that goes on as it came and counts as crossings.
     """
-    base = np.asarray(material.base_color) * np.asarray(vertices) * _brightest(material.texture)
+    base = np.asarray(material.base_color) * np.asarray(vertices) * texel_ends(material.texture, "base_color")[1]
     low, high = range_of(material, "metallic")
     # What is opaque scatters most at one of them: 1 - that is a product of two lines
     opaque = np.maximum(_opaque(material, base, low), _opaque(material, base, high))
@@ -72,13 +72,6 @@ def scattered_share(material: Material, vertices: Sequence[float] | np.ndarray =
     glass = glass_share(material.ior, material.thin) if most else 0.0
     share = np.maximum(opaque + least * (1 - high) * np.minimum(glass - opaque, 0), glass)
     return float(np.clip(_layered(material, share).max(), 0, 1))
-
-
-def _brightest(texture: Texture | None) -> np.ndarray:
-    """(3,) largest texel of each channel; what is not a number counts as white."""
-    if texture is None:
-        return np.ones(3)
-    return np.clip(np.nan_to_num(texture.base_color, nan=1.0), 0, 1).max(axis=(0, 1))
 
 
 def _opaque(material: Material, base: np.ndarray, metallic: float) -> np.ndarray:

@@ -10,7 +10,7 @@ the scene, not of each pixel.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil, exp, log
 
 import numpy as np
@@ -34,9 +34,13 @@ def reach(light: LightPlan, shell: Shell, opened: Sequence[str], near: Vector) -
         return Reach(kept=False, why="sends nothing")
     if not LIGHT_KINDS[light.kind].outside:
         return Reach(kept=True, why=f"stands in the {shell.noun}")
-    if opened:
-        return Reach(kept=True, why=f"enters where the {' and '.join(opened)} {_verb(opened)} removed")
-    return shell.lets_in(light, np.asarray(near))
+    if there := [part for part in opened if part in shell.parts]:
+        found = Reach(kept=True, why=f"enters where the {' and '.join(there)} {_verb(there)} removed")
+    else:
+        found = shell.lets_in(light, np.asarray(near))
+    if lost := [part for part in opened if part not in shell.parts]:
+        found = replace(found, why=f"{found.why} (the {shell.noun} has no {' and no '.join(lost)} to remove)")
+    return found
 
 
 def _verb(parts: Sequence[str]) -> str:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,8 +17,8 @@ from dataset_builder.planning.scene.footprints import Pose, footprint
 from dataset_builder.planning.scene.layout import Piece, Place, furnish, lay_out
 from dataset_builder.planning.scene.mesh_shell import shell_of
 from dataset_builder.planning.scene.object_size import advice_on
-from dataset_builder.planning.scene.room_parts import room_parts
-from dataset_builder.planning.scene.shell import Geometry, Shell, box_of
+from dataset_builder.planning.scene.room_parts import RoomPart, room_parts
+from dataset_builder.planning.scene.shell import PARTS, Geometry, Shell, box_of
 from dataset_builder.planning.scene.stage import FURNITURE_INSTANCE, TARGET_INSTANCE, extent_of, stage
 from dataset_builder.seeding import rng
 from dataset_builder.spec.resolve import LoadedSpec
@@ -33,15 +34,23 @@ class Arrangement:
     target: PlacedObject
     furniture: tuple[PlacedObject, ...]
     geometry: tuple[Geometry, ...]
+    """What hides what is behind it: of a scene from a file without see-through faces, but for the target's."""
     shell: Shell
     """The space that all of it stands in."""
+    clear: tuple[Geometry, ...] = ()
+    """The see-through faces of a scene from a file."""
     notes: tuple[str, ...] = ()
     """What layout had to leave out, and objects of unusual size."""
 
     @cached_property
     def everything(self) -> RayScene:
-        """Target, room and furniture."""
+        """Target, room and furniture, as far as they hide what is behind them."""
         return RayScene(list(self.geometry))
+
+    @cached_property
+    def surfaces(self) -> RayScene:
+        """Everything with what is see-through: what cameras and lamps keep away from."""
+        return RayScene([*self.geometry, *self.clear]) if self.clear else self.everything
 
     @cached_property
     def alone(self) -> RayScene:
@@ -96,10 +105,10 @@ def arrange(pair: PairRef, loaded: LoadedSpec, split: SplitContents) -> Arrangem
     scene, seed, mesh_root = split.scenes[pair.scene], loaded.dataset.seed, loaded.path.parent
     staged = stage(loaded, split, pair)
     around = room_parts(staged.room, mesh_root)
-    solid = {part.name: (part.positions, part.faces, part.instance) for part in around if not part.clear}
-    building = [solid[part.name] for part in around if part.part != "furniture" and not part.clear]
-    things = [solid[part.name] for part in around if part.part == "furniture" and not part.clear]
-    shell = shell_of(staged.room, building, things)
+    building, things = (_parted([part for part in around if (part.part == "furniture") == furniture])
+                        for furniture in (False, True))
+    shell = shell_of(staged.room, building.hiding, things.hiding, (building.clear, things.clear),
+                     [name for name in PARTS if any(part.part == name for part in around)])
     pieces = [_piece(piece.object, piece.place, mesh_root,
                      partial(rng, seed, *pair.path, "furniture", *piece.number, "position"))
               for piece in scene.furniture]
@@ -114,9 +123,26 @@ def arrange(pair: PairRef, loaded: LoadedSpec, split: SplitContents) -> Arrangem
     standing = [(piece.object, pose) for piece, pose in zip(scene.furniture, poses, strict=True) if pose]
     first = FURNITURE_INSTANCE + sum(part.part == "furniture" for part in around)
     furniture = tuple(_placed(plan, pose, first + k) for k, (plan, pose) in enumerate(standing))
-    geometry = [geometry_of(thing, mesh_root) for thing in (placed, *furniture)] + things + building
+    geometry = [geometry_of(thing, mesh_root) for thing in (placed, *furniture)] + things.hiding + building.hiding
     return Arrangement(room=staged.room, target=placed, furniture=furniture, geometry=tuple(geometry), shell=shell,
+                       clear=(*things.clear, *building.clear) if staged.room.kind != "procedural" else (),
                        notes=(*staged.notes, *notes, *_odd_sizes((placed, *furniture), mesh_root)))
+
+
+class _Parted(NamedTuple):
+    """Parts by whether faces hide what is behind them, those without any left out."""
+
+    hiding: list[Geometry]
+    clear: list[Geometry]
+
+
+def _parted(parts: Iterable[RoomPart]) -> _Parted:
+    found = _Parted([], [])
+    for part in parts:
+        positions, faces, clear = part.positions, part.faces, part.clear
+        for kept, own in ((found.hiding, faces[~clear]), (found.clear, faces[clear])):
+            kept += [(positions, own, part.instance)] if len(own) else []
+    return found
 
 
 def _odd_sizes(things: Iterable[PlacedObject], mesh_root: Path) -> list[str]:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
 from functools import lru_cache
-from math import cos, radians, sin
+from math import atan2, cos, degrees, radians, sin
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from dataset_builder.assets.asset import Asset, Material, reflectance_at
 from dataset_builder.assets.mesh_file import load_mesh_file, stand
 from dataset_builder.assets.procedural.furniture import FINISHES, make_furniture
 from dataset_builder.assets.procedural.rooms import make_room
+from dataset_builder.assets.scene_model import SceneThing
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.geometry.mesh import transform
 from dataset_builder.geometry.shape_faults import shape_faults
@@ -148,7 +149,7 @@ def _plain_asset(plan: ObjectPlan, mesh_root: Path) -> Asset:
 
 def _thing_asset(plan: ObjectPlan, mesh_root: Path) -> Asset:
     """A thing of a scene file, standing on z = 0 as it stands in its scene but for its turn about +Z."""
-    thing = next(each for each in scene_model(plan.scene, mesh_root).things if each.name == plan.thing)
+    thing = thing_of(plan, mesh_root)
     matrix = np.eye(4)
     matrix[:3, :3] = np.reshape(plan.linear, (3, 3))
     mesh, moved, flat = stand(transform(thing.asset.mesh, matrix))
@@ -157,6 +158,11 @@ def _thing_asset(plan: ObjectPlan, mesh_root: Path) -> Asset:
             "moved": ", ".join(f"{step:.6g} m" for step in moved),
             "shape": "; ".join(filter(None, [thing.asset.meta.get("shape", ""), *shape_faults(mesh).notes, *flat]))}
     return replace(thing.asset, name=plan.name, category=plan.category, mesh=mesh, meta=meta)
+
+
+def thing_of(plan: ObjectPlan, mesh_root: Path) -> SceneThing:
+    """The thing of a scene file that an object of kind `thing` is."""
+    return next(each for each in scene_model(plan.scene, mesh_root).things if each.name == plan.thing)
 
 
 def _content_digest(path: Path) -> str:
@@ -176,8 +182,19 @@ def room_shell(plan: RoomPlan) -> dict[str, Asset]:
 
 def world_from_object(placed: PlacedObject) -> np.ndarray:
     """(4, 4) rigid transform: turned by `yaw` degrees about +Z, then moved to `position`."""
-    c, s = cos(radians(placed.yaw)), sin(radians(placed.yaw))
     matrix = np.eye(4)
-    matrix[:2, :2] = [[c, -s], [s, c]]
+    matrix[:3, :3] = turned_up(placed.yaw)
     matrix[:3, 3] = placed.position
     return matrix
+
+
+def turned_up(yaw: float) -> np.ndarray:
+    """(3, 3) rotation by degrees about +Z."""
+    c, s = cos(radians(yaw)), sin(radians(yaw))
+    return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+
+
+def yaw_and_rest(world: np.ndarray) -> tuple[float, np.ndarray]:
+    """The (3, 3) linear part of an affine map as a turn about +Z, in degrees, after the rest of it, (3, 3)."""
+    yaw = degrees(atan2(world[1, 0], world[0, 0]))
+    return yaw, turned_up(yaw).T @ world[:3, :3]

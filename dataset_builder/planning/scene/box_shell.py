@@ -8,7 +8,7 @@ import numpy as np
 from dataset_builder.label.scene_plan import LightPlan, RoomPlan
 from dataset_builder.light_kinds import LIGHT_KINDS
 from dataset_builder.planning.scene.footprints import WALL_GAP, Box, Footprint, Pose, footprint, standing
-from dataset_builder.planning.scene.shell import Reach
+from dataset_builder.planning.scene.shell import PARTS, Reach
 
 WALLS = ((0.0, 1.0, 0.0), (-1.0, 0.0, 90.0), (1.0, 0.0, -90.0), (0.0, -1.0, 180.0))
 """Outward x and y of a wall, and the yaw of furniture whose back is to it."""
@@ -23,6 +23,7 @@ class BoxShell:
 
     room: RoomPlan
     noun = "room"
+    parts = PARTS
     larger = "make the room larger or the object smaller; `scale` says how large a mesh file is"
     brighter = "remove parts of the room with `open`, add windows, remove the ceiling, or put a light inside"
 

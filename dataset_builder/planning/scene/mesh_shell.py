@@ -13,7 +13,7 @@ from dataset_builder.planning.scene.box_shell import BoxShell
 from dataset_builder.planning.scene.footprints import WALL_GAP, Box, Footprint, Pose, footprint, standing
 from dataset_builder.planning.scene.free_floor import HEAD_ROOM, FreeFloor
 from dataset_builder.planning.scene.mesh_space import Content, MeshSpace, space_of
-from dataset_builder.planning.scene.shell import Geometry, Reach, Shell
+from dataset_builder.planning.scene.shell import PARTS, Geometry, Reach, Shell
 from dataset_builder.planning.scene.storeys import MIN_FLOOR, STEP
 from dataset_builder.planning.scene.ways_out import BOUNCES, WaysOut, ways_out
 
@@ -27,13 +27,16 @@ LATTICE, MOST_ACROSS = 0.1, 24
 """Metres between the points of a footprint that have floor under them, and points along a side at most."""
 
 
-def shell_of(room: RoomPlan, building: Sequence[Geometry], contents: Sequence[Geometry]) -> Shell:
-    """The space of a room. building: world triangles of floors, walls and ceilings without panes; contents: all other
-    things of the scene, without the target and without what is placed by layout. Neither matters for a procedural room.
+def shell_of(room: RoomPlan, building: Sequence[Geometry], contents: Sequence[Geometry],
+             clear: tuple[Sequence[Geometry], Sequence[Geometry]] = ((), ()), parts: Sequence[str] = PARTS) -> Shell:
+    """The space of a room. building: world triangles of floors, walls and ceilings; contents: of all other things of
+    the scene, without the target and without what is placed by layout; clear: of both, those that are see-through and
+    in neither; parts: of the building that there are. None of it matters for a procedural room.
     """
     if room.kind == "procedural":
         return BoxShell(room)
-    return MeshShell(name=room.name, space=space_of(Content.of(building, contents)))
+    hiding, whole = Content.of(building, contents), Content.of((*building, *clear[0]), (*contents, *clear[1]))
+    return MeshShell(name=room.name, space=space_of(whole, hiding), parts=tuple(parts))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,6 +45,7 @@ class MeshShell:
 
     name: str
     space: MeshSpace
+    parts: tuple[str, ...] = PARTS
     noun = "scene"
     larger = ("take a smaller object (`scale` says how large a mesh file is), `leave_out` what stands in the way, or "
               "let it take the place of a thing with `slot`")
@@ -94,7 +98,8 @@ class MeshShell:
         ahead = np.stack([np.cos(turns), np.sin(turns), np.zeros(LOOKS)], axis=1)
         low = [floor.top[floor.grid.indices(point[None])[0]] for floor, point in zip(floors, points, strict=True)]
         eyes = np.column_stack([points, np.array(low) + min(extent.size[2] / 2, HEAD_ROOM)])
-        distance, normals = self.space.house.first_hit(eyes, ahead)[1], self.space.house.normals(eyes, ahead)
+        walls = self.space.opaque_house
+        distance, normals = walls.first_hit(eyes, ahead)[1], walls.normals(eyes, ahead)
         for k in np.flatnonzero(np.isfinite(distance) & (np.abs(normals[:, 2]) < 0.1)):
             inward = normals[k, :2] / np.linalg.norm(normals[k, :2])
             if (pose := self._back_to(floors[k], extent, eyes[k, :2] + ahead[k, :2] * distance[k], inward)) is not None:
@@ -113,7 +118,7 @@ class MeshShell:
                                                             [STEP, height / 2, 0.95 * height]))
         along = foot + inward * out + aside[:, None] * np.array([-inward[1], inward[0]])
         starts = np.column_stack([along, pose[0][2] + rise])
-        found = self.space.house.first_hit(starts, np.broadcast_to([*-inward, 0.0], starts.shape))[1]
+        found = self.space.opaque_house.first_hit(starts, np.broadcast_to([*-inward, 0.0], starts.shape))[1]
         if not np.isfinite(found).all() or np.ptp(found) > UNEVEN or abs(found.min() - out) > UNEVEN:
             return None
         return _on(floor, extent, foot + inward * (2 * out - found.min()), yaw)

@@ -17,6 +17,8 @@ KEPT = 4
 ABOUT = 0.2
 """Metres about the target's middle: a camera has a free line to one point of these at least, and a roof above half of
 them is a roof above the target."""
+AROUND = 10.0
+"""Metres about a small scene without a building: lamps stand at distances that are usual in rooms."""
 SAMPLES, FINER = 48, 2
 """Points of a way that are tried, and how often the last good step is tried again as finely."""
 UP, DOWN = np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -1.0])
@@ -56,16 +58,27 @@ class MeshSpace:
     """Answers from rays, cached by what the scene is made of."""
 
     content: Content
+    """All but the target: what takes up place."""
+    hiding: Content
+    """What of it no light gets through: what hides what is behind it."""
 
     @cached_property
     def house(self) -> RayScene:
         """What is built; all there is where nothing says what that is."""
-        return _rays(Content.of(self.content.building, ())) if self.content.building else self.everything
+        return self._of(self.content)
+
+    @cached_property
+    def opaque_house(self) -> RayScene:
+        """What is built and hides what is behind it."""
+        return self._of(self.hiding)
 
     @cached_property
     def everything(self) -> RayScene:
-        """All but the target."""
-        return _rays(self.content)
+        """All that hides what is behind it."""
+        return _rays(self.hiding)
+
+    def _of(self, content: Content) -> RayScene:
+        return _rays(Content.of(content.building, ()) if self.content.building else content)
 
     @cached_property
     def extent(self) -> np.ndarray:
@@ -76,8 +89,8 @@ class MeshSpace:
 
     @cached_property
     def _bounds(self) -> np.ndarray:
-        """(2, 3) corners of what cameras stay in: the extent and its diagonal about it."""
-        pad = max(float(np.linalg.norm(self.extent[1] - self.extent[0])), 1.0)
+        """(2, 3) corners of what cameras and lamps stay in: the extent and its diagonal about it, or `AROUND`."""
+        pad = max(float(np.linalg.norm(self.extent[1] - self.extent[0])), AROUND)
         return self.extent + np.array([[-pad], [pad]])
 
     @cached_property
@@ -98,7 +111,7 @@ class MeshSpace:
     @cached_property
     def ground(self) -> RayScene:
         """What floors are of."""
-        return self.everything if self._up[1] else self.house
+        return _rays(self.content) if self._up[1] else self.house
 
     @cached_property
     def floors(self) -> tuple[FreeFloor, ...]:
@@ -108,7 +121,7 @@ class MeshSpace:
         contents = corners_of(self.content.contents)
         if contents and not self._up[1]:
             # Scenes that differ in what stands in them, as those of several targets do, share what is built
-            built = space_of(Content.of(self.content.building, ())).floors
+            built = space_of(*(Content.of(each.building, ()) for each in (self.content, self.hiding))).floors
             return tuple(furnished(floor, contents) for floor in built)
         grid = Grid.over(*self.extent)
         storeys = find_storeys(grid, self._up[0], self.ground, self.house, self._up[1])
@@ -120,7 +133,7 @@ class MeshSpace:
 
     def roofed(self, centre: np.ndarray) -> bool:
         """Whether the target has a roof above it."""
-        return bool(self._finite(self.house, _about(centre), UP).mean() >= 0.5)
+        return bool(self._finite(self.opaque_house, _about(centre), UP).mean() >= 0.5)
 
     def inside(self, points: np.ndarray, margin: float, centre: np.ndarray) -> np.ndarray:
         """(N,) bool: whether a camera or a lamp may be at points (N, 3).
@@ -131,18 +144,18 @@ class MeshSpace:
         """
         good = ((points >= self._bounds[0]) & (points <= self._bounds[1])).all(axis=1)
         good &= self.house.distance(points) >= margin
-        above, below = self._finite(self.house, points, UP), self._finite(self.ground, points, DOWN)
+        above, below = self._finite(self.opaque_house, points, UP), self._finite(self.ground, points, DOWN)
         outdoors = below | (~above & (points[:, 2] >= self.extent[0, 2]))
         good &= above & below if self.roofed(centre) else outdoors
         seen = np.zeros(len(points), bool)
         for aim in _about(centre):
-            seen |= ~self.house.occluded(points, np.broadcast_to(aim, points.shape))
+            seen |= ~self.opaque_house.occluded(points, np.broadcast_to(aim, points.shape))
         return good & seen
 
     def depth(self, centre: np.ndarray, direction: np.ndarray, margin: float) -> float:
         """How far from the target's middle along a unit direction (3,) a point can be, at most, and still be `inside`;
         0 where none is."""
-        wall = float(self.house.first_hit(centre[None], direction[None])[1][0])
+        wall = float(self.opaque_house.first_hit(centre[None], direction[None])[1][0])
         with np.errstate(divide="ignore", invalid="ignore"):
             ahead = (np.where(direction > 0, *self._bounds[::-1]) - centre) / direction
         edges = np.where(direction == 0, np.inf, ahead)
@@ -166,6 +179,6 @@ def _about(centre: np.ndarray) -> np.ndarray:
 
 
 @lru_cache(maxsize=KEPT)
-def space_of(content: Content) -> MeshSpace:
-    """The space of a scene; of equal triangles the same one."""
-    return MeshSpace(content=content)
+def space_of(content: Content, hiding: Content) -> MeshSpace:
+    """The space of a scene, see `MeshSpace`; of equal triangles the same one."""
+    return MeshSpace(content=content, hiding=hiding)

@@ -7,9 +7,8 @@ from typing import Literal
 
 import numpy as np
 
-from dataset_builder.assets.asset import Asset, is_pane
+from dataset_builder.assets.asset import Asset, see_through
 from dataset_builder.assets.procedural.rooms import make_panes
-from dataset_builder.assets.scene_model import SceneThing
 from dataset_builder.label.scene_plan import RoomPlan
 from dataset_builder.planning.scene.assets_of_plan import KEPT_ROOMS, room_shell
 from dataset_builder.planning.scene.scene_models import scene_model
@@ -32,8 +31,6 @@ class RoomPart:
     """Value in the `instance` layer."""
     world: np.ndarray = field(default_factory=lambda: np.eye(4))
     """(4, 4) affine world_from_asset; a mirror turns the winding of faces."""
-    clear: bool = False
-    """Whether it is nothing but thin glass, which lets light and sight through; planning looks through it."""
 
     @property
     def positions(self) -> np.ndarray:
@@ -45,6 +42,11 @@ class RoomPart:
         """(F, 3) its faces, counter-clockwise seen from outside in the world."""
         faces = self.asset.mesh.faces
         return faces[:, [0, 2, 1]] if np.linalg.det(self.world[:3, :3]) < 0 else faces
+
+    @property
+    def clear(self) -> np.ndarray:
+        """(F,) which of its faces let light through, straight or bent; planning looks through them."""
+        return see_through(self.asset)
 
 
 def room_parts(plan: RoomPlan, mesh_root: Path) -> tuple[RoomPart, ...]:
@@ -61,7 +63,7 @@ def _procedural(plan: RoomPlan) -> tuple[RoomPart, ...]:
              for name in ("floor", "walls", "ceiling") if name in shell]
     if plan.glazing and plan.windows:
         # Right after the walls, as one of which they count
-        parts.insert(2, RoomPart(name="walls", part="walls", asset=_panes(plan), instance=ROOM_INSTANCE, clear=True))
+        parts.insert(2, RoomPart(name="walls", part="walls", asset=_panes(plan), instance=ROOM_INSTANCE))
     return tuple(parts)
 
 
@@ -74,10 +76,5 @@ def _panes(plan: RoomPlan) -> Asset:
 def _things(plan: RoomPlan, mesh_root: Path) -> tuple[RoomPart, ...]:
     instances, hidden = {thing.name: thing.instance for thing in plan.scene.things}, set(plan.scene.hidden)
     return tuple(RoomPart(name=thing.name, part="furniture" if thing.role == "object" else thing.role,
-                          asset=thing.asset, instance=instances.get(thing.name, ROOM_INSTANCE), world=thing.world,
-                          clear=_is_clear(thing))
+                          asset=thing.asset, instance=instances.get(thing.name, ROOM_INSTANCE), world=thing.world)
                  for thing in scene_model(plan, mesh_root).things if thing.name not in hidden)
-
-
-def _is_clear(thing: SceneThing) -> bool:
-    return all(map(is_pane, thing.asset.materials))

@@ -8,6 +8,8 @@ import numpy as np
 from dataset_builder.label.scene_plan import LightPlan
 from dataset_builder.planning.scene.footprints import Box, Footprint, Pose
 
+PARTS = ("floor", "walls", "ceiling")
+"""Of a building."""
 Geometry = tuple[np.ndarray, np.ndarray, int]
 """World positions (V, 3), faces (F, 3), instance."""
 
@@ -44,6 +46,10 @@ class Shell(Protocol):
     @property
     def said(self) -> str:
         """What there is of it, in words."""
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Parts of the building that there are to be taken out of a light's way."""
 
     @property
     def larger(self) -> str:

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from math import atan2, cos, degrees, radians, sin
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +9,9 @@ import numpy as np
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.label.scene_plan import ObjectPlan, PlacedObject
 from dataset_builder.planning.catalogue import PairRef
-from dataset_builder.planning.scene.assets_of_plan import asset_of, world_from_object
+from dataset_builder.planning.scene.assets_of_plan import asset_of, thing_of, world_from_object, yaw_and_rest
 from dataset_builder.planning.scene.contents import ScenePlan, SplitContents
-from dataset_builder.planning.scene.scene_models import SceneFacts, ThingFacts, scene_facts, scene_model
+from dataset_builder.planning.scene.scene_models import SceneFacts, ThingFacts, scene_facts
 from dataset_builder.seeding import rng
 from dataset_builder.spec.document import Path as KeyPath
 from dataset_builder.spec.file_scene import EVERY_SIZE, ThingQuery
@@ -61,9 +60,7 @@ def targets(loaded: LoadedSpec, split: SplitContents, scene: ScenePlan) -> tuple
 
 def _thing_plan(split: str, scene: ScenePlan, thing: ThingFacts, number: int) -> ObjectPlan:
     """A thing as an object, whose numbers begin after those of the scene's furniture."""
-    linear, yaw = np.array(thing.world)[:3, :3], _yaw(thing)
-    c, s = cos(radians(yaw)), sin(radians(yaw))
-    own = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) @ linear
+    own = yaw_and_rest(np.array(thing.world))[1]
     word = "-".join(words_of(thing.category)) or "object"
     return ObjectPlan(kind="thing", name=f"{split}-scene{scene.number:02d}-{word}-{number:02d}",
                       source=scene.room.scene.file.source, source_sha256=thing.content, category=thing.category,
@@ -71,14 +68,10 @@ def _thing_plan(split: str, scene: ScenePlan, thing: ThingFacts, number: int) ->
                       thing=thing.name, linear=tuple(own.ravel().tolist()))
 
 
-def _yaw(thing: ThingFacts) -> float:
-    return degrees(atan2(thing.world[1][0], thing.world[0][0]))
-
-
 def placed_thing(plan: ObjectPlan, mesh_root: Path, instance: int) -> PlacedObject:
     """A thing as an object, where its scene has it."""
-    thing = next(each for each in scene_model(plan.scene, mesh_root).things if each.name == plan.thing)
-    yaw = degrees(atan2(thing.world[1, 0], thing.world[0, 0]))
+    thing = thing_of(plan, mesh_root)
+    yaw, _ = yaw_and_rest(thing.world)
     turned = world_from_object(PlacedObject(object=plan, instance=instance, position=(0.0, 0.0, 0.0), yaw=yaw))
     first = thing.asset.mesh.positions[0]
     there = thing.world[:3, :3] @ first + thing.world[:3, 3]

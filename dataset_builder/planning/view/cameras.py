@@ -135,7 +135,7 @@ def _cause(arrangement: Arrangement, spec: CameraSpec, position: np.ndarray, inn
 
 def _judge(arrangement: Arrangement, spec: CameraSpec, frame: Pinhole, sight: Sight) -> Miss | None:
     """What is wrong with a frame, or None."""
-    clear = float(arrangement.everything.distance(frame.position[None])[0])
+    clear = float(arrangement.surfaces.distance(frame.position[None])[0])
     if clear < clearance_of(arrangement, spec):
         return Miss(reason="clearance", figure=clear, cause=_cause(arrangement, spec, frame.position, "clearance"))
     return judged(spec, sight)

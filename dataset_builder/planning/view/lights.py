@@ -101,11 +101,11 @@ def _in_the_way(light: LightPlan, camera: np.ndarray, points: np.ndarray) -> boo
 
 
 def _stands_free(arrangement: Arrangement, light: LightPlan, camera: np.ndarray, points: np.ndarray) -> bool:
-    """Whether an emitter is in the room, clear of surfaces by its size, and not in the camera's way."""
+    """Whether an emitter is in the room or scene, clear of surfaces by its size, and not in the camera's way."""
     position, clearance = np.asarray(light.position), max(light.size, MIN_CLEARANCE)
     if not inside(arrangement, position, clearance) or _in_the_way(light, camera, points):
         return False
-    return float(arrangement.everything.distance(position[None])[0]) >= clearance
+    return float(arrangement.surfaces.distance(position[None])[0]) >= clearance
 
 
 def expose(arrangement: Arrangement, sight: Sight, lights: Sequence[LightPlan], unit: float, sky: float, *,
@@ -217,14 +217,15 @@ def target_light(view: LitView, spec: TargetSpec, stream: Stream, where: str, ro
             return IlluminationPlan(lights=(*lights, *others), open=()), note
         means.append(shown.mean)
         lits.append(shown.lit)
-    raise _refuse(where, *_why_not(spec, count, means, lits))
+    raise _refuse(where, *_why_not(spec, count, means, lits, view.arrangement.shell.noun))
 
 
-def _why_not(spec: TargetSpec, count: int, means: list[float], lits: list[float]) -> tuple[str, str]:
-    """Rule and hint for lights that could not be placed, or that left the object black or blown out."""
+def _why_not(spec: TargetSpec, count: int, means: list[float], lits: list[float], noun: str) -> tuple[str, str]:
+    """Rule and hint for lights that could not be placed, or that left the object black or blown out. noun: what they
+    have to be in."""
     if not means:
         return (f"expected a free place for a light within target.distance, got none in {spec.attempts} draws (in the "
-                "room, clear of surfaces by its size, not in front of the camera)",
+                f"{noun}, clear of surfaces by its size, not in front of the camera)",
                 "lower target.distance or target.size, or widen target.elevation")
     low, high = spec.brightness
     if min(means) > high:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -59,6 +59,8 @@ class OpenScene:
 def body_of(soup: Soup, textures: Textures | None = None, features: frozenset[str] | None = None) -> Body:
     """Upload a soup; `textures` are its materials where they are on the device already. Raises PlanError for materials
     and colours that no surface can have."""
+    if not len(soup.corners):
+        soup = _unseen(soup)
     triangles = upload(soup.corners, soup.normals, soup.uvs)
     vertices = VertexColours.of(soup.materials, soup.material, soup.colors, triangles.positions)
     return Body(triangles=triangles,
@@ -66,6 +68,12 @@ def body_of(soup: Soup, textures: Textures | None = None, features: frozenset[st
                                         face_material=owned(mi.UInt32, soup.material.astype(np.uint32)),
                                         vertices=vertices),
                 instance=owned(mi.UInt32, soup.instance.astype(np.uint32)), features=features)
+
+
+def _unseen(soup: Soup) -> Soup:
+    """A triangle without area, which no ray meets: kernels cannot look up anything in a scene without any."""
+    return replace(soup, corners=np.zeros((1, 3, 3)), normals=np.tile([0.0, 0, 1], (1, 3, 1)), uvs=np.zeros((1, 3, 2)),
+                   material=np.zeros(1), instance=np.zeros(1), part=np.zeros(1), colors=None)
 
 
 @contextmanager

@@ -48,7 +48,7 @@ def upload(corners: np.ndarray, normals: np.ndarray, uvs: np.ndarray) -> Triangl
     directional emitter makes the scene's bounding sphere a literal of the kernel, and scenes of all rooms shall share
     one kernel.
     """
-    reach = max(float(np.abs(corners).max(initial=0.0)), MIN_HALF_SIZE)
+    reach = max(float(corners.max(initial=0.0)), -float(corners.min(initial=0.0)), MIN_HALF_SIZE)
     half = 2.0 ** np.ceil(np.log2(reach))
     loose = np.array([[-half] * 3, [half] * 3])
     upwards = np.array([[0.0, 0, 1]] * 2)
@@ -111,4 +111,6 @@ def unit_sphere() -> np.ndarray:
 
 
 def _flat(rows: np.ndarray, last: np.ndarray) -> mi.Float:
-    return owned(mi.Float, np.concatenate([rows, last]).astype(np.float32))
+    values = np.empty((len(rows) + len(last), rows.shape[1]), np.float32)
+    values[:len(rows)], values[len(rows):] = rows, last
+    return owned(mi.Float, values)

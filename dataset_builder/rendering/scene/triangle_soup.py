@@ -9,43 +9,54 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from dataset_builder.assets.asset import Asset, Material
-from dataset_builder.geometry.edges import corner_normals, unit
-from dataset_builder.geometry.mesh import TriangleMesh, joined_colors
+from dataset_builder.geometry.edges import corner_normals
+from dataset_builder.geometry.mesh import TriangleMesh, joined_colors, transform
 from dataset_builder.geometry.rough_base import RoughBase
 from dataset_builder.geometry.rough_steps import base_of, roughened
 from dataset_builder.geometry.roughness import Roughness, measure_roughness
 from dataset_builder.label.example_plan import ExamplePlan, RoughPlan
 from dataset_builder.label.scene_plan import ObjectPlan, PlacedObject, RoomPlan
-from dataset_builder.planning.scene.assets_of_plan import asset_of, world_from_object
+from dataset_builder.planning.scene.assets_of_plan import (
+    asset_of,
+    thing_of,
+    turned_up,
+    world_from_object,
+    yaw_and_rest,
+)
 from dataset_builder.planning.scene.recent import Recent
 from dataset_builder.planning.scene.room_parts import RoomPart, room_parts
 from dataset_builder.seeding import rng
 
-KEPT_BASES = 16
-KEPT_ROOMS, KEPT_BYTES = 16, 1 << 30
+KEPT_BASES, KEPT_MAPS = 16, 8
+KEPT_ROOMS, KEPT_BYTES = 16, 1 << 29
+NARROW = {"normals": np.float32, "uvs": np.float32, "material": np.int32, "instance": np.int32, "part": np.int8}
 PARTS = ("furniture", "floor", "walls", "ceiling")
 """What a triangle belongs to: an object or thing, or a part of the room."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Soup:
-    """F triangles in world space."""
+    """F triangles in world space. All but corners are kept as narrow as the device takes them."""
 
     corners: np.ndarray
-    """(F, 3, 3), metres."""
+    """(F, 3, 3) float64, metres; float32 for what is around, in the frame that it is rendered in."""
     normals: np.ndarray
-    """(F, 3, 3) unit vectors."""
+    """(F, 3, 3) float32 unit vectors."""
     uvs: np.ndarray
-    """(F, 3, 2)."""
+    """(F, 3, 2) float32."""
     material: np.ndarray
-    """(F,) index into `materials`."""
+    """(F,) int32 index into `materials`."""
     instance: np.ndarray
-    """(F,) value in the `instance` layer."""
+    """(F,) int32 value in the `instance` layer."""
     part: np.ndarray
-    """(F,) index into `PARTS` of what may be taken out of a light's way."""
+    """(F,) int8 index into `PARTS` of what may be taken out of a light's way."""
     materials: tuple[Material, ...]
     colors: np.ndarray | None = None
     """(F, 3, 4) linear Rec.709 and coverage that multiply base colour and alpha; None is all ones."""
+
+    def __post_init__(self) -> None:
+        for name, dtype in NARROW.items():
+            object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=dtype))
 
     def without(self, parts: Sequence[str]) -> "Soup":
         """The triangles that belong to none of `parts`; materials stay as they are."""
@@ -63,7 +74,7 @@ def _bytes_of(soup: Soup) -> int:
 
 
 _rooms = Recent[Soup](KEPT_ROOMS, KEPT_BYTES, _bytes_of)
-_known_normals: WeakKeyDictionary[Asset, np.ndarray] = WeakKeyDictionary()
+_known_normals: WeakKeyDictionary[Asset, Recent[np.ndarray]] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -81,23 +92,34 @@ def soup_of(mesh: TriangleMesh, normals: np.ndarray, materials: tuple[Material, 
     frame."""
     rotation, offset = world[:3, :3], world[:3, 3]
     return Soup(corners=mesh.corners @ rotation.T + offset, normals=normals @ rotation.T, uvs=mesh.uvs,
-                material=mesh.material, instance=np.full(len(mesh.faces), instance),
-                part=np.zeros(len(mesh.faces), dtype=int), materials=materials, colors=mesh.colors)
+                material=mesh.material, instance=np.full(len(mesh.faces), instance, np.int32),
+                part=np.zeros(len(mesh.faces), np.int8), materials=materials, colors=mesh.colors)
 
 
 def merge(soups: Sequence[Soup]) -> Soup:
-    """One soup of several, in order."""
+    """One soup of several, in order; an empty one of none."""
+    if len(soups) == 1:
+        return soups[0]
+    if not soups:
+        return _soup_of_nothing()
     firsts = np.cumsum([0, *(len(soup.materials) for soup in soups)])
     return Soup(
         corners=np.concatenate([soup.corners for soup in soups]),
         normals=np.concatenate([soup.normals for soup in soups]),
         uvs=np.concatenate([soup.uvs for soup in soups]),
-        material=np.concatenate([soup.material + first for soup, first in zip(soups, firsts, strict=False)]),
+        material=np.concatenate([soup.material + np.int32(first)
+                                 for soup, first in zip(soups, firsts, strict=False)]),
         instance=np.concatenate([soup.instance for soup in soups]),
         part=np.concatenate([soup.part for soup in soups]),
         materials=tuple(material for soup in soups for material in soup.materials),
         colors=joined_colors([(len(soup.corners), soup.colors) for soup in soups]),
     )
+
+
+def _soup_of_nothing() -> Soup:
+    corners, whole = np.zeros((0, 3, 3)), np.zeros(0)
+    return Soup(corners=corners, normals=corners, uvs=np.zeros((0, 3, 2)), material=whole, instance=whole, part=whole,
+                materials=())
 
 
 def surroundings(plan: ExamplePlan, mesh_root: Path) -> Soup:
@@ -111,31 +133,11 @@ def _room(plan: RoomPlan, mesh_root: Path) -> Soup:
 
 def part_soup(part: RoomPart) -> Soup:
     """The triangles of what is around; its transform may scale, shear and mirror."""
-    mesh, normals = part.asset.mesh, _normals(part.asset)
-    linear, offset = part.world[:3, :3], part.world[:3, 3]
-    corners = mesh.corners @ linear.T + offset
-    order = [0, 2, 1] if np.linalg.det(linear) < 0 else [0, 1, 2]
-    return Soup(corners=corners[:, order], normals=_turned(normals, linear, corners)[:, order], uvs=mesh.uvs[:, order],
+    mesh, (yaw, rest) = transform(part.asset.mesh, part.world), yaw_and_rest(part.world)
+    return Soup(corners=mesh.corners, normals=_normals(part.asset, rest) @ turned_up(yaw).T, uvs=mesh.uvs,
                 material=mesh.material, instance=np.full(len(mesh.faces), part.instance),
                 part=np.full(len(mesh.faces), PARTS.index(part.part)), materials=part.asset.materials,
-                colors=None if mesh.colors is None else mesh.colors[:, order])
-
-
-def _turned(normals: np.ndarray, linear: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """(F, 3, 3) unit normals under a linear map: by its inverse transpose, which its cofactors are but for a factor and
-    which a map that flattens has, too. Where these leave nothing, that of the face, whose corners are given; where it
-    has no area, +Z."""
-    if np.array_equal(linear, np.eye(3)):
-        return normals @ linear.T
-    a, b, c = linear
-    cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
-    if np.linalg.det(linear) < 0:
-        cofactors = -cofactors
-    turned = unit(normals @ (cofactors / (np.abs(cofactors).max() or 1)).T)
-    faces = unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))[:, None]
-    for fallback in (faces, np.array([0.0, 0, 1])):
-        turned = np.where(turned.any(axis=2, keepdims=True), turned, fallback)
-    return turned
+                colors=mesh.colors)
 
 
 def clean(placed: PlacedObject, mesh_root: Path) -> Soup:
@@ -147,14 +149,20 @@ def clean(placed: PlacedObject, mesh_root: Path) -> Soup:
 
 def clean_normals(plan: ObjectPlan, mesh_root: Path) -> np.ndarray:
     """(F, 3, 3) shading normals of an object's 3DM, in its own frame."""
-    return _normals(asset_of(plan, mesh_root))
+    if plan.kind == "thing":
+        # Of the same mesh as where it is no target: of two sums of one angle, one may be a crease
+        return _normals(thing_of(plan, mesh_root).asset, np.reshape(plan.linear, (3, 3)))
+    return _normals(asset_of(plan, mesh_root), np.eye(3))
 
 
-def _normals(asset: Asset) -> np.ndarray:
-    """The normals of an asset, found once for as long as it is kept."""
-    if asset not in _known_normals:
-        _known_normals[asset] = corner_normals(asset.mesh)
-    return _known_normals[asset]
+def _normals(asset: Asset, linear: np.ndarray) -> np.ndarray:
+    """(F, 3, 3) normals of an asset's mesh moved by a (3, 3) map, found anew for each map: creases are where angles are
+    sharp after it. Maps that differ by less than 1e-12 of their largest number, or in size, are one."""
+    known = _known_normals.setdefault(asset, Recent[np.ndarray](KEPT_MAPS, KEPT_BYTES, lambda normals: normals.nbytes))
+    matrix = np.eye(4)
+    matrix[:3, :3] = (linear / (np.abs(linear).max() or 1)).round(12) + 0.0
+    return known.get(matrix.tobytes(), lambda: corner_normals(
+        asset.mesh if np.array_equal(matrix, np.eye(4)) else transform(asset.mesh, matrix)))
 
 
 def rough_twin(placed: PlacedObject, plan: RoughPlan, mesh_root: Path) -> RoughTwin:

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from dataset_builder.assets.asset import Material
+from dataset_builder.assets.asset import HALF_STEP, Material
 from dataset_builder.rendering.buffers import owned
 from dataset_builder.rendering.surface.texel_reader import TexelReader
-from dataset_builder.rendering.surface.texels import FACTORS, ROUNDING, needs, pack
+from dataset_builder.rendering.surface.texels import FACTORS, needs, pack
 from dataset_builder.rendering.surface.vertex_colours import VertexColours
 
 QUADS = FACTORS // 4
@@ -32,7 +32,8 @@ class Textures:
     """Features that they call for."""
 
     @classmethod
-    def upload(cls, materials: Sequence[Material], texture_size: int = 4096, sky: float = 1.0) -> Textures:
+    def upload(cls, materials: Sequence[Material], texture_size: int | Sequence[int] = 4096,
+               sky: float = 1.0) -> Textures:
         """Pack and copy; see `texels.pack`. Raises PlanError as that does."""
         arrays = pack(materials, texture_size, sky)
         return cls(factors=owned(mi.Float, arrays.factors), extents=owned(mi.UInt32, arrays.extents),
@@ -120,7 +121,7 @@ def _coverage(alpha: mi.Float, cutoff: mi.Float) -> mi.Float:
 
     Weights of interpolation add up to a hair more or less than 1; what is whole must stay whole, or light leaks.
     """
-    whole = alpha > 1 - ROUNDING / 2
+    whole = alpha > 1 - HALF_STEP / 2
     return dr.select(cutoff < 0, dr.select(whole, 1, alpha), dr.select(alpha >= cutoff, mi.Float(1), 0))
 
 

@@ -7,14 +7,17 @@ back more light than it gets, and half precision turns what is not finite or hug
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from dataset_builder.assets.asset import (
+    HALF_STEP,
     MORE_MAPS,
     Material,
     Texture,
     coverage_range,
+    cutoff_in_half,
     disperses,
     is_mapped,
     is_pane,
@@ -23,6 +26,7 @@ from dataset_builder.assets.asset import (
     sends,
 )
 from dataset_builder.errors import PlanError, Problem
+from dataset_builder.rendering.surface.texel_means import averaged
 
 CHANNELS = 8
 PLANES: tuple[dict[str, int], ...] = (
@@ -39,8 +43,8 @@ MIRROR, CLAMP, ALONG_V, NEAREST, MORE = 1, 2, 2, 16, 32
 """Bits that say how a texture is read: at its ends along u, the same `ALONG_V` places higher, between its texels, and
 whether it has more planes than one."""
 
-ROUNDING = 2.0**-11
-"""Relative step of half precision below one: what a texel may be off without meaning anything by it."""
+KEPT_TEXELS = 2**14
+"""Texels up to which what became of a larger texture is kept: the next view of a house may need the same."""
 
 MAX_TEXELS = 2**29 - 1
 """Texels whose channels 32 bits can count."""
@@ -58,20 +62,28 @@ class MaterialArrays:
     """(T, CHANNELS) float16."""
 
 
-def pack(materials: Sequence[Material], texture_size: int = 4096, sky: float = 1.0) -> MaterialArrays:
-    """Arrays of `materials`; textures that materials share are stored once, with sides of at most `texture_size`.
-    sky: radiance of what is sent out per unit of emission.
+_known_blocks: WeakKeyDictionary[Texture, dict[tuple[int, int], np.ndarray]] = WeakKeyDictionary()
+_known_faults: WeakKeyDictionary[Texture, dict[str, str]] = WeakKeyDictionary()
+
+
+def pack(materials: Sequence[Material], texture_size: int | Sequence[int] = 4096, sky: float = 1.0) -> MaterialArrays:
+    """Arrays of `materials`; textures that materials share are stored once, with sides of at most `texture_size`, which
+    may differ by material. sky: radiance of what is sent out per unit of emission.
 
     Raises PlanError for every factor or texel that is not finite or lies outside its range by more than half precision
     rounds off, naming the material and how many texels; smaller overshoot is clipped.
     """
     check(materials)
+    sizes = [texture_size] * len(materials) if isinstance(texture_size, int) else texture_size
+    most: dict[int, int] = {}
+    for material, size in zip(materials, sizes, strict=True):
+        most[id(material.texture)] = max(size, most.get(id(material.texture), 0))
     blocks: dict[int, tuple[int, np.ndarray]] = {}
     extents, first = [], 0
     for material in materials:
         key = id(material.texture)
         if key not in blocks:
-            block = pack_texture(material.texture, texture_size)
+            block = pack_texture(material.texture, most[key])
             blocks[key] = (first, block)
             first += block.size // CHANNELS
         start, block = blocks[key]
@@ -96,21 +108,16 @@ def pack_texture(texture: Texture | None, texture_size: int = 4096) -> np.ndarra
     if factor >= 1:
         return _layout(texture)
     size = max(1, round(height * factor)), max(1, round(width * factor))
+    known = _known_blocks.setdefault(texture, {})
+    if size in known:
+        return known[size]
     maps: dict[str, Any] = {name: averaged(values, size) for name, values in _maps(texture).items()}
     if "normal" in maps:
         maps["normal"] /= np.maximum(np.linalg.norm(maps["normal"], axis=2, keepdims=True), 1e-6)
-    return _layout(Texture(**maps))
-
-
-def averaged(values: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """(H, W) or (H, W, C) values as means over the boxes of a smaller grid of `size` (height, width); a value that two
-    boxes share counts in each by its part. Keeps the mean of all values. float32.
-
-    >>> averaged(np.array([[0, 3, 6]]), (1, 2))
-    array([[1., 5.]], dtype=float32)
-    """
-    rows = _averaged_rows(np.asarray(values, dtype=np.float32), size[0])
-    return np.swapaxes(_averaged_rows(np.swapaxes(rows, 0, 1), size[1]), 0, 1)
+    block = _layout(Texture(**maps))
+    if size[0] * size[1] <= KEPT_TEXELS:
+        known[size] = block
+    return block
 
 
 def check(materials: Sequence[Material]) -> None:
@@ -135,8 +142,7 @@ def _needs(m: Material) -> set[str]:
 
 
 def _row(m: Material, sky: float) -> tuple[float, ...]:
-    # Texels are rounded to half precision, and those that mean the cutoff shall not fall below it
-    cutoff = -1.0 if m.alpha_cutoff is None else m.alpha_cutoff * (1 - ROUNDING)
+    cutoff = -1.0 if m.alpha_cutoff is None else cutoff_in_half(m.alpha_cutoff)
     return (*m.base_color, m.roughness, m.metallic, m.specular, m.coat, m.coat_roughness, *m.sheen, m.sheen_roughness,
             m.transmission, m.ior, float(m.thin), m.abbe, *(sky * part for part in m.emission), m.alpha,
             cutoff, 0.0, 0.0, 0.0)
@@ -169,29 +175,22 @@ def _maps(texture: Texture) -> dict[str, np.ndarray]:
     return {name: values for name, values in maps.items() if values is not None}
 
 
-def _averaged_rows(values: np.ndarray, count: int) -> np.ndarray:
-    """Means over `count` equal stretches of the first axis."""
-    length = values.shape[0]
-    if count == length:
-        return values
-    means = np.empty((count, *values.shape[1:]), dtype=np.float32)
-    for i in range(count):
-        low, high = i * length / count, (i + 1) * length / count
-        first, last = int(low), min(int(np.ceil(high)), length)
-        index = np.arange(first, last)
-        covered = np.minimum(index + 1, high) - np.maximum(index, low)
-        means[i] = np.tensordot((covered / covered.sum()).astype(np.float32), values[first:last], axes=1)
-    return means
-
-
 def _problems(material: Material) -> list[Problem]:
     found = [Problem(where=f"material {material.name!r}", path=name, rule=f"expected {rule}, got {value!r}")
              for name, rule, value, good in _factors(material) if not good]
     if material.texture is not None:
         found += [Problem(where=f"material {material.name!r}", path=f"texture.{name}", rule=rule,
                           hint="correct the texture; values are not clipped automatically")
-                  for name, values in _maps(material.texture).items() if (rule := _broken(name, values))]
+                  for name, rule in _faults(material.texture).items()]
     return found
+
+
+def _faults(texture: Texture) -> dict[str, str]:
+    """What is wrong with the maps of a texture, found once for as long as it is kept."""
+    if texture not in _known_faults:
+        _known_faults[texture] = {name: rule for name, values in _maps(texture).items()
+                                  if (rule := _broken(name, values))}
+    return _known_faults[texture]
 
 
 def _factors(m: Material) -> list[tuple[str, str, object, bool]]:
@@ -212,10 +211,12 @@ def _factors(m: Material) -> list[tuple[str, str, object, bool]]:
 def _broken(name: str, values: np.ndarray) -> str:
     """What is wrong with a map, with the count of texels; empty where nothing is."""
     low, rule = (-1, "unit vectors") if name == "normal" else (0, "values in [0, 1]")
+    if name != "normal" and values.min() >= low - HALF_STEP and values.max() <= 1 + HALF_STEP:
+        return ""
     # Comparing so that NaN counts as broken.
-    good = (values >= low - ROUNDING) & (values <= 1 + ROUNDING)
+    good = (values >= low - HALF_STEP) & (values <= 1 + HALF_STEP)
     if name == "normal":
-        good[..., 0] &= np.sum(np.square(values[..., :2]), axis=-1) <= 1 + 4 * ROUNDING
+        good[..., 0] &= np.sum(np.square(values[..., :2], dtype=np.float32), axis=-1) <= 1 + 4 * HALF_STEP
     bad = ~good if good.ndim == 2 else ~good.all(axis=2)
     if not bad.any():
         return ""

@@ -109,11 +109,12 @@ def test_coverage_of_vertices_counts_where_the_material_has_any(tmp_path: Path, 
 
 def test_colours_without_a_material_lie_on_white(tmp_path: Path) -> None:
     made = GltfMaker()
-    made.draw(made.primitive(COLOR_0=np.array([[0.5, 0.5, 0.5]] * 4, np.float32)), made.primitive(QUAD + 2))
+    made.draw(made.primitive(COLOR_0=np.array([[0.5] * 3] * 3 + [[0.25] * 3], np.float32)),
+              made.primitive(QUAD + 2))
     model, asset = made.model(tmp_path), made.asset(tmp_path)
     assert [part.material for part in model.parts] == [-1, -1] and "2 primitives without a material" in model.left_out
     assert {asset.materials[index].base_color for index in asset.mesh.material} == {(1.0, 1.0, 1.0), (0.6, 0.6, 0.6)}
-    np.testing.assert_allclose(np.unique(asset.mesh.colors), [0.5, 1])
+    np.testing.assert_allclose(np.unique(asset.mesh.colors), [0.25, 0.5, 1])
 
 
 def test_colours_beyond_one_are_cut_and_counted(tmp_path: Path) -> None:

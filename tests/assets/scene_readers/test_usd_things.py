@@ -97,8 +97,8 @@ def test_instances_with_materials_or_colours_of_their_own_do_not_share(tmp_path)
     red = "color3f[] primvars:displayColor = [(1, 0, 0)]"
     model = scene(tmp_path, METRES + 'class Xform "Proto" {\n' + mesh("b") + "}\n" + prim(
         "Xform", "World", prim("Xform", "c0", metadata=shared), prim("Xform", "c1", red, metadata=shared)))
-    assert model.things[0].asset.mesh.colors is None
-    np.testing.assert_array_equal(model.things[1].asset.mesh.colors[0, 0], (1, 0, 0, 1))
+    assert [[each.base_color for each in thing.asset.materials] for thing in model.things] == [
+        [(0.6, 0.6, 0.6)], [(1, 0, 0)]]
 
 
 def test_equal_things_of_different_scenes_have_equal_content(tmp_path):

@@ -144,7 +144,7 @@ def test_vertices_and_maps_call_for_their_switches() -> None:
     def features(**more: Any) -> set[str]:
         use = MaterialUse(owner="tree", part="furniture", material=leaf, scattered=0.5, smoothest=1, roughest=1, **more)
         scene = SceneUse(materials=(use,), smooth=(), flat=())
-        return set(scene_features(scene, FogPlan(), (lamp("area"),), 64)[0])
+        return set(scene_features(scene, FogPlan(), (lamp("area"),), plans.example_plan().render)[0])
 
     assert features() == {"textures", "maps", "specular"}
     assert features(coloured=True) == {"textures", "maps", "specular", "colours"}
@@ -276,8 +276,8 @@ def test_glass_that_is_smooth_in_one_texel_and_rough_in_another_loses_caustics_a
     uses = tuple(MaterialUse(owner="vase", part="furniture", material=each, scattered=0.5, smoothest=0, roughest=1)
                  for each in (glass, metal))
     use = SceneUse(materials=uses, smooth=(), flat=())
-    told = {decision.choice: decision.reason for decision in scene_features(use, FogPlan(), (lamp("point"),), 64)[1]
-            if decision.effect == "caustics"}
+    decisions = scene_features(use, FogPlan(), (lamp("point"),), plans.example_plan().render)[1]
+    told = {decision.choice: decision.reason for decision in decisions if decision.effect == "caustics"}
     assert told.keys() == {"noisy", "not simulated"}
     assert "ice of vase, foil of vase" in told["noisy"] and told["not simulated"].endswith("ice of vase")
 

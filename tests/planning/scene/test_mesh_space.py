@@ -1,6 +1,7 @@
 """Cameras, lamps and light from outside in a scene given as triangles; a box of triangles answers as a box does."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -132,6 +133,16 @@ def test_nothing_gets_into_a_closed_house_and_a_window_lets_in_what_it_faces() -
     into, onto = (0.0, -0.8, -0.6), (0.0, 0.8, -0.6)
     seen = {way: reach(sun.model_copy(update={"direction": way}), house, (), near) for way in (into, onto)}
     assert seen[into].kept and not seen[onto].kept and seen[onto].why.endswith("bounces, see it")
+
+
+def test_no_light_enters_where_a_scene_has_no_part_to_remove() -> None:
+    near, dome = (2.5, 2.0, 0.0), light_plan("dome")
+    closed = replace(shell(walled(5, 4, 2.5)), parts=("walls",))
+    found, beside = (reach(dome, closed, opened, near) for opened in (("ceiling",), ("ceiling", "walls", "floor")))
+    assert not found.kept and found.why.endswith("bounces, lead out (the scene has no ceiling to remove)")
+    assert beside.kept
+    assert beside.why == "enters where the walls are removed (the scene has no ceiling and no floor to remove)"
+    assert reach(light_plan("point"), closed, ("ceiling",), near).why == "stands in the scene"
 
 
 def test_light_comes_round_corners() -> None:

@@ -112,13 +112,14 @@ def test_too_few_things_are_refused_with_what_there_is(tmp_path: Path, query: st
 
 def test_names_that_fit_nothing_are_refused_together_with_their_lines(tmp_path: Path) -> None:
     scene = SPEC + ("  leave_out: [Table, Chiar_01]\n  slot: {name: Stool}\n"
-                    "  lights:\n    use: added\n    dim: {Lamp: 0.5}\n")
+                    "  lights:\n    use: kept\n    dim: {Lamp: 0.5}\n")
     said = refused(write_dataset(tmp_path, scene=scene, dataset=DATASET.replace(
         'things: {name: "*"}, count: 2', "from: [stool.yaml], count: 1"), stool="family: stool\n"))
     assert said.split("\n") == [
         "scene.yaml:4: file.leave_out[1]: expected the name of a thing in stage.gltf, got 'Chiar_01' (nearest known "
         "thing: Chair_01)",
         "scene.yaml:8: file.lights.dim.Lamp: expected the name of a light in stage.gltf, got 'Lamp' (it has no lights)",
+        "scene.yaml:7: file.lights.use: expected a scene with lights, got none in stage.gltf (write `use: replaced`)",
         "scene.yaml:5: file.slot: expected 1 thing with name 'Stool' in stage.gltf, got 0 of 5 (known names: Floor, "
         "Wall_back, Wall_left, Chair_01, Table)"]
 

@@ -1,4 +1,5 @@
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from math import pi
 from pathlib import Path
@@ -20,6 +21,7 @@ from dataset_builder.seeding import rng
 from dataset_builder.spec.dataset import CameraSpec
 from dataset_builder.spec.light import SourceSpec, TargetSpec
 from dataset_builder.spec.render import ImageSpec
+from tests.planning.scene.houses import shell, walled
 
 BoxStage = Callable[..., Arrangement]
 CHAIR = ((-0.3, -0.25, 0.0), (0.3, 0.25, 0.9))
@@ -124,8 +126,12 @@ def test_an_object_shut_off_from_every_light_stays_black(box_arrangement: BoxSta
 
 
 def test_lights_that_have_no_place_say_so(box_arrangement: BoxStage) -> None:
-    with pytest.raises(PlanError, match=r"a free place for a light within target\.distance"):
-        target_light(lit_view(box_arrangement(CHAIR)), target_spec(distance=50, attempts=10), stream_of(0), "")
+    view, spec = lit_view(box_arrangement(CHAIR)), target_spec(distance=50, attempts=10)
+    with pytest.raises(PlanError, match=r"a free place for a light within target\.distance.* \(in the room, clear"):
+        target_light(view, spec, stream_of(0), "")
+    view = replace(view, arrangement=replace(view.arrangement, shell=shell(walled(5, 4, 2.5))))
+    with pytest.raises(PlanError, match=r"\(in the scene, clear"):
+        target_light(view, spec, stream_of(0), "")
 
 
 def test_no_light_at_all_is_an_error(box_arrangement: BoxStage) -> None:

@@ -15,7 +15,7 @@ from dataset_builder.label.scene_plan import RoomPlan
 from dataset_builder.planning.plan import plan_example
 from dataset_builder.planning.scene.room_parts import RoomPart, room_parts
 from dataset_builder.rendering.examples import Rendered, render_view
-from dataset_builder.rendering.scene.triangle_soup import PARTS, merge, part_soup
+from dataset_builder.rendering.scene.triangle_soup import PARTS, clean, merge, part_soup
 from dataset_builder.spec.load import load_dataset
 from tests.gltf_scenes import CHAIR, DATASET, ROOM, WEDGE, WEDGE_FACES, at, thing, write_dataset
 
@@ -46,21 +46,43 @@ def test_a_placed_thing_is_its_mesh_moved_by_hand(world: np.ndarray) -> None:
     assert (outward > 0).all()
 
 
+def ball() -> tuple[np.ndarray, np.ndarray]:
+    """Places and faces of a sphere."""
+    from dataset_builder.rendering.scene.shapes import unit_sphere
+
+    places, indices = np.unique(unit_sphere().reshape(-1, 3).round(9), axis=0, return_inverse=True)
+    return places, indices.reshape(-1, 3)
+
+
 def test_smooth_normals_stay_square_to_sheared_tangents() -> None:
     """n . t = 0 before is n' . A t = 0 after, by the inverse transpose: a sphere's normal is its position, and an
     ellipsoid's its gradient."""
-    from dataset_builder.rendering.scene.shapes import unit_sphere
-
-    corners = unit_sphere().reshape(-1, 3)
-    places, indices = np.unique(corners.round(9), axis=0, return_inverse=True)
-    mesh = TriangleMesh(positions=places, faces=indices.reshape(-1, 3), uvs=np.zeros((len(indices) // 3, 3, 2)),
-                        material=np.zeros(len(indices) // 3, int))
+    places, faces = ball()
+    mesh = TriangleMesh(positions=places, faces=faces, uvs=np.zeros((len(faces), 3, 2)),
+                        material=np.zeros(len(faces), int))
     asset = Asset(name="ball", category="ball", mesh=mesh, materials=(Material(name="m", base_color=(1, 1, 1)),))
     for world in PLACES:
         made = part_soup(RoomPart(name="ball", part="furniture", asset=asset, instance=3, world=world))
         inverse = np.linalg.inv(world[:3, :3])
         gradient = unit((made.corners - world[:3, 3]) @ inverse.T @ inverse)
         assert np.einsum("fci,fci->fc", made.normals, gradient).min() > 0.999
+
+
+@pytest.mark.parametrize("mirror", [1.0, -1.0])
+def test_a_thing_has_one_set_of_normals_as_a_target_and_in_the_room(tmp_path: Path, mirror: float) -> None:
+    """Of a ball so uneven that some of its edges become creases."""
+    places, faces = ball()
+    world = at(0, 0, 0.5) @ SHEARED @ np.diag([0.5 * mirror, 0.5, 0.06, 1.0])
+    dataset = DATASET.replace('{name: "*"}, count: 2', "{name: Ball}, count: 1")
+    path = write_dataset(tmp_path, [*ROOM, thing("Ball", world, positions=places, faces=faces)], dataset)
+    plan = plan_example(load_dataset(path), 0)
+    room = plan.room.model_copy(update={"scene": plan.room.scene.model_copy(update={"hidden": ()})})
+    [around] = [part for part in room_parts(room, tmp_path) if part.name == "Ball"]
+    one, other = clean(plan.target, tmp_path), part_soup(around)
+    assert one.corners == pytest.approx(other.corners, abs=1e-6)
+    assert one.normals == pytest.approx(other.normals, abs=1e-6)
+    pairs = np.concatenate([other.corners, other.normals], axis=2).reshape(-1, 6).round(6)
+    assert len(np.unique(pairs, axis=0)) > len(places)
 
 
 def test_a_place_that_flattens_leaves_normals() -> None:
@@ -75,7 +97,7 @@ def test_panes_belong_to_the_walls_of_a_room_in_code(tmp_path: Path) -> None:
                     skirting=0.08)
     floor, walls, panes, ceiling = room_parts(plan, tmp_path)
     assert [part.name for part in (floor, walls, panes, ceiling)] == ["floor", "walls", "walls", "ceiling"]
-    assert [part.clear for part in (floor, walls, panes, ceiling)] == [False, False, True, False]
+    assert [part.clear.all() for part in (floor, walls, panes, ceiling)] == [False, False, True, False]
     both = concatenate([walls.asset.mesh, panes.asset.mesh], material_offsets=[0, len(walls.asset.materials)])
     made = merge([part_soup(walls), part_soup(panes)])
     assert np.array_equal(made.corners, both.corners) and np.array_equal(made.material, both.material)

@@ -7,7 +7,8 @@ import pytest
 
 from dataset_builder.assets.asset import MORE_MAPS, Material, Texture
 from dataset_builder.errors import PlanError
-from dataset_builder.rendering.surface.texels import CHANNELS, FACTORS, averaged, pack, pack_texture
+from dataset_builder.rendering.surface.texel_means import averaged
+from dataset_builder.rendering.surface.texels import CHANNELS, FACTORS, pack, pack_texture
 
 CHECKED = tuple(field.name for field in fields(Material) if field.name not in ("name", "texture"))
 
@@ -131,3 +132,37 @@ def test_all_problems_are_told_at_once():
     with pytest.raises(PlanError) as caught:
         pack(bad)
     assert len(caught.value.problems) == 4
+
+
+def half(*shape: int) -> np.ndarray:
+    return np.random.default_rng(5).random(shape).astype(np.float16)
+
+
+@pytest.mark.parametrize("size", ((4, 4), (6, 3), (12, 1), (2, 8), (5, 7)))
+@pytest.mark.parametrize("shape", ((12, 8), (12, 8, 3)))
+def test_half_precision_is_averaged_to_the_same_values(shape, size):
+    values = half(*shape)
+    expected = averaged(values.astype(np.float32), size)
+    assert averaged(values, size).dtype == np.float32 and np.allclose(averaged(values, size), expected, atol=3e-7)
+
+
+def test_many_texels_of_half_precision_lose_nothing_to_it():
+    """A sum in half precision would stop at 2048."""
+    assert averaged(np.ones((128, 64), np.float16), (1, 1)) == 1
+    assert averaged(np.full((256, 256, 3), 2.0**-12, np.float16), (1, 1)).ravel() == pytest.approx([2.0**-12] * 3)
+
+
+def test_what_became_of_a_large_texture_is_kept():
+    texture = Texture(base_color=half(64, 64, 3))
+    small = pack_texture(texture, 16)
+    assert pack_texture(texture, 16) is small and pack_texture(texture, 32).shape == (1, 32, 32, CHANNELS)
+    assert np.array_equal(small, pack_texture(Texture(base_color=texture.base_color), 16))
+    large = Texture(base_color=half(512, 4, 3))
+    assert pack_texture(large, 256) is pack_texture(large, 256)
+    assert pack_texture(Texture(base_color=half(1024, 1024, 3)), 256).shape == (1, 256, 256, CHANNELS)
+
+
+def test_unit_vectors_in_half_precision_are_normals():
+    vectors = np.random.default_rng(6).normal(size=(64, 64, 3))
+    normal = (vectors / np.linalg.norm(vectors, axis=2, keepdims=True)).astype(np.float16)
+    assert pack([textured(base_color=grey(64, 64), normal=normal)]).texels.shape == (4096, CHANNELS)
