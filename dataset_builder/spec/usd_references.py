@@ -28,6 +28,10 @@ TEXTURE, LIGHT_TEXTURE = "inputs:file", "inputs:texture:file"
 """Properties that name images of materials and of lights."""
 UDIM = "<UDIM>"
 SAID = re.compile(r"' at line \d+ in file [^\n]* : '(.*?)'?\s*$", re.DOTALL)
+NEXT = "\n\tError in '"
+"""Between the errors that an exception holds; the last one tells the line of the file."""
+LONGEST = 400
+"""Characters of an error, which may hold a path of many prims."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,8 +120,9 @@ def open_layer(identifier: str) -> "Sdf.Layer":
 
 def said(text: str) -> str:
     """What an exception of pxr says, without where in its code it was raised."""
-    match = SAID.search(text)
-    return (match[1] if match else text).strip()
+    match = SAID.search(text.rpartition(NEXT)[2])
+    words = (match[1] if match else text).strip()
+    return words if len(words) <= LONGEST else f"{words[:LONGEST // 2]} ... {words[-LONGEST // 2:]}"
 
 
 @contextmanager

@@ -75,13 +75,9 @@ class UsdWalk:
 
         waiting = [UsdNode(prim=self.stage.GetPseudoRoot(), name="", matrix=np.eye(4), local=np.eye(4), parent=None,
                            depth=0, purpose="default")]
-        number = 0
+        number = 1
         while waiting:
             node = waiting.pop()
-            number += 1
-            if number > MOST_PRIMS:
-                refuse(self.path, f"expected at most {MOST_PRIMS} prims, instances counted each, got more",
-                       at=node.name)
             if node.depth > MOST_NESTED:
                 refuse(self.path, f"expected prims at most {MOST_NESTED} deep, got more", at=node.name)
             with naming(self.path, node.name):
@@ -91,10 +87,20 @@ class UsdWalk:
             drawn = node.purpose in DRAWN
             if node.parent is not None and drawn:
                 yield node
+            below: list[UsdNode] = []
             if not node.prim.IsA(UsdGeom.PointInstancer):
-                waiting += reversed([self._child(node, prim) for prim in self._children(node)])
+                children = self._children(node)
+                self._require_few(node, number + len(children))
+                below = [self._child(node, prim) for prim in children]
             elif drawn:
-                waiting += reversed(self._placed(node))
+                below = self._placed(node)
+            number += len(below)
+            self._require_few(node, number)
+            waiting += reversed(below)
+
+    def _require_few(self, node: UsdNode, number: int) -> None:
+        if number > MOST_PRIMS:
+            refuse(self.path, f"expected at most {MOST_PRIMS} prims, instances counted each, got more", at=node.name)
 
     def _is_seen(self, node: UsdNode) -> bool:
         """Whether a node is visible; names it where it is not, or where its purpose begins to be another's."""
