@@ -15,6 +15,7 @@ from rich.text import Text
 from dataset_builder.builder import Event
 from dataset_builder.engine.rejected_pixels import pixels_of
 from dataset_builder.engine.unit import Outcome
+from dataset_builder.errors import printable
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.lightnet.training.events import Checked, Finished, Started, Stepped
 from dataset_builder.lightnet.training.events import Event as TrainingEvent
@@ -84,13 +85,18 @@ def files_table(files: Mapping[str, Sequence[tuple[str, str]]]) -> Table:
     """What every mesh file contains, and what became of it. Files of which the same is told share a row."""
     table = Table("file", "what it contains, and what became of it", title="Mesh and scene files", title_justify="left",
                   show_lines=True)
-    rows = dict[str, list[str]]()
+    rows = dict[tuple[str, ...], list[str]]()
     for name, told in files.items():
-        lines = [said if word == "contains" else f"{word}: {said}" for word, said in told]
-        rows.setdefault("\n".join(lines), []).append(name)
-    for text, names in rows.items():
-        table.add_row(Text("\n".join(names), overflow="fold"), Text(text))
+        lines = (said if word == "contains" else f"{word}: {said}" for word, said in told)
+        rows.setdefault(tuple(lines), []).append(name)
+    for found, names in rows.items():
+        table.add_row(cell(*names), cell(*found))
     return table
+
+
+def cell(*lines: str) -> Text:
+    """Text as files have it, but for control characters, in lines that are folded rather than cut."""
+    return Text("\n".join(map(printable, lines)), overflow="fold")
 
 
 def decisions_table(plan: ExamplePlan) -> Table:
@@ -98,7 +104,7 @@ def decisions_table(plan: ExamplePlan) -> Table:
     title = f"What is simulated: example {plan.key}, {plan.target.object.name} in {plan.room.name}"
     table = Table("effect", "choice", "why", title=title, title_justify="left")
     for decision in plan.effects.decisions:
-        table.add_row(*map(Text, (decision.effect, decision.choice, decision.reason)))
+        table.add_row(*map(cell, (decision.effect, decision.choice, decision.reason)))
     return table
 
 

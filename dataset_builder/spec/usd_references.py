@@ -24,6 +24,8 @@ STARTS = {".usd": (TEXT, b"PXR-USDC"), ".usda": (TEXT,), ".usdc": (b"PXR-USDC",)
           ".usdz": (b"PK\x03\x04",)}
 """What files of each suffix start with; pxr is kept from what is no USD at all."""
 MOST_LAYERS = 1000
+MOST_SPECS = 500_000
+"""Prims that a layer may hold, in all variants."""
 TEXTURE, LIGHT_TEXTURE = "inputs:file", "inputs:texture:file"
 """Properties that name images of materials and of lights."""
 UDIM = "<UDIM>"
@@ -65,8 +67,9 @@ def usd_files(path: Path, roots: tuple[Path, ...] = ()) -> UsdFiles:
             identifier = waiting.pop(0)
             layer = open_layer(identifier)
             file = Ar.SplitPackageRelativePathOuter(identifier)[0]
+            textures = _textures(layer)
             named = [("layer", written) for written in layer.GetCompositionAssetDependencies() if written]
-            for key, written in [*named, *_textures(layer)]:
+            for key, written in [*named, *textures]:
                 target = layer.ComputeAbsolutePath(written)
                 outer, inner = Ar.SplitPackageRelativePathOuter(target)
                 if not os.path.isabs(outer):
@@ -143,8 +146,13 @@ def _textures(layer: "Sdf.Layer") -> list[tuple[str, str]]:
     from pxr import Sdf
 
     found: list[tuple[str, str]] = []
+    prims = 0
 
     def visit(where: "Sdf.Path") -> None:
+        nonlocal prims
+        prims += where.IsPrimPath()
+        if prims > MOST_SPECS:
+            raise ValueError(f"expected at most {MOST_SPECS:,} prims in a layer, got more")
         if where.IsPropertyPath() and where.name in (TEXTURE, LIGHT_TEXTURE):
             node = layer.GetAttributeAtPath(where.GetPrimPath().AppendProperty("info:id"))
             if where.name == TEXTURE and node and node.default not in (None, "UsdUVTexture"):

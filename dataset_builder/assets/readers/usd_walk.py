@@ -3,8 +3,9 @@
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
@@ -71,8 +72,11 @@ class UsdWalk:
     def nodes(self) -> Iterator[UsdNode]:
         """All prims that are visible, of purpose default or render, in the order of the stage; what instances share
         comes once for each. Raises UserError for too many, and for instances of themselves."""
-        from pxr import UsdGeom
+        from pxr import Usd, UsdGeom
 
+        every = Usd.PrimRange.Stage(self.stage, Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate))
+        if prim := next(islice(every, MOST_PRIMS, None), None):  # Before the first is looked at, which takes far longer
+            self._refuse_more(str(prim.GetPath()))
         waiting = [UsdNode(prim=self.stage.GetPseudoRoot(), name="", matrix=np.eye(4), local=np.eye(4), parent=None,
                            depth=0, purpose="default")]
         number = 1
@@ -89,18 +93,16 @@ class UsdWalk:
                 yield node
             below: list[UsdNode] = []
             if not node.prim.IsA(UsdGeom.PointInstancer):
-                children = self._children(node)
-                self._require_few(node, number + len(children))
-                below = [self._child(node, prim) for prim in children]
+                below = [self._child(node, prim) for prim in self._children(node)]
             elif drawn:
                 below = self._placed(node)
             number += len(below)
-            self._require_few(node, number)
+            if number > MOST_PRIMS:
+                self._refuse_more(node.name)
             waiting += reversed(below)
 
-    def _require_few(self, node: UsdNode, number: int) -> None:
-        if number > MOST_PRIMS:
-            refuse(self.path, f"expected at most {MOST_PRIMS} prims, instances counted each, got more", at=node.name)
+    def _refuse_more(self, at: str) -> NoReturn:
+        refuse(self.path, f"expected at most {MOST_PRIMS:,} prims, instances counted each, got more", at=at)
 
     def _is_seen(self, node: UsdNode) -> bool:
         """Whether a node is visible; names it where it is not, or where its purpose begins to be another's."""
