@@ -65,7 +65,7 @@ def _problem_of(reference: FileReference, file: Path) -> list[Problem]:
         try:
             check_image(ImageFile(name=file.name, content=file))
         except UserError as error:
-            return [replace(problem, where=where, path=reference.key) for problem in error.problems]
+            return [replace(problem, where=where, path=f"{reference.key}: {file.name}") for problem in error.problems]
     return []
 
 

@@ -51,7 +51,7 @@ def add(verbs: common.Verbs) -> None:
 def _train(options: argparse.Namespace) -> int:
     from dataset_builder.lightnet.settings import load_training
     from dataset_builder.lightnet.training.fit import TrainingJob, fit
-    from dataset_builder.report.console import follow_training, lines_of
+    from dataset_builder.report.training_lines import follow_training, lines_of
     from dataset_builder.shards.reader import load_manifest
 
     spec = load_training(options.config, options.overrides)

@@ -98,8 +98,8 @@ def _schema(options: argparse.Namespace) -> int:
 def _validate(options: argparse.Namespace) -> int:
     from dataset_builder.files import require_writable
     from dataset_builder.release.gate import Done, LeftOut, run
-    from dataset_builder.report.console import follow_training
     from dataset_builder.report.gate_page import Report, lines, refusals, write_report
+    from dataset_builder.report.training_lines import follow_training
 
     console, gate = common.wide_console(), _gate(options)
     require_writable(gate.out)

@@ -118,8 +118,9 @@ def _effects(options: argparse.Namespace) -> int:
 
 def _noise(options: argparse.Namespace) -> int:
     from dataset_builder.lightnet.training.events import Finished
-    from dataset_builder.report.console import follow, lines_of, rejected_lines
+    from dataset_builder.report.console import follow, rejected_lines
     from dataset_builder.report.noise_page import NoiseResults, sentences, write_page
+    from dataset_builder.report.training_lines import lines_of
     from dataset_builder.studies.noise import level_trainings
     from dataset_builder.studies.noise.axes import axis_of
     from dataset_builder.studies.noise.levels import crops, levels_of, write_table

@@ -84,7 +84,7 @@ def _made(options: argparse.Namespace, base: "TrainingSpec") -> "Table":
 def _lines(news: "RowNews | RowMeasured") -> list[str]:
     """What is told while rows are trained: sizes, skipped steps, checks, and when a row is done."""
     from dataset_builder.lightnet.training.events import Finished
-    from dataset_builder.report.console import lines_of
+    from dataset_builder.report.training_lines import lines_of
     from dataset_builder.studies.tables.table_study import RowMeasured
 
     head = f"{news.number}/{news.count} {news.row.title}, seed {news.seed}"

@@ -1,13 +1,10 @@
-"""What the terminal shows: progress with rate and time left, tables, trainings, and hard cases as they are done."""
+"""What the terminal shows: progress with rate and time left, tables, and hard cases as they are done."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from itertools import chain, islice
-from math import isfinite
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TypeVar
 
-from rich.console import Console, RenderableType
+from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
@@ -15,9 +12,8 @@ from rich.text import Text
 from dataset_builder.builder import Event
 from dataset_builder.engine.rejected_pixels import pixels_of
 from dataset_builder.engine.unit import Outcome
+from dataset_builder.errors import printable
 from dataset_builder.label.example_plan import ExamplePlan
-from dataset_builder.lightnet.training.events import Checked, Finished, Started, Stepped
-from dataset_builder.lightnet.training.events import Event as TrainingEvent
 from dataset_builder.planning.cost import CostEstimate
 from dataset_builder.report.doctor import Finding
 from dataset_builder.shards.manifest import Manifest, Rejected
@@ -28,9 +24,6 @@ NAME, NUMBER, VERDICT = 31, 10, 7
 """Widths of columns; the expectation takes what is left."""
 MOST_REASONS = 3
 """Reasons why views cannot be planned that are printed."""
-News = TypeVar("News")
-REASONS = {"steps": "all steps done", "patience": "no better check within the patience",
-           "already": "already finished"}
 
 
 def follow(events: Iterable[Event], console: Console) -> Iterator[Event]:
@@ -89,13 +82,18 @@ def files_table(files: Mapping[str, Sequence[tuple[str, str]]]) -> Table:
     """What every mesh file contains, and what became of it. Files of which the same is told share a row."""
     table = Table("file", "what it contains, and what became of it", title="Mesh and scene files", title_justify="left",
                   show_lines=True)
-    rows = dict[str, list[str]]()
+    rows = dict[tuple[str, ...], list[str]]()
     for name, told in files.items():
-        lines = [said if word == "contains" else f"{word}: {said}" for word, said in told]
-        rows.setdefault("\n".join(lines), []).append(name)
-    for text, names in rows.items():
-        table.add_row(Text("\n".join(names), overflow="fold"), Text(text))
+        lines = (said if word == "contains" else f"{word}: {said}" for word, said in told)
+        rows.setdefault(tuple(lines), []).append(name)
+    for found, names in rows.items():
+        table.add_row(cell(*names), cell(*found))
     return table
+
+
+def cell(*lines: str) -> Text:
+    """Text as files have it, but for control characters, in lines that are folded rather than cut."""
+    return Text("\n".join(map(printable, lines)), overflow="fold")
 
 
 def decisions_table(plan: ExamplePlan) -> Table:
@@ -104,9 +102,9 @@ def decisions_table(plan: ExamplePlan) -> Table:
     table = Table("effect", "choice", "why", title=title, title_justify="left")
     for decision in plan.effects.decisions:
         if decision.effect != "scene file" or decision.choice == "taken away":
-            table.add_row(*map(Text, (decision.effect, decision.choice, decision.reason)))
+            table.add_row(*map(cell, (decision.effect, decision.choice, decision.reason)))
     for note in plan.notes:
-        table.add_row("note", "", Text(note))
+        table.add_row("note", "", cell(note))
     return table
 
 
@@ -176,75 +174,3 @@ def _case_row(*cells: Text) -> Table:
         table.add_column(width=width, ratio=None if width else 1, justify="right" if width == NUMBER else "left")
     table.add_row(*cells)
     return table
-
-
-class _Steps(Progress):
-    """The text of a bar has a line of its own below it, so that 80 columns hold both."""
-
-    def get_renderables(self) -> Iterator[RenderableType]:
-        """The bars, and the text of each that is shown."""
-        yield self.make_tasks_table(self.tasks)
-        for task in self.tasks:
-            if task.visible and task.fields["text"]:
-                yield Text(task.fields["text"], no_wrap=True, overflow="ellipsis")
-
-
-def bar_of_steps(console: Console) -> Progress:
-    """A bar of steps, the time that has gone and is left, and a text of its own, the field `text`."""
-    return _Steps(TextColumn("steps"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left"),
-                  TimeRemainingColumn(), console=console)
-
-
-def follow_training(news: Iterable[News], console: Console, lines: Callable[[News], list[str]]) -> Iterator[News]:
-    """Pass news on while the terminal shows the `lines` of each, and a progress bar from a training's start on."""
-    coming = iter(news)
-    begun = list(islice(coming, 1))
-    with bar_of_steps(console) as progress:
-        bar = progress.add_task("", total=None, text="", visible=False)
-        for one in chain(begun, coming):
-            if isinstance(one, Started):
-                progress.update(bar, total=one.steps, completed=one.first, visible=True)
-                progress.reset(bar, total=one.steps, completed=one.first)
-            if isinstance(one, Stepped):
-                progress.update(bar, completed=one.step, text=step_text(one))
-            for line in lines(one):
-                progress.console.print(line, highlight=False, markup=False, soft_wrap=True)
-            yield one
-
-
-def lines_of(event: TrainingEvent) -> list[str]:
-    """Lines that stay: of the start, of steps that were skipped, of checks and of the end."""
-    if isinstance(event, Started):
-        return started_lines(event)
-    if isinstance(event, Stepped):
-        return [f"step {event.step} skipped: {event.skipped}"] if event.skipped else []
-    if isinstance(event, Checked):
-        if not event.examples:
-            return [f"step {event.step}: checkpoint"]
-        found = ", ".join(f"{name} {value:.4f}" for name, value in event.metrics.items())
-        return [f"step {event.step}, {event.examples} held-out examples: {found}" + (" (best)" if event.best else "")]
-    return finished_lines(event)
-
-
-def started_lines(event: Started) -> list[str]:
-    """Sizes, device, and what is off."""
-    sizes = ", ".join(f"{name} {count:,}" for name, count in event.parameters.items())
-    lines = [f"parameters: {sizes}; {event.train} examples to train on, {event.held_out} held out; "
-             f"{event.device}, {event.precision}"]
-    lines += [*event.notes, *(f"off: {reason}" for reason in event.off)]
-    return [*lines, f"resuming after step {event.first}"] if 0 < event.first < event.steps else lines
-
-
-def finished_lines(event: Finished) -> list[str]:
-    """Why it ended, the best check, and where the weights are."""
-    end = f"{REASONS[event.reason]} at step {event.step}" + f", {event.bad_steps} steps skipped" * bool(event.bad_steps)
-    if not isfinite(event.best[1]):
-        return [end, f"last: {event.last_file}"]
-    return [f"{end}; best on held-out examples: {event.best[1]:.2f} dB at step {event.best[0]}",
-            f"last: {event.last_file}", f"best: {event.best_file}"]
-
-
-def step_text(event: Stepped) -> str:
-    """Losses, images per second and the share of time spent waiting for data."""
-    losses = " ".join(f"{name} {value:.4f}" for name, value in (event.terms or event.loss).items())
-    return f"{losses}  {event.images / event.seconds:.1f} images/s  {event.waited / event.seconds:.0%} waiting"

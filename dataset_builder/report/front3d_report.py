@@ -6,12 +6,12 @@ from collections.abc import Iterable, Iterator
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
-from rich.text import Text
 
 from dataset_builder.importing.front3d_import import Front3dImported, fault_counts
 from dataset_builder.importing.front3d_split import PAPER, SplitChoice, SplitProposal
 from dataset_builder.importing.index_folder import IndexedFile
 from dataset_builder.importing.scene_index import SceneIndex
+from dataset_builder.report.console import cell
 
 SHOWN = 5
 """Files that are named of those that cannot be read; the tables name all."""
@@ -30,7 +30,7 @@ def usable_table(done: Front3dImported) -> Table:
     rooms = Counter(room.unusable(done.models) for scene in done.index.scenes for room in scene.rooms)
     table = Table("", "scenes", "rooms", title="What can be used", title_justify="left")
     for reason in sorted(scenes.keys() | rooms.keys(), key=lambda reason: (bool(reason), -scenes[reason], reason)):
-        table.add_row(Text(reason or "can be used"), f"{scenes[reason]:,}", f"{rooms[reason]:,}")
+        table.add_row(cell(reason or "can be used"), f"{scenes[reason]:,}", f"{rooms[reason]:,}")
     table.add_row("all", f"{scenes.total():,}", f"{rooms.total():,}")
     return table
 
@@ -39,7 +39,7 @@ def fault_table(scenes: Iterable[SceneIndex]) -> Table:
     """Kinds of faults of all scenes."""
     table = Table("fault, and what became of it", "scenes", "times", title="Faults", title_justify="left")
     for kind, having, times in fault_counts(scenes):
-        table.add_row(Text(kind), f"{having:,}", f"{times:,}")
+        table.add_row(cell(kind), f"{having:,}", f"{times:,}")
     return table
 
 

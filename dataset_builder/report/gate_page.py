@@ -20,8 +20,8 @@ from dataset_builder.release.consistency import Facts
 from dataset_builder.release.dataset_check import Check
 from dataset_builder.release.gate import Begun, Done, Gate, LeftOut, News
 from dataset_builder.release.shape_checks import SEARCH
-from dataset_builder.report.console import lines_of
 from dataset_builder.report.page_parts import COLOURS, PALE, markdown_table, panels, png
+from dataset_builder.report.training_lines import lines_of
 
 JSON, MARKDOWN, FIGURES = "report.json", "report.md", "figures"
 CAPTIONS = {

@@ -9,7 +9,6 @@ from PIL import Image
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
-from rich.text import Text
 
 from dataset_builder.api import render_example
 from dataset_builder.errors import PlanError, UserError
@@ -17,6 +16,7 @@ from dataset_builder.files import write_atomic
 from dataset_builder.importing.find_models import FoundModel, PassedOver
 from dataset_builder.importing.proposal import Proposal
 from dataset_builder.planning.plan import Planner
+from dataset_builder.report.console import cell
 from dataset_builder.report.example_sheet import PAPER, SheetRow, png_of, sheet
 from dataset_builder.spec.load import load_dataset
 from dataset_builder.spec.resolve import LoadedSpec
@@ -39,7 +39,7 @@ def model_table(proposals: Iterable[Proposal]) -> Table:
                   title_justify="left")
     for each in proposals:
         said = [each.category_from, each.licence.source]
-        table.add_row(*map(Text, (each.name, each.category, _size(each), each.licence.spdx,
+        table.add_row(*map(cell, (each.name, each.category, _size(each), each.licence.spdx,
                                   f"{each.scale:g}", each.up, ", ".join(filter(None, said)))),
                       style="yellow" if each.notes else None)
     return table

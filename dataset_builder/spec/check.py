@@ -88,7 +88,8 @@ def files_like(path: Path) -> str:
     """A hint: the file most like a missing one in its folder."""
     if not os.path.isdir(path.parent):
         return "its folder does not exist"
-    return nearest(path.name, sorted(file.name for file in path.parent.iterdir() if file.suffix == path.suffix), "file")
+    return name_alike(path) or nearest(path.name, sorted(
+        file.name for file in path.parent.iterdir() if file.suffix == path.suffix), "file")
 
 
 def check_splits(dataset: DatasetSpec, document: Document, meshes: Mapping[str, MeshSource]) -> list[Problem]:

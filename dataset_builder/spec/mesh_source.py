@@ -1,5 +1,6 @@
 """Mesh files that a spec names: where they are, what belongs to them, and the digest of all of it."""
 
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -59,18 +60,24 @@ def broken_suffix_rule(name: str) -> tuple[str, str]:
     return f"expected a file that ends in one of {' '.join(MESH_SUFFIXES)}, got {shown(name)}", ""
 
 
+class OutsideError(ValueError):
+    """A file is named that lies in none of the folders where it may."""
+
+
 def references(path: Path, roots: Sequence[Path] = ()) -> tuple[FileReference, ...]:
     """The files that a mesh file names, such as buffers, textures and material libraries; each need not be there.
 
     roots: folders, beside its own, that they may lie in. Raises ValueError where the mesh file cannot be understood
-    that far or names a file outside of these, OSError where it cannot be read.
+    that far, OutsideError where it names a file outside of these, OSError where it cannot be read.
     """
     suffix = path.suffix.lower()
     found = usd_references(path, tuple(roots)) if suffix in USD_SUFFIXES else tuple(REFERENCES[suffix](path))
     for reference in found:
         if not is_within((path.parent, *roots), reference.name):
-            raise ValueError(f"{reference.key}: expected a file in the folder of the mesh or below it"
-                             f"{', or in one of the roots' if roots else ''}, got {shown(reference.written)}")
+            inside = os.path.abspath(path.parent / reference.name).startswith(os.path.join(path.parent.absolute(), ""))
+            raise OutsideError(f"{reference.key}: expected a file in the folder of the mesh or below it"
+                               f"{', or in one of the roots' if roots else ''}, got {shown(reference.written)}"
+                               f"{', a link that leads out of it' if inside else ''}")
     return found
 
 

@@ -15,7 +15,7 @@ from dataset_builder.spec.document import Path as KeyPath
 from dataset_builder.spec.file_reference import MOST_BYTES, FileReference
 from dataset_builder.spec.file_scene import SceneFileSpec
 from dataset_builder.spec.front3d_references import front3d_references
-from dataset_builder.spec.mesh_source import MESH_SUFFIXES, MeshSource, broken_suffix_rule, references
+from dataset_builder.spec.mesh_source import MESH_SUFFIXES, MeshSource, OutsideError, broken_suffix_rule, references
 from dataset_builder.spec.problems import name_alike, nearest, shown
 from dataset_builder.spec.usd_references import USD_SUFFIXES
 
@@ -99,6 +99,8 @@ def find_scene(spec: SceneFileSpec, document: Document, folder: Path) -> MeshSou
         hint = name_alike(missing) or "put it there, or export the scene again with its files"
     except OSError as error:
         rule, hint = f"expected a readable scene file, got: {error.strerror}", ""
+    except OutsideError as error:
+        rule, hint = str(error), "put it there, or name its folder in `roots`"
     except ValueError as error:
         rule, hint = f"expected a {scene.path.suffix} file, got one that cannot be read: {error}", ""
     except UserError as error:

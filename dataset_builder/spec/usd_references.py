@@ -24,10 +24,16 @@ STARTS = {".usd": (TEXT, b"PXR-USDC"), ".usda": (TEXT,), ".usdc": (b"PXR-USDC",)
           ".usdz": (b"PK\x03\x04",)}
 """What files of each suffix start with; pxr is kept from what is no USD at all."""
 MOST_LAYERS = 1000
+MOST_SPECS = 500_000
+"""Prims that a layer may hold, in all variants."""
 TEXTURE, LIGHT_TEXTURE = "inputs:file", "inputs:texture:file"
 """Properties that name images of materials and of lights."""
 UDIM = "<UDIM>"
 SAID = re.compile(r"' at line \d+ in file [^\n]* : '(.*?)'?\s*$", re.DOTALL)
+NEXT = "\n\tError in '"
+"""Between the errors that an exception holds; the last one tells the line of the file."""
+LONGEST = 400
+"""Characters of an error, which may hold a path of many prims."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,8 +67,9 @@ def usd_files(path: Path, roots: tuple[Path, ...] = ()) -> UsdFiles:
             identifier = waiting.pop(0)
             layer = open_layer(identifier)
             file = Ar.SplitPackageRelativePathOuter(identifier)[0]
+            textures = _textures(layer)
             named = [("layer", written) for written in layer.GetCompositionAssetDependencies() if written]
-            for key, written in [*named, *_textures(layer)]:
+            for key, written in [*named, *textures]:
                 target = layer.ComputeAbsolutePath(written)
                 outer, inner = Ar.SplitPackageRelativePathOuter(target)
                 if not os.path.isabs(outer):
@@ -116,8 +123,9 @@ def open_layer(identifier: str) -> "Sdf.Layer":
 
 def said(text: str) -> str:
     """What an exception of pxr says, without where in its code it was raised."""
-    match = SAID.search(text)
-    return (match[1] if match else text).strip()
+    match = SAID.search(text.rpartition(NEXT)[2])
+    words = (match[1] if match else text).strip()
+    return words if len(words) <= LONGEST else f"{words[:LONGEST // 2]} ... {words[-LONGEST // 2:]}"
 
 
 @contextmanager
@@ -138,8 +146,13 @@ def _textures(layer: "Sdf.Layer") -> list[tuple[str, str]]:
     from pxr import Sdf
 
     found: list[tuple[str, str]] = []
+    prims = 0
 
     def visit(where: "Sdf.Path") -> None:
+        nonlocal prims
+        prims += where.IsPrimPath()
+        if prims > MOST_SPECS:
+            raise ValueError(f"expected at most {MOST_SPECS:,} prims in a layer, got more")
         if where.IsPropertyPath() and where.name in (TEXTURE, LIGHT_TEXTURE):
             node = layer.GetAttributeAtPath(where.GetPrimPath().AppendProperty("info:id"))
             if where.name == TEXTURE and node and node.default not in (None, "UsdUVTexture"):

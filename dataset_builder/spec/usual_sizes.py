@@ -92,7 +92,7 @@ def words_of(text: str) -> list[str]:
     >>> words_of("aws_KitchenTableA_01"), words_of("TVStand")
     (['aws', 'kitchen', 'table', 'a'], ['tv', 'stand'])
     """
-    return [word.lower() for word in _WORD.findall(re.sub(r"([A-Z]+)([A-Z][a-z])", r"\1 \2", text))]
+    return [word.lower() for word in _WORD.findall(text)]
 
 
 def usual_of(text: str) -> Usual | None:

@@ -28,14 +28,12 @@ from dataset_builder.report.console import (
     duration,
     estimate_table,
     follow,
-    follow_training,
-    lines_of,
     pass_seconds,
     rejected_lines,
-    step_text,
 )
 from dataset_builder.report.dataset_summary import summary_tables
 from dataset_builder.report.spec_help import family_tables
+from dataset_builder.report.training_lines import follow_training, lines_of, step_text
 from dataset_builder.shards.manifest import Rejected
 from dataset_builder.shards.reader import load_manifest
 from dataset_builder.spec.families import FAMILIES

@@ -3,8 +3,9 @@
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
@@ -71,17 +72,16 @@ class UsdWalk:
     def nodes(self) -> Iterator[UsdNode]:
         """All prims that are visible, of purpose default or render, in the order of the stage; what instances share
         comes once for each. Raises UserError for too many, and for instances of themselves."""
-        from pxr import UsdGeom
+        from pxr import Usd, UsdGeom
 
+        every = Usd.PrimRange.Stage(self.stage, Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate))
+        if prim := next(islice(every, MOST_PRIMS, None), None):  # Before the first is looked at, which takes far longer
+            self._refuse_more(str(prim.GetPath()))
         waiting = [UsdNode(prim=self.stage.GetPseudoRoot(), name="", matrix=np.eye(4), local=np.eye(4), parent=None,
                            depth=0, purpose="default")]
-        number = 0
+        number = 1
         while waiting:
             node = waiting.pop()
-            number += 1
-            if number > MOST_PRIMS:
-                refuse(self.path, f"expected at most {MOST_PRIMS} prims, instances counted each, got more",
-                       at=node.name)
             if node.depth > MOST_NESTED:
                 refuse(self.path, f"expected prims at most {MOST_NESTED} deep, got more", at=node.name)
             with naming(self.path, node.name):
@@ -91,10 +91,18 @@ class UsdWalk:
             drawn = node.purpose in DRAWN
             if node.parent is not None and drawn:
                 yield node
+            below: list[UsdNode] = []
             if not node.prim.IsA(UsdGeom.PointInstancer):
-                waiting += reversed([self._child(node, prim) for prim in self._children(node)])
+                below = [self._child(node, prim) for prim in self._children(node)]
             elif drawn:
-                waiting += reversed(self._placed(node))
+                below = self._placed(node)
+            number += len(below)
+            if number > MOST_PRIMS:
+                self._refuse_more(node.name)
+            waiting += reversed(below)
+
+    def _refuse_more(self, at: str) -> NoReturn:
+        refuse(self.path, f"expected at most {MOST_PRIMS:,} prims, instances counted each, got more", at=at)
 
     def _is_seen(self, node: UsdNode) -> bool:
         """Whether a node is visible; names it where it is not, or where its purpose begins to be another's."""

@@ -137,8 +137,10 @@ def _hint(query: ThingQuery, facts: SceneFacts, without: frozenset[str]) -> str:
     kinds = sorted({thing.category for thing in usable})
     if query.category and query.category not in kinds:
         return nearest(query.category, kinds, "category")
+    sizes = [thing.size for thing in usable]
+    if query.size == EVERY_SIZE and min(sizes) > EVERY_SIZE[1]:
+        return f"each is longer than {EVERY_SIZE[1]:g} m, from {min(sizes):.3g} m on: correct its units, or `scale`"
     if query.size != EVERY_SIZE:
-        sizes = [thing.size for thing in usable]
         return f"the longest sides of those with that name are {min(sizes):.3g} to {max(sizes):.3g} m"
     return "lower the count, or ask for more with *"
 
