@@ -136,7 +136,8 @@ def broken_named(image: ImageFile) -> Iterator[None]:
     try:
         yield
     except BROKEN as error:
-        raise _refused(image, f"expected a readable image ({' '.join(FORMATS)} EXR), got: {error or 'damaged bytes'}",
+        found = getattr(error, "strerror", None) or error or "damaged bytes"
+        raise _refused(image, f"expected a readable image ({' '.join(FORMATS)} EXR), got: {found}",
                        "save it again as PNG or JPEG") from error
 
 
