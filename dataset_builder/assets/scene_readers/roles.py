@@ -62,9 +62,10 @@ def classified(things: Sequence[SceneThing], source: SceneSource) -> tuple[tuple
             made[number], told[number] = replace(made[number], role=role), True
     found: list[SceneThing] = []
     decided: list[str] = []
+    objects = np.array([thing.role == "object" for thing in made], dtype=bool)
+    each = np.arange(len(made))
     for number, thing in enumerate(made):
-        others = boxes[[at for at, other in enumerate(made) if other.role == "object" and at != number]]
-        if told[number] or not encloses(thing, others):
+        if told[number] or not encloses(thing, boxes[objects & (each != number)]):
             found.append(thing)
             continue
         parts = parted(thing)
