@@ -7,6 +7,9 @@ bug of ours and keeps its traceback.
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+FORMULA = ("=", "+", "-", "@")
+"""What cells begin with that spreadsheets compute. https://owasp.org/www-community/attacks/CSV_Injection"""
+
 
 def printable(text: str) -> str:
     """Text with control characters and the like as escapes: what a file says must not steer a terminal.
@@ -15,6 +18,17 @@ def printable(text: str) -> str:
     'a\\\\x1b[2J\\\\nb'
     """
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def cell(value: object) -> object:
+    """A value for a CSV file: no text that a spreadsheet would take for a formula, and none with control characters.
+
+    >>> cell("=1+1"), cell("chair"), cell(-1.5)
+    ("'=1+1", 'chair', -1.5)
+    """
+    if not isinstance(value, str):
+        return value
+    return printable(f"'{value}" if value.startswith(FORMULA) else value)
 
 
 @dataclass(frozen=True, kw_only=True)

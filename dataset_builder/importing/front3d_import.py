@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from dataset_builder.errors import Problem, UserError
+from dataset_builder.errors import Problem, UserError, cell
 from dataset_builder.files import output_errors
 from dataset_builder.importing.find_models import file_names
 from dataset_builder.importing.front3d_split import SplitProposal, propose_split
@@ -179,4 +179,4 @@ def _write_table(path: Path, head: Sequence[str], rows: Iterable[Sequence[object
     with open(path, "w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(head)
-        writer.writerows(rows)
+        writer.writerows(map(cell, row) for row in rows)

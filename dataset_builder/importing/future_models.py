@@ -42,9 +42,12 @@ class FutureModel:
 def find_future_models(folder: Path | None, info: Path | None) -> dict[str, FutureModel]:
     """Models of a folder by their id, with the categories that `info` has, or `model_info.json` in the folder where
     none is named. Without a folder there are none. Raises UserError where the folder, or the file that is named, is not
-    there or cannot be read.
+    there or cannot be read, and for a file without a folder.
     """
     if folder is None:
+        if info is not None:
+            raise UserError([Problem(where=str(info), path="--model-info", rule="expected --models beside it, got none",
+                                     hint="name the folder of the models")])
         return {}
     try:
         with os.scandir(folder) as entries:

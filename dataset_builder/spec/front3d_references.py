@@ -3,6 +3,8 @@
 import json
 import os
 import re
+import sys
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -40,6 +42,8 @@ def front3d_document(path: Path, hook: Hook | None = None, *, without: tuple[str
     containers = data.count(b"{") + data.count(b"[")
     if containers > MOST_CONTAINERS:
         raise ValueError(f"expected at most {MOST_CONTAINERS:,} objects and lists, got {containers:,}")
+    if data.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
+        raise ValueError("expected text in UTF-8, got UTF-16: save it as UTF-8")
     text = data.decode("utf-8-sig", errors="replace")
     del data
     try:
@@ -52,6 +56,8 @@ def front3d_document(path: Path, hook: Hook | None = None, *, without: tuple[str
         raise ValueError(f"line {error.lineno}, column {error.colno}: expected JSON, got: {error.msg}{cut}") from error
     except RecursionError as error:
         raise ValueError("expected JSON that is not nested without end") from error
+    except ValueError as error:  # Python reads no whole number of more digits
+        raise ValueError(f"expected numbers of at most {sys.get_int_max_str_digits():,} digits, got more") from error
 
 
 def folder_name(jid: Any) -> str:

@@ -32,6 +32,7 @@ UDIM = "<UDIM>"
 SAID = re.compile(r"' at line \d+ in file [^\n]* : '(.*?)'?\s*$", re.DOTALL)
 NEXT = "\n\tError in '"
 """Between the errors that an exception holds; the last one tells the line of the file."""
+GRAMMAR = re.compile(r"parse error matching pxr.*? at '", re.DOTALL)
 LONGEST = 400
 """Characters of an error, which may hold a path of many prims."""
 
@@ -117,14 +118,14 @@ def open_layer(identifier: str) -> "Sdf.Layer":
     except Tf.ErrorException as error:
         raise ValueError(said(str(error)).replace(identifier, Path(identifier).name)) from error
     if layer is None:
-        raise ValueError(f"expected a USD layer, got {inner or Path(outer).name}, which is damaged")
+        raise ValueError(f"expected a USD layer, got {inner or Path(outer).name}, which is damaged or not there")
     return layer
 
 
 def said(text: str) -> str:
     """What an exception of pxr says, without where in its code it was raised."""
     match = SAID.search(text.rpartition(NEXT)[2])
-    words = (match[1] if match else text).strip()
+    words = GRAMMAR.sub("cannot be parsed at '", (match[1] if match else text).strip())
     return words if len(words) <= LONGEST else f"{words[:LONGEST // 2]} ... {words[-LONGEST // 2:]}"
 
 

@@ -6,6 +6,7 @@ from io import StringIO
 from math import isfinite
 from pathlib import Path
 
+from dataset_builder.errors import cell
 from dataset_builder.files import write_atomic
 
 
@@ -25,7 +26,7 @@ def comma_separated(columns: Sequence[str], rows: Iterable[Sequence[object]], di
 def _text(value: object, digits: int) -> object:
     if isinstance(value, float):
         return f"{value:.{digits}g}" if isfinite(value) else ""
-    return value
+    return cell(value)
 
 
 def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]], digits: int = 6) -> None:

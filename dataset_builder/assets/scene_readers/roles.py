@@ -76,9 +76,10 @@ def classified(things: Sequence[SceneThing], source: SceneSource) -> tuple[tuple
             shaped.setdefault(role, []).append(made[number].name)
     found: list[SceneThing] = []
     decided = [of_each("thing", names, f"{role} by shape and place") for role, names in shaped.items()]
+    objects = np.array([thing.role == "object" for thing in made], dtype=bool)
+    each = np.arange(len(made))
     for number, thing in enumerate(made):
-        others = boxes[[at for at, other in enumerate(made) if other.role == "object" and at != number]]
-        if told[number] or not encloses(thing, others):
+        if told[number] or not encloses(thing, boxes[objects & (each != number)]):
             found.append(thing)
             continue
         parts = parted(thing)

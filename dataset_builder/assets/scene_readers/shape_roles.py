@@ -45,14 +45,17 @@ def slab_role(number: int, boxes: np.ndarray) -> Role | None:
     it. What stands elsewhere is a wall where it goes from floor to ceiling.
     """
     low, high = boxes[number]
-    rest = np.delete(boxes, number, axis=0)
     size = high - low
+    flat = size[2] <= THIN and size[:2].min() >= WIDE
+    if not flat and not (size[:2].min() <= THIN and size[2] >= TALL and size[:2].max() >= WIDE):
+        return None
+    rest = np.delete(boxes, number, axis=0)
     if not len(rest):
-        return "floor" if size[2] <= THIN and size[:2].min() >= WIDE else None
+        return "floor" if flat else None
     ends = np.stack([rest[:, 0].min(axis=0), rest[:, 1].max(axis=0)])
     whole = np.maximum(ends[1] - ends[0], 1e-6)
     covered = np.clip((np.minimum(high, ends[1]) - np.maximum(low, ends[0])) / whole, 0, 1)
-    if size[2] <= THIN and covered[:2].prod() >= COVER and size[:2].min() >= WIDE:
+    if flat and covered[:2].prod() >= COVER:
         if high[2] <= ends[0, 2] + NEAR:
             return "floor"
         if low[2] >= max(ends[1, 2] - NEAR, ends[0, 2] + TALL):
