@@ -67,7 +67,7 @@ def test_a_texture_is_found_under_its_decoded_name_or_named(tmp_path: Path) -> N
     with pytest.raises(UserError, match=r"quad.gltf: images\[0\].uri: expected an existing file, got wood oak.png"):
         load(path)
     (tmp_path / "wood oak.png").write_bytes(b"not an image")
-    with pytest.raises(UserError, match=r"images\[0\].uri: expected a readable image"):
+    with pytest.raises(UserError, match=r"images\[0\].uri: wood oak.png: expected a readable image"):
         load(path)
     (tmp_path / "wood oak.png").write_bytes(png(COLORS))
     assert load(path).materials[0].texture.base_color.shape == (2, 2, 3)

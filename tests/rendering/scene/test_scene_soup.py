@@ -40,7 +40,7 @@ def test_a_placed_thing_is_its_mesh_moved_by_hand(world: np.ndarray) -> None:
     made, moved = part_soup(part(world)), transform(part(world).asset.mesh, world)
     assert made.corners == pytest.approx(moved.corners)
     assert made.uvs == pytest.approx(moved.uvs) and made.colors == pytest.approx(moved.colors)
-    assert made.normals == pytest.approx(np.repeat(unit(moved.area_normals)[:, None], 3, axis=1), abs=1e-12)
+    assert made.normals == pytest.approx(np.repeat(unit(moved.area_normals)[:, None], 3, axis=1), abs=1e-7)
     assert set(made.instance) == {7}
     outward = np.einsum("ij,ij->i", made.normals[:, 0], made.corners.mean(axis=1) - made.corners.mean(axis=(0, 1)))
     assert (outward > 0).all()
@@ -101,7 +101,8 @@ def test_panes_belong_to_the_walls_of_a_room_in_code(tmp_path: Path) -> None:
     both = concatenate([walls.asset.mesh, panes.asset.mesh], material_offsets=[0, len(walls.asset.materials)])
     made = merge([part_soup(walls), part_soup(panes)])
     assert np.array_equal(made.corners, both.corners) and np.array_equal(made.material, both.material)
-    assert np.array_equal(made.normals, corner_normals(both)) and np.array_equal(made.uvs, both.uvs)
+    assert np.array_equal(made.normals, corner_normals(both).astype(np.float32))
+    assert np.array_equal(made.uvs, both.uvs.astype(np.float32))
     assert set(made.part) == {PARTS.index("walls")} and set(made.instance) == {2}
 
 
