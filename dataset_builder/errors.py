@@ -4,11 +4,13 @@ Whatever a user did wrong ends as a `UserError` and is printed without a traceba
 bug of ours and keeps its traceback.
 """
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
 FORMULA = ("=", "+", "-", "@")
 """What cells begin with that spreadsheets compute. https://owasp.org/www-community/attacks/CSV_Injection"""
+NUMBER = re.compile(r"[+-]?[0-9.]+(e[+-]?[0-9]+)?")
 
 
 def printable(text: str) -> str:
@@ -23,12 +25,12 @@ def printable(text: str) -> str:
 def cell(value: object) -> object:
     """A value for a CSV file: no text that a spreadsheet would take for a formula, and none with control characters.
 
-    >>> cell("=1+1"), cell("chair"), cell(-1.5)
-    ("'=1+1", 'chair', -1.5)
+    >>> cell("=1+1"), cell("chair"), cell("-1.5"), cell(-1.5)
+    ("'=1+1", 'chair', '-1.5', -1.5)
     """
     if not isinstance(value, str):
         return value
-    return printable(f"'{value}" if value.startswith(FORMULA) else value)
+    return printable(f"'{value}" if value.startswith(FORMULA) and not NUMBER.fullmatch(value) else value)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -157,7 +157,7 @@ def test_a_texture_takes_the_place_of_the_colour(tmp_path):
 @pytest.mark.parametrize(("content", "rule"), [
     (b"", "line 1, column 1: expected JSON"), (b"[1, 2]", "an object with the key scene, got [1, 2]"),
     (b'{"a": 1}', "got one without it: ['a']"), (b'{"scene": 3}', "got one without it"),
-    (b"\xff\xfe\0", "expected JSON"),
+    (b"\xff\xfe\0", "expected text in UTF-8, got UTF-16"),
     (b'{"scene": {}, "x": ' + b"[" * 100_000, "not nested without end"),
     (b"[" + b"[]," * 1_100_000, "at most 1,048,576 objects and lists"),
     (b'{"scene": {}}', "expected walls, floors or furniture"),
