@@ -153,8 +153,8 @@ def test_links_and_pipes_are_told_for_what_they_are(refused: Run, tmp_path: Path
     ('  leave_out: ["*"]\n', DATASET, "got 0 of 5 (`leave_out` takes /World/Floor away)"),
     ('  parts: {floor: ["*"]}\n', DATASET, "got 0 of 5 (/World/Floor is part of the floor: give its whole name"),
     ('  leave_out: ["*Floor"]\n', FLOOR_ONLY, "expected free floor to place things on, got a stage without a floor"),
-    ("  cameras: own\n", DATASET, "expected a camera of the scene that sees the object"),
-    (KEPT, DATASET, "stage.usda: lights.use: expected a scene with lights that shine, got none of 0"),
+    ("  cameras: own\n", DATASET, "scene.yaml:4: file.cameras: expected a scene with cameras, got none in stage.usda"),
+    (KEPT, DATASET, "scene.yaml:4: file.lights.use: expected a scene with lights, got none in stage.usda"),
     ("  variants: {/World/Chair_01: {look: red}}\n", DATASET, "expected a variant set, got look (there is none)"),
     ("  variants: {/Wrld/Chair_01: {look: red}}\n", DATASET, "got /Wrld/Chair_01 (nearest: /World/Chair_01"),
     ("  slot: {name: nope}\n", FLOOR_ONLY, "scene.yaml:4: file.slot: expected 1 thing with name 'nope'"),
@@ -166,8 +166,8 @@ def test_a_spec_that_asks_for_what_is_not_there(refused: Run, scene: str, datase
 @pytest.mark.parametrize("intensity", ["0", "1"])
 def test_lights_that_are_off(refused: Run, intensity: str) -> None:
     off = KEPT if intensity == "0" else '  lights: {use: kept, dim: {"*": 0}}\n'
-    assert "lights.use: expected a scene with lights that shine, got none" in refused({"stage.usda": lamp(intensity)},
-                                                                                   off)
+    said = refused({"stage.usda": lamp(intensity)}, off)
+    assert "lights.use: expected a scene with lights" in said and "got none" in said
 
 
 @pytest.mark.parametrize("how", ["copy", "link"])
