@@ -95,8 +95,8 @@ def import_front3d(job: Front3dJob, *, watch: Watch, picture: Picture | None) ->
             staging = Path(folder)
             _write_report(lines, index.scenes, models, staging)
             names = [FAULTS, KINDS, SCENES]
-            if ready:
-                names += _write_specs(job, proposal, check, staging)
+            if ready and job.models is not None:
+                names += _write_specs(job, job.models, proposal, check, staging)
             if picture and proposal.splits and picture(proposal, models, staging / SHEET):
                 names.append(SHEET)
             move(names, staging, out)
@@ -116,10 +116,10 @@ def _check_licence(licence: str) -> None:
                                  f". + and -, got {licence}", hint=why)])
 
 
-def _write_specs(job: Front3dJob, proposal: SplitProposal, check: TargetCheck, staging: Path) -> list[str]:
+def _write_specs(job: Front3dJob, models: Path, proposal: SplitProposal, check: TargetCheck,
+                 staging: Path) -> list[str]:
     """Write the specs and see that they load; names of what was written."""
-    assert job.models is not None
-    folders = Folders(scenes=job.folder.resolve(), models=job.models.resolve(), licence=job.licence,
+    folders = Folders(scenes=job.folder.resolve(), models=models.resolve(), licence=job.licence,
                       textures=job.textures and job.textures.resolve())
     texts = split_texts(proposal, check.scales, folders, name=job.name, out=job.out.resolve(), seed=job.seed,
                         share=job.share)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dataset_builder.assets.scene_readers.roles import WORDS
 from dataset_builder.spec.name_patterns import fits
 from dataset_builder.spec.usual_sizes import category_of, usual_of, words_of
 
@@ -21,9 +22,7 @@ PLACES = frozenset((
     "attic", "basement", "cellar", "house", "home", "flat", "apartment", "building", "storey", "story", "level",
     "scene", "interior", "exterior", "environment", "world", "root", "stage", "furniture", "props"))
 """Words for what holds things."""
-BUILDING = frozenset((
-    "floor", "flooring", "ground", "wall", "ceiling", "roof", "window", "door", "doorway", "skirting", "baseboard",
-    "cornice", "column", "pillar", "beam", "stair", "staircase"))
+BUILDING = frozenset((*WORDS, "stair", "staircase"))
 """Words for parts of a building."""
 TOUCHING = 0.02
 """Share of a group's diagonal that its pieces may stand apart."""
@@ -52,10 +51,10 @@ def is_place(name: str) -> bool:
     return bool(PLACES.intersection(words_of(name)))
 
 
-def is_building(name: str) -> bool:
+def names_building(name: str) -> bool:
     """Whether a name has a word for a part of a building.
 
-    >>> is_building("Walls.001"), is_building("wallpaper")
+    >>> names_building("Walls.001"), names_building("wallpaper")
     (True, False)
     """
     return any(word in BUILDING or word.removesuffix("s") in BUILDING for word in words_of(name))
@@ -76,7 +75,7 @@ def is_one_kind(name: str) -> bool:
     >>> is_one_kind("Chair_01"), is_one_kind("Door")
     (True, False)
     """
-    return is_kind(name) and not is_building(name)
+    return is_kind(name) and not names_building(name)
 
 
 def category_in(*paths: str) -> str:
@@ -123,7 +122,7 @@ def _below(nodes: Sequence[TreeNode], order: Sequence[int]) -> tuple[np.ndarray,
     for number in reversed(order):
         parent, name = nodes[number].parent, nodes[number].name
         if parent >= 0 and meshes[number]:
-            says = usual_of(name) is not None or is_building(name) or is_place(name)
+            says = usual_of(name) is not None or names_building(name) or is_place(name)
             speaking[parent] += speaking[number] + says
             meshes[parent] += meshes[number]
     return speaking, meshes
@@ -142,7 +141,7 @@ def _is_one(nodes: Sequence[TreeNode], number: int, speaking: int, meshes: list[
         return False
     if is_one_kind(node.name):
         return True
-    if speaking > 1 or (speaking and (is_place(node.name) or is_building(node.name))):
+    if speaking > 1 or (speaking and (is_place(node.name) or names_building(node.name))):
         return False
     if node.drawn:
         return True

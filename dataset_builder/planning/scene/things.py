@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
@@ -133,9 +132,7 @@ def _hint(query: ThingQuery, facts: SceneFacts, without: frozenset[str]) -> str:
         word = query.name.strip(WILD)
         if told := next((said for said in facts.said if word and word in said), ""):
             return told
-        ends = {name.rpartition("/")[2]: name for name in reversed(names)}
-        close = get_close_matches(word, ends, n=1)
-        return f"nearest known name: {ends[close[0]]}" if close else nearest(word, names)
+        return nearest(word, names)
     usable = [thing for thing in named if thing.role == "object" and thing.faces and thing.name not in without]
     if not usable:
         return _unusable(named[0], without)

@@ -172,3 +172,11 @@ def test_answers_do_not_depend_on_what_was_asked_before() -> None:
     before = first.space.inside(points, 0.1, points[0])
     other = shell(walled(5, 4.01, 2.5))
     assert other.said == first.said and np.array_equal(other.space.inside(points, 0.1, points[0]), before)
+
+
+def test_lamps_have_room_about_a_tiny_scene_without_a_building() -> None:
+    """They stand as far from a thing of 2 cm as from a chair, and not without end."""
+    tiny = shell([], [box((0, 0, 0), (0.02, 0.02, 0.02), 3)])
+    above = np.array([0.01, 0.01, 0.02])
+    assert tiny.inside(above + np.array([0, 0, 5]), 0.1, above)
+    assert not tiny.inside(above + np.array([0, 0, 50]), 0.1, above)
