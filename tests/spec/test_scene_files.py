@@ -94,10 +94,10 @@ def test_a_scene_names_files_in_its_roots_only(tmp_path: Path) -> None:
 
 def test_roots_hold_where_the_spec_is_named_from_its_own_folder(tmp_path: Path,
                                                                 monkeypatch: pytest.MonkeyPatch) -> None:
-    write_dataset(tmp_path / "in", scene="file:\n  path: a.gltf\n  licence: CC0-1.0\n  roots: [../shared]\n")
-    (tmp_path / "in/a.gltf").write_text(GLTF)
-    (tmp_path / "shared").mkdir()
-    (tmp_path / "shared/a.bin").write_text("abc")
+    write_dataset(tmp_path / "in", scene="file:\n  path: a.gltf\n  licence: CC0-1.0\n  roots: [../shared/deep]\n")
+    (tmp_path / "in/a.gltf").write_text(GLTF.replace("shared", "shared/deep"))
+    (tmp_path / "shared/deep").mkdir(parents=True)
+    (tmp_path / "shared/deep/a.bin").write_text("abc")
     monkeypatch.chdir(tmp_path / "in")
     assert set(load_dataset(Path("dataset.yaml")).scene_files["scene.yaml"].companions) == {"roots[0]/a.bin"}
 
