@@ -1,1 +1,1 @@
-"""Objects and rooms as meshes with materials, from files or made in code; no scenes, no plans, no renderer."""
+"""Objects, rooms and scenes as meshes with materials, from files or made in code; no plans, no renderer."""

@@ -1,1 +1,1 @@
-"""A folder of models to specs: found, looked at, named, and written as object files and a dataset of them."""
+"""Folders of models, or of 3D-FRONT scenes, to specs: found, looked at, named, and written with a dataset of them."""

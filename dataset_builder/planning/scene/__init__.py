@@ -1,1 +1,2 @@
-"""Positions and contents: objects and scenes of a split, layout of a room, and the assets that a plan names."""
+"""Positions and contents: objects and scenes of a split, the space that a room or a scene leaves, layout in it, and
+the assets that a plan names."""
