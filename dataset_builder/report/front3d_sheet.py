@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from dataset_builder.assets.file_model import counted
 from dataset_builder.engine.local import run
 from dataset_builder.files import write_atomic
 from dataset_builder.importing.front3d_split import SplitProposal
@@ -41,7 +42,8 @@ def write_front3d_sheet(proposal: SplitProposal, models: Mapping[str, FutureMode
     top = MARGIN + 56
     for split, height in zip(proposal.splits, heights, strict=True):
         chosen = {choice.jid for choice in split.targets}
-        _text(page, (MARGIN, top), f"{split.name}: {len(split.scenes)} scenes, {len(split.targets)} targets", 18)
+        _text(page, (MARGIN, top), f"{split.name}: {counted(len(split.scenes), 'scene')}, "
+              f"{counted(len(split.targets), 'target')}", 18)
         for number, scene in enumerate(split.scenes):
             left = MARGIN + number % columns * (CELL + GAP)
             page.paste(_cell(scene, plans.get(scene.file), models, chosen),
@@ -80,7 +82,7 @@ def _cell(scene: SceneIndex, plan: FloorPlan | None, models: Mapping[str, Future
     area = sum(room.area for room in scene.rooms)
     usable, faults = len(scene.usable(models)), sum(scene.faults.values())
     lines = (Path(scene.file).stem[:42], f"{usable} of {len(scene.rooms)} rooms can be used, {area:.0f} m^2",
-             f"{sum(1 for _ in scene.jids(models))} of {standing} pieces have models, {faults} faults")
+             f"{sum(1 for _ in scene.jids(models))} of {standing} pieces have models, {counted(faults, 'fault')}")
     for number, line in enumerate(lines):
         _text(cell, (2, CELL + 2 + 17 * number), line, 12, PALE if number else INK)
     return cell
