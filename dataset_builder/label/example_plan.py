@@ -28,6 +28,10 @@ Feature = Literal["textures", "maps", "colours", "specular", "coat", "sheen", "g
 scene calls for."""
 
 
+Transport = Literal["camera", "joined"]
+"""How a pass finds light that has bounced: by paths from the camera alone, or joined with paths from the lamps."""
+
+
 class PassEffects(Model):
     """What one pass simulates."""
 
@@ -39,6 +43,8 @@ class PassEffects(Model):
     """Which of its illumination's lights, by their place there."""
     max_depth: int
     """Longest path in edges; 2 is direct light."""
+    transport: Transport = "camera"
+    """By which paths it finds light; passes without light have no use for it."""
 
 
 class EffectsPlan(Model):

@@ -9,7 +9,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from dataset_builder.label.example_plan import RenderPlan
+from dataset_builder.label.example_plan import RenderPlan, Transport
 from dataset_builder.label.scene_plan import CameraPlan
 from dataset_builder.planning.scene.arrangement import TARGET_INSTANCE
 from dataset_builder.rendering.sampling.adaptive import Sample
@@ -47,7 +47,7 @@ class ViewSensor:
                         seed=seed)
 
 
-def radiance_sampler(view: ViewSensor, opened: OpenScene, max_depth: int) -> Sample:
+def radiance_sampler(view: ViewSensor, opened: OpenScene, max_depth: int, transport: Transport = "camera") -> Sample:
     """Sampler of image, shading, specular part, squared shading and air; channels as `RADIANCE_CHANNELS` cuts them."""
     sensor = view.sensor()
     longest, roulette = (dr.opaque(mi.UInt32, depth) for depth in (max_depth, view.render.rr_depth))

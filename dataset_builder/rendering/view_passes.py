@@ -153,7 +153,8 @@ class ViewPasses:
              *seed: int) -> PassResult:
         """A pass with light."""
         def sampler() -> Sample:
-            return passes.radiance_sampler(self.view, opened(), plan.effects.of(key[0]).max_depth)
+            effects = plan.effects.of(key[0])
+            return passes.radiance_sampler(self.view, opened(), effects.max_depth, effects.transport)
 
         return self._once(key, plan, covered, sampler, *seed)
 

@@ -157,6 +157,9 @@ class RenderSpec(Model):
     """Largest share of the light that planned simplifications may leave out."""
     texture_size: PositiveInt = 4096
     """Maximum texels per side; larger textures are downsampled by averaging."""
+    transport: Literal["auto", "camera", "joined"] = "auto"
+    """How light that has bounced is found. camera: by paths from the camera alone. joined: by those and paths from the
+    lamps, joined. auto: planned for each pass by what the scene calls for."""
     effects: Literal["planned", "all"] = "planned"
     """planned: simulate only what the scene needs. all: everything, on every pixel, for comparison."""
     denoise: DenoiseSpec = DenoiseSpec()

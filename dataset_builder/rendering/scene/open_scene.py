@@ -47,6 +47,8 @@ class OpenScene:
     body: Body
     shape: mi.Mesh
     """What the body is in the scene."""
+    illumination: IlluminationPlan | None = None
+    """Its lights, in the frame of the scene; None for none."""
     fog: Fog | None = None
     """None for clear air."""
 
@@ -94,7 +96,7 @@ def open_scene(body: Body, illumination: IlluminationPlan | None, fog: Fog | Non
     try:
         # Loading in parallel would number the objects anew each time.
         scene = mi.load_dict({"type": "scene", **_tight(), "body": shape, **lights}, parallel=False)
-        yield OpenScene(scene=scene, body=body, shape=shape, fog=fog)
+        yield OpenScene(scene=scene, body=body, shape=shape, illumination=illumination, fog=fog)
     finally:
         del lights
         if collecting:
