@@ -1,5 +1,7 @@
 """The camera of a view, and how its pixels are computed."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import mitsuba as mi
@@ -36,7 +38,7 @@ class ViewSensor:
                                batches=batches, seed=seed)
 
 
-def primary_ray(sensor: mi.Sensor, position: "mi.Vector2f") -> "mi.Ray3f":
+def primary_ray(sensor: mi.Sensor, position: mi.Vector2f) -> mi.Ray3f:
     """The ray through a film position in [0, 1]^2."""
     ray, _ = sensor.sample_ray(0, CENTRE, position, mi.Point2f(CENTRE), True)
     return ray

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import drjit as dr
@@ -9,6 +10,9 @@ import mitsuba as mi
 
 from dataset_builder.rendering.surface.first_hit import transparency
 from dataset_builder.rendering.transport.fog import Fog
+
+
+Passes = Callable[["mi.BSDFPtr", "mi.SurfaceInteraction3f", "mi.Bool"], "mi.Color3f"]
 
 
 class World:
@@ -81,16 +85,17 @@ def sample_emitter(world: World, point: mi.Interaction3f, sample: mi.Point2f,
     its density. Next event estimation (Pharr et al. 2023, section 13.4)."""
     ds, weight = world.scene.sample_emitter_direction(point, sample, not world.straight, active)
     if world.straight:
-        weight = weight * straight_on(world.scene, point, ds.p, active & (ds.pdf != 0))
+        weight = weight * straight_on(world.scene, point, ds.p, transparency, active & (ds.pdf != 0))
     if world.fog is not None:
         weight = weight * world.fog.transmittance(world.fog.segment(point.p, ds.d, ds.dist))
     return ds, weight
 
 
 @dr.syntax
-def straight_on(scene: mi.Scene, point: mi.Interaction3f, end: mi.Point3f, active: mi.Bool) -> mi.Color3f:
+def straight_on(scene: mi.Scene, point: mi.Interaction3f, end: mi.Point3f, passes: Passes,
+                active: mi.Bool) -> mi.Color3f:
     """Share of light that comes straight from `end` to `point` through whatever stands between; 0 behind what is
-    opaque."""
+    opaque. passes: what a surface lets through, `transparency` for light."""
     # Loop state
     ray = point.spawn_ray_to(end)     # What is left of the shadow ray
     transmittance = mi.Color3f(1)    # Share that passes all surfaces so far
@@ -99,7 +104,7 @@ def straight_on(scene: mi.Scene, point: mi.Interaction3f, end: mi.Point3f, activ
     while active:
         si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=active)
         met = active & si.is_valid()
-        transmittance = dr.select(met, transmittance * transparency(si.bsdf(ray), si, met), transmittance)
+        transmittance = dr.select(met, transmittance * passes(si.bsdf(ray), si, met), transmittance)
         ray = si.spawn_ray_to(end)
         active = met & (dr.max(transmittance) != 0)
     return transmittance

@@ -17,6 +17,7 @@ import mitsuba as mi
 import numpy as np
 
 from dataset_builder.rendering.buffers import owned
+from dataset_builder.rendering.surface.first_hit import transparency
 from dataset_builder.rendering.transport.light_paths import LightVertices
 from dataset_builder.rendering.transport.light_sampling import World, straight_on
 from dataset_builder.rendering.transport.weights import edge
@@ -158,7 +159,7 @@ def arrive(world: World, shape: mi.ShapePtr, joint: Joint, si: mi.SurfaceInterac
     """What the chosen vertex sends to a camera vertex; nothing where something opaque stands between."""
     active = active & (joint.chosen > 0) & (joint.distance_squared > 0)
     if world.straight:
-        light = straight_on(world.scene, si, joint.p, active)
+        light = straight_on(world.scene, si, joint.p, transparency, active)
     else:
         light = mi.Color3f(dr.select(world.scene.ray_test(si.spawn_ray_to(joint.p), coherent=False, active=active), 0, 1))
 
