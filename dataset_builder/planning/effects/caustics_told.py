@@ -69,19 +69,22 @@ def _findings(light: PassLight, transport: Transport) -> list[Finding]:
     wide = [use for use in found if not (is_solid(use.material) and is_smooth(use.roughest))]
     # Which lights, by way of what, what becomes of it, in words
     rows = (
-        (followed, found, "simulated", "on diffuse surfaces, found from the lamp's side"),
+        (followed, found, "simulated", "{light} by way of {things}, found from the lamp's side where it falls on "
+                                       "diffuse surfaces"),
         ([each for each in met if each in followed], found, "noisy",
-         "seen in mirrors or through glass: camera paths meet the lamp by chance"),
+         "{light} that such surfaces show in mirrors or through glass; camera paths meet the lamps by chance"),
         ([each for each in points if each in followed], found if wide else [], "noisy",
-         "seen in mirrors or through glass: without extent, found only through narrow lobes"),
+         "{light} that such surfaces show in mirrors or through glass; without extent, found only through narrow "
+         "lobes"),
         ([each for each in points if each in followed], lost, "left out",
-         "seen through smooth glass again: without extent, which no path from the camera meets"),
-        ([each for each in met if each not in followed], found, "noisy", "camera paths meet it by chance"),
+         "{light} that passes {things} and is seen through smooth glass again; without extent, no path meets it"),
+        ([each for each in met if each not in followed], found, "noisy",
+         "{light} by way of {things}; camera paths meet it by chance"),
         ([each for each in points if each not in followed], wide, "noisy",
-         "without extent, found only through narrow lobes"),
+         "{light} by way of {things}; without extent, found only through narrow lobes"),
         ([each for each in points if each not in followed], lost, "left out",
-         "without extent, which no path from the camera meets by way of smooth glass"),
-        (light.lights, short, "left out", f"paths of {light.depth} edges are too short"),
+         "{light} by way of {things}; without extent, no path from the camera meets it through smooth glass"),
+        (light.lights, short, "left out", "{light} by way of {things}; paths of {depth} edges are too short"),
     )
-    return [(choice, f"{kinds(lights)} by way of {names([use.name for use in things])}, {how}")
+    return [(choice, how.format(light=kinds(lights), things=names([use.name for use in things]), depth=light.depth))
             for lights, things, choice, how in rows if lights and things]

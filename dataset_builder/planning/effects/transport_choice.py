@@ -49,7 +49,7 @@ class PassLight:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rule:
+class TransportRule:
     """One reason for camera paths."""
 
     bars: bool
@@ -59,19 +59,24 @@ class Rule:
 
 
 RULES = (
-    Rule(bars=True, holds=lambda light: light.depth <= DIRECT,
-         why=lambda light: f"paths of {light.depth} edges are direct light alone, and there is nothing to join"),
-    Rule(bars=True, holds=lambda light: not light.lamps,
-         why=lambda light: f"no lamp stands in the scene for light paths to start from, only {kinds(light.lights)} "
-                           "shines from outside"),
-    Rule(bars=True, holds=lambda light: light.fog.extinction > 0,
-         why=lambda light: "fog fills the air, and light paths do not scatter in it"),
-    Rule(bars=True, holds=lambda light: any(disperses(use.material) for use in light.materials),
-         why=lambda light: "light paths have no wavelength of their own for the dispersive glass of " + names(
-             [use.name for use in light.materials if disperses(use.material)])),
-    Rule(bars=False, holds=lambda light: light.share < LAMPS_LEAD,
-         why=lambda light: f"lamps have {light.share:.0%} of the light at the object, less than {LAMPS_LEAD:.0%}, and "
-                           "no light path starts outside"),
+    TransportRule(
+        bars=True, holds=lambda light: light.depth <= DIRECT,
+        why=lambda light: f"paths of {light.depth} edges are direct light alone, and there is nothing to join"),
+    TransportRule(
+        bars=True, holds=lambda light: not light.lamps,
+        why=lambda light: f"{kinds(light.lights)} shines from outside alone, and light paths start at lamps in the "
+                          "scene" if light.lights else "no light reaches the object"),
+    TransportRule(
+        bars=True, holds=lambda light: light.fog.extinction > 0,
+        why=lambda light: "fog fills the air, and light paths do not scatter in it"),
+    TransportRule(
+        bars=True, holds=lambda light: any(disperses(use.material) for use in light.materials),
+        why=lambda light: "light paths have no wavelength of their own for the dispersive glass of " + names(
+            [use.name for use in light.materials if disperses(use.material)])),
+    TransportRule(
+        bars=False, holds=lambda light: light.share < LAMPS_LEAD,
+        why=lambda light: f"lamps have {light.share:.0%} of the light at the object, less than {LAMPS_LEAD:.0%}, and "
+                          "no light path starts outside"),
 )
 """Where paths start at the camera alone, in the order that they are asked."""
 EVERYTHING = "light paths know neither fog nor dispersion"
@@ -79,8 +84,9 @@ EVERYTHING = "light paths know neither fog nor dispersion"
 
 
 def kinds(lights: Sequence[LightPlan]) -> str:
-    """The kinds of some lights in words: `area and sphere light`."""
-    return " and ".join(sorted({light.kind for light in lights})) + " light"
+    """The kinds of some lights in words: `area, dome and sphere light`."""
+    *others, last = sorted({light.kind for light in lights})
+    return f"{', '.join(others)} and {last} light" if others else f"{last} light"
 
 
 def choose(light: PassLight, asked: str) -> tuple[Transport, Decision]:
@@ -93,8 +99,8 @@ def choose(light: PassLight, asked: str) -> tuple[Transport, Decision]:
     against = [rule for rule in RULES if rule.holds(light)]
     if against:
         return "camera", _said(light.name, "camera", against[0].why(light))
-    return "joined", _said(light.name, "joined", f"{kinds(light.lamps)} from within the scene, {light.share:.0%} of "
-                           "what arrives at the object, bounces")
+    return "joined", _said(light.name, "joined", f"{kinds(light.lamps)} from within the scene is "
+                           f"{light.share:.0%} of what arrives at the object, and it bounces")
 
 
 def choose_for_everything(name: str, asked: str, reason: str) -> tuple[Transport, Decision]:
