@@ -75,8 +75,8 @@ RULES = (
             [use.name for use in light.materials if disperses(use.material)])),
     TransportRule(
         bars=False, holds=lambda light: light.share < LAMPS_LEAD,
-        why=lambda light: f"lamps have {light.share:.0%} of the light at the object, less than {LAMPS_LEAD:.0%}, and "
-                          "no light path starts outside"),
+        why=lambda light: f"lamps have {light.share:.0%} of the direct light at the object, less than "
+                          f"{LAMPS_LEAD:.0%}, and no light path starts outside"),
 )
 """Where paths start at the camera alone, in the order that they are asked."""
 EVERYTHING = "light paths know neither fog nor dispersion"
@@ -100,7 +100,7 @@ def choose(light: PassLight, asked: str) -> tuple[Transport, Decision]:
     if against:
         return "camera", _said(light.name, "camera", against[0].why(light))
     return "joined", _said(light.name, "joined", f"{kinds(light.lamps)} from within the scene is "
-                           f"{light.share:.0%} of what arrives at the object, and it bounces")
+                           f"{light.share:.0%} of the direct light at the object, and it bounces")
 
 
 def choose_for_everything(name: str, asked: str, reason: str) -> tuple[Transport, Decision]:

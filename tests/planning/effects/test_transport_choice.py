@@ -51,7 +51,8 @@ UNWISE = lit(shining("area"), shining("dome", 3.0))
 def test_paths_are_joined_where_a_lamp_sends_light_that_bounces(kind: str) -> None:
     transport, said = choose(lit(shining(kind)), "auto")
     assert (transport, said.effect, said.choice) == ("joined", "transport of target", "joined paths")
-    assert said.reason == f"{kind} light from within the scene is 100% of what arrives at the object, and it bounces"
+    assert said.reason == (f"{kind} light from within the scene is 100% of the direct light at the object, and it "
+                           "bounces")
 
 
 @pytest.mark.parametrize("kind", OUTSIDE)
