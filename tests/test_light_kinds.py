@@ -8,15 +8,15 @@ import pytest
 from dataset_builder.assets.asset import Material
 from dataset_builder.label.scene_plan import FogPlan, LightPlan, RoomPlan
 from dataset_builder.light_kinds import LENGTHS, LIGHT_KINDS, LampName, LightKind, LightName, Quantity
-from dataset_builder.planning.effects.features import scene_features
-from dataset_builder.planning.effects.materials_used import MaterialUse, SceneUse
+from dataset_builder.planning.effects.caustics_told import told
+from dataset_builder.planning.effects.materials_used import MaterialUse
 from dataset_builder.planning.effects.reach import reach
+from dataset_builder.planning.effects.transport_choice import PassLight
 from dataset_builder.planning.scene.box_shell import BoxShell
 from dataset_builder.planning.view.emission import direct_irradiance, facing_irradiance
 from dataset_builder.rendering.backend import activate
 from dataset_builder.report.spec_help import export_schema
 from dataset_builder.spec.light import TargetSpec
-from tests.plans import example_plan
 from tests.small_scenes import light, lit_by
 
 KINDS = tuple(LIGHT_KINDS.values())
@@ -104,13 +104,11 @@ def test_only_what_is_outside_stays_out(kind: LightKind) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
-def test_caustics_of_what_no_path_meets_are_not_simulated(kind: LightKind) -> None:
+def test_caustics_of_what_no_path_meets_are_left_out(kind: LightKind) -> None:
     glass = Material(name="glass", base_color=(1, 1, 1), roughness=0.0, transmission=1.0)
     use = MaterialUse(owner="vase", part="furniture", material=glass, scattered=0.0, smoothest=0.0, roughest=0.0)
-    _, decisions = scene_features(SceneUse(materials=(use,), smooth=(), flat=()), FogPlan(),
-                                  [light(kind.name)], example_plan().render)
-    found = {decision.choice for decision in decisions if decision.effect == "caustics"}
-    assert found == ({"simulated"} if kind.extended else {"not simulated"})
+    lit = PassLight(name="target", lights=(light(kind.name),), materials=(use,), fog=FogPlan(), depth=12)
+    assert [each.choice for each in told([(lit, "camera")])] == ["noisy" if kind.extended else "left out"]
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)

@@ -45,6 +45,8 @@ class PassEffects(Model):
     """Longest path in edges; 2 is direct light."""
     transport: Transport = "camera"
     """By which paths it finds light; passes without light have no use for it."""
+    caustics: bool = False
+    """Whether light paths have smooth glass, metal or coats to go to, which gather light."""
 
 
 class EffectsPlan(Model):

@@ -13,8 +13,8 @@ from dataset_builder.layers import LAYERS, Extent
 from dataset_builder.planning.catalogue import ExampleRef, ViewRef, count_examples, shard_size, views_of
 from dataset_builder.planning.effects.decisions import FACTOR, REPEATS
 from dataset_builder.planning.pass_work import (
-    INSTANCE,
     RUNS,
+    Rates,
     expected_spp,
     files_per_example,
     pass_runs,
@@ -28,31 +28,6 @@ from dataset_builder.seeding import rng
 from dataset_builder.spec.dataset import DatasetSpec, SplitSpec
 
 CHANNEL_BYTES = {"float32": 4, "float16": 2}
-
-
-@dataclass(frozen=True, kw_only=True)
-class Rates:
-    """How fast a machine is and how well layers compress; `make bench` measures them."""
-
-    light_paths: float = 7.8e5
-    """Paths per second and core of passes with light."""
-    free_paths: float = 2.4e6
-    """Paths per second and core of passes without light."""
-    seconds_per_pass: float = 0.02
-    """Building the scene and launching."""
-    seconds_per_view: float = 0.4
-    """Planning, meshes and textures."""
-    seconds_per_example: float = 0.05
-    """Writing and verifying."""
-    kept_share: float = 0.92
-    """Stored bytes over raw bytes where a layer holds values."""
-    empty_share: float = 0.002
-    """Stored bytes over raw bytes where a layer is 0."""
-    example_bytes: float = 20_000.0
-    """Of the record and the preview."""
-    noise: float = 1.6
-    """Relative error at one sample per pixel, typical of layers with light; goals of accuracy are expected to take
-    (noise / error)^2 samples."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,9 +112,9 @@ def view_cost(plan: ExamplePlan, lights: int, levels: int, window: float, dtype:
     for name, times in runs.items():
         once = pass_share(name, plan, window) * frame
         traced = times * once
-        rate = rates.free_paths if name.startswith(("first_hit", INSTANCE)) else rates.light_paths
+        rate, noise = rates.of(plan, name)
         pixels += traced
-        spp = expected_spp(plan.render, name, rates.noise, rate / max(once, 1))
+        spp = expected_spp(plan.render, name, noise, rate / max(once, 1))
         paths += traced * spp
         seconds += traced * spp / rate
     passes = sum(runs.values())

@@ -1,6 +1,7 @@
-"""What the passes of a view have to do: how often each runs, on which pixels, with how many samples, for whom."""
+"""What the passes of a view have to do: how often each runs, on which pixels, with how many samples, how fast."""
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from math import inf, lcm
 
 from dataset_builder.label.example_plan import ExamplePlan, GoalPlan, RenderPlan
@@ -9,6 +10,43 @@ from dataset_builder.layers import LAYERS, PASSES, Extent
 INSTANCE = "instance"
 """The instance layer has a pass of its own: one ray through the centre of every pixel."""
 RUNS = (*PASSES, INSTANCE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rates:
+    """How fast a machine is and how well layers compress; `make bench` measures them."""
+
+    light_paths: float = 7.8e5
+    """Paths per second and core of passes with light, from the camera alone."""
+    free_paths: float = 2.4e6
+    """Paths per second and core of passes without light."""
+    seconds_per_pass: float = 0.02
+    """Building the scene and launching."""
+    seconds_per_view: float = 0.4
+    """Planning, meshes and textures."""
+    seconds_per_example: float = 0.05
+    """Writing and verifying."""
+    kept_share: float = 0.92
+    """Stored bytes over raw bytes where a layer holds values."""
+    empty_share: float = 0.002
+    """Stored bytes over raw bytes where a layer is 0."""
+    example_bytes: float = 20_000.0
+    """Of the record and the preview."""
+    noise: float = 1.6
+    """Relative error at one sample per pixel, typical of layers with light by camera paths; goals of accuracy are
+    expected to take (noise / error)^2 samples."""
+    joined_time: float = 1.15
+    """Times the seconds of a camera path that one joined with light paths takes, these included."""
+    joined_noise: float = 0.6
+    """Times the noise of camera paths that joined ones have at equal samples."""
+
+    def of(self, plan: ExamplePlan, name: str) -> tuple[float, float]:
+        """Paths per second and core of a pass, and its noise."""
+        if name.startswith(("first_hit", INSTANCE)):
+            return self.free_paths, self.noise
+        if plan.effects.of(name).transport == "joined":
+            return self.light_paths / self.joined_time, self.noise * self.joined_noise
+        return self.light_paths, self.noise
 
 
 def pass_of(layer: str) -> str:

@@ -94,7 +94,8 @@ def inputs_of(plan: ExamplePlan, name: str, steps: int | None = None) -> Inputs:
         found["rough mesh"] = _plain(plan.rough)
     if name in RADIANCE:
         found["path length"] = _path_length(plan, name)
-        found["transport"] = plan.effects.of(name).transport
+        effects = plan.effects.of(name)
+        found["transport"] = [effects.transport, effects.caustics]
         if found["pixels"] == "object" or samples["goals"]:
             samples["object"] = _object_pixels(plan, name)
     if name in RADIANCE or (name == "first_hit_rough" and asked(plan, "rough")):

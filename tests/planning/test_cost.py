@@ -8,8 +8,8 @@ from dataset_builder.errors import PlanError
 from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.label.example_plan import ExamplePlan, GoalPlan
 from dataset_builder.planning.catalogue import ExampleRef
-from dataset_builder.planning.cost import Cost, Rates, calibration_cost, estimate, extrapolate, view_cost
-from dataset_builder.planning.pass_work import expected_spp, files_per_example, pass_runs, pass_share
+from dataset_builder.planning.cost import Cost, calibration_cost, estimate, extrapolate, view_cost
+from dataset_builder.planning.pass_work import Rates, expected_spp, files_per_example, pass_runs, pass_share
 from dataset_builder.planning.plan import Planner, first_plan, plan_example
 from dataset_builder.planning.view.visibility import window_share
 from dataset_builder.spec.resolve import LoadedSpec
@@ -20,9 +20,10 @@ RATES = Rates(light_paths=100.0, free_paths=1000.0, seconds_per_pass=2.0, second
 
 
 def plan_of(load: Load, data: dict[str, Any], layers: dict[str, str], **render: Any) -> ExamplePlan:
-    """A plan of 20 x 10 pixels whose object covers a quarter of them."""
+    """A plan of 20 x 10 pixels whose object covers a quarter of them, by camera paths unless asked otherwise."""
     data["image"], data["layers"] = {"width": 20, "height": 10}, layers
-    data["render"] = {"spp": {"first_hit": 2, "source": 4, "target": 8, "rough": 16}, "batches": 4} | render
+    spp = {"first_hit": 2, "source": 4, "target": 8, "rough": 16}
+    data["render"] = {"spp": spp, "batches": 4, "transport": "camera"} | render
     plan = plan_example(load(data), 0)
     return plan.model_copy(update={"camera": plan.camera.model_copy(update={"coverage": 0.25})})
 
@@ -101,6 +102,23 @@ def test_goals_end_with_their_error_their_seconds_or_their_cap(load: Load, datas
     timed = plan.model_copy(update={"render": plan.render.model_copy(update={"goals": (goal,)})})
     fixed, ended = (view_cost(each, 1, 1, 0.4, "float32", RATES).seconds for each in (plan, timed))
     assert ended - fixed == pytest.approx(4)
+
+
+def test_joined_paths_take_longer_each_and_fewer_of_them(load: Load, dataset_data: dict[str, Any]) -> None:
+    """50 pixels at 8 spp and 100 paths a second; a goal of 0.1 takes (1.5 / 0.1)^2 = 225 samples, with 0.4 times the
+    noise 36."""
+    rates = replace(RATES, noise=1.5, joined_time=1.25, joined_noise=0.4)
+
+    def costs(**render: Any) -> list[Cost]:
+        return [view_cost(plan_of(load, dataset_data, {"i_t": "object", "mask": "object"}, transport=transport,
+                                  **render), 1, 1, 0.4, "float32", rates) for transport in ("camera", "joined")]
+
+    camera, joined = costs()
+    assert joined.paths == camera.paths and joined.seconds - camera.seconds == pytest.approx(0.25 * 50 * 8 / 100)
+    camera, joined = costs(accuracy={"i_t": {"error": 0.1, "cap": 1000}})
+    assert camera.paths - joined.paths == pytest.approx(50 * (225 - 36))
+    assert camera.seconds - joined.seconds == pytest.approx(50 * (225 - 1.25 * 36) / 100)
+    assert rates.of(plan_of(load, dataset_data, {"i_t": "object"}), "instance") == (1000, 1.5)
 
 
 def test_measuring_the_bias_of_denoised_layers_costs_eighteen_renders(load: Load,

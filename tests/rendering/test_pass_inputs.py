@@ -8,7 +8,7 @@ from dataset_builder.label.example_plan import ExamplePlan, GoalPlan, RoughStep,
 from dataset_builder.label.scene_plan import MaterialChange, Param
 from dataset_builder.label.scene_source import SceneThingPlan
 from dataset_builder.rendering.pass_inputs import all_passes, goals_at, inputs_of, key_of, sky_radiance, steps_of
-from tests.plans import example_plan
+from tests.plans import effects_plan, example_plan
 
 PASSES = ("first_hit", "instance", "source", "target", "first_hit_rough", "rough", "lighting")
 UNDER_TARGET = {"target", "rough", "first_hit_rough", "lighting"}
@@ -41,6 +41,11 @@ def lamp(light: str, **values: object) -> Edit:
         first = found.lights[0].model_copy(update=values)
         return whole.model_copy(update={light: found.model_copy(update={"lights": (first, *found.lights[1:])})})
     return edit
+
+
+def of_passes(**values: object) -> Edit:
+    """Replace values of what every pass simulates."""
+    return within("effects", passes=tuple(entry.model_copy(update=values) for entry in effects_plan().passes))
 
 
 EDITS: dict[str, tuple[Edit, set[str]]] = {
@@ -87,6 +92,8 @@ EDITS: dict[str, tuple[Edit, set[str]]] = {
     "furniture": (within("", furniture=()), set(PASSES)),
     "texture size": (within("render", texture_size=64), set(PASSES)),
     "seed": (within("render", seed="4711"), set(PASSES)),
+    "transport": (of_passes(transport="joined"), LIT),
+    "whether anything throws caustics": (of_passes(caustics=True), LIT),
     "features": (within("effects", features=("textures",)), set(PASSES)),
 }
 

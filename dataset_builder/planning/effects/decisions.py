@@ -5,15 +5,17 @@ Every decision has a reason in words. Nothing here draws, renders or looks at pi
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.label.example_plan import Decision, EffectsPlan, Feature, PassEffects, RenderPlan
 from dataset_builder.label.scene_plan import FogPlan, IlluminationPlan, PlacedObject, RoomPlan, Vector
 from dataset_builder.layers import EVERYWHERE, LAYERS, PASSES, Extent
+from dataset_builder.planning.effects.caustics_told import throws_caustics, told
 from dataset_builder.planning.effects.features import scene_features
 from dataset_builder.planning.effects.materials_used import MaterialUse, SceneUse, scene_use
 from dataset_builder.planning.effects.reach import MAX_DEPTH, path_depth, reaching, said
+from dataset_builder.planning.effects.transport_choice import PassLight, choose, choose_for_everything
 from dataset_builder.planning.scene.shell import Shell
 from dataset_builder.spec.render import RenderSpec
 
@@ -81,41 +83,58 @@ def plan_effects(*, spec: RenderSpec, room: RoomPlan, shell: Shell, diagonal: fl
     scene = _Scene(spec=spec, shell=shell, near=target.position, diagonal=diagonal, use=use, light=light, fog=fog,
                    render=render)
     planned = [_plan_pass(scene, name) for name in PASSES]
-    lights = tuple(each for illumination in (source_light, target_light) for each in illumination.lights)
-    features, on_surfaces = scene_features(use, fog, lights, render)
-    decisions = (*(decision for _, about in planned for decision in about), *_light_free(render), *on_surfaces)
-    return EffectsPlan(features=features, passes=tuple(entry for entry, _ in planned), decisions=decisions)
+    features, on_surfaces = scene_features(use, fog, render)
+    lit = [(each.light, each.entry.transport) for each in planned if each.light and _runs(render, each.light.name)]
+    decisions = (*(decision for each in planned for decision in each.decisions), *told(lit), *_light_free(render),
+                 *on_surfaces)
+    return EffectsPlan(features=features, passes=tuple(each.entry for each in planned), decisions=decisions)
 
 
 def _everything(spec: RenderSpec, render: RenderPlan, light: dict[str, IlluminationPlan]) -> EffectsPlan:
     depth = MAX_DEPTH if spec.max_depth == "auto" else max(int(spec.max_depth), MAX_DEPTH)
     lit = {name: tuple(range(len(illumination.lights))) for name, illumination in light.items()}
-    passes = tuple(PassEffects(name=name, extent="frame", lights=lit.get(name, ()), max_depth=depth) for name in PASSES)
     reason = "everything simulated, as requested"
+    paths = {name: choose_for_everything(name, spec.transport, reason) for name in LIT}
+    passes = tuple(PassEffects(name=name, extent="frame", lights=lit.get(name, ()), max_depth=depth,
+                               transport=paths[name][0] if name in paths else "camera") for name in PASSES)
     decisions = (*(Decision(effect=f"pass {name}", choice="frame" if _runs(render, name) else "not run", reason=reason)
                    for name in PASSES),
                  *(Decision(effect=f"lights of {name}", choice="all", reason=reason) for name in LIT),
                  *(Decision(effect=f"path depth of {name}", choice=f"{depth}", reason=reason) for name in LIT),
+                 *(on_transport for name, (_, on_transport) in paths.items() if _runs(render, name)),
                  *(Decision(effect=feature, choice="on", reason=reason) for feature in get_args(Feature)))
     return EffectsPlan(features=get_args(Feature), passes=passes, decisions=decisions)
 
 
-def _plan_pass(scene: _Scene, name: str) -> tuple[PassEffects, list[Decision]]:
-    """What one pass simulates, and why."""
+@dataclass(frozen=True, kw_only=True)
+class _Planned:
+    """One pass, and why it is as it is."""
+
+    entry: PassEffects
+    decisions: tuple[Decision, ...]
+    light: PassLight | None = None
+    """None where it needs no light."""
+
+
+def _plan_pass(scene: _Scene, name: str) -> _Planned:
     extent, about = _extent(scene.render, name)
-    decisions = [Decision(effect=f"pass {name}", choice=extent if _runs(scene.render, name) else "not run",
-                          reason=about)]
+    runs = _runs(scene.render, name)
+    on_pass = Decision(effect=f"pass {name}", choice=extent if runs else "not run", reason=about)
     if name not in LIT:
-        return _entry(name, extent, (), 1), decisions
-    lights, on_lights = _lights(scene, name)
+        return _Planned(entry=_entry(name, extent, max_depth=1), decisions=(on_pass,))
+    kept, on_lights = _lights(scene, name)
     depth, on_depth = _depth(scene, name)
-    if _runs(scene.render, name):
-        decisions += [on_lights, on_depth]
-    return _entry(name, extent, lights, depth), decisions
+    light = PassLight(name=name, lights=tuple(scene.light[name].lights[index] for index in kept),
+                      materials=_standing(scene, name), fog=scene.fog, depth=depth)
+    transport, on_transport = choose(light, scene.spec.transport)
+    entry = _entry(name, extent, lights=kept, max_depth=depth, transport=transport,
+                   caustics=transport == "joined" and throws_caustics(light))
+    return _Planned(entry=entry, light=light,
+                    decisions=(on_pass, on_lights, on_depth, on_transport) if runs else (on_pass,))
 
 
-def _entry(name: str, extent: str, lights: tuple[int, ...], depth: int) -> PassEffects:
-    return PassEffects.model_validate({"name": name, "extent": extent, "lights": lights, "max_depth": depth})
+def _entry(name: str, extent: str, **more: Any) -> PassEffects:
+    return PassEffects.model_validate({"name": name, "extent": extent, "lights": (), **more})
 
 
 # Pixels
@@ -183,10 +202,10 @@ def _require_light(shell: Shell, near: Vector, light: dict[str, IlluminationPlan
         raise PlanError(problems)
 
 
-def _standing(scene: _Scene, name: str) -> list[MaterialUse]:
+def _standing(scene: _Scene, name: str) -> tuple[MaterialUse, ...]:
     """Materials of what is not taken away in a pass."""
     opened = scene.light[name].open
-    return [use for use in scene.use.materials if use.part not in opened]
+    return tuple(use for use in scene.use.materials if use.part not in opened)
 
 
 def _depth(scene: _Scene, name: str) -> tuple[int, Decision]:

@@ -14,14 +14,11 @@ from dataset_builder.assets.asset import (
     sends,
 )
 from dataset_builder.label.example_plan import Decision, Feature, RenderPlan
-from dataset_builder.label.scene_plan import FogPlan, LightPlan
-from dataset_builder.light_kinds import LIGHT_KINDS
-from dataset_builder.planning.effects.materials_used import MaterialUse, SceneUse, is_smooth
+from dataset_builder.label.scene_plan import FogPlan
+from dataset_builder.planning.effects.materials_used import MaterialUse, SceneUse
 
 NAMED = 3
 """How many materials a reason names before it counts the rest."""
-MIRROR = 0.2
-"""Roughness of metal up to which it throws caustics worth a word."""
 
 
 def _glossy(material: Material) -> bool:
@@ -58,12 +55,9 @@ def names(uses: Sequence[str]) -> str:
     return ", ".join(uses[:NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
-def scene_features(use: SceneUse, fog: FogPlan, lights: Sequence[LightPlan], render: RenderPlan) \
-        -> tuple[tuple[Feature, ...], tuple[Decision, ...]]:
-    """The features that a scene calls for, in the order of `Feature`, and the decisions about its surfaces and air.
-
-    lights: of all passes; no feature depends on them, only what is said of caustics does.
-    """
+def scene_features(use: SceneUse, fog: FogPlan,
+                   render: RenderPlan) -> tuple[tuple[Feature, ...], tuple[Decision, ...]]:
+    """The features that a scene calls for, in the order of `Feature`, and the decisions about its surfaces and air."""
     calling = {feature: [each for each in use.materials if _calls(feature, each)]
                for feature in get_args(Feature) if feature in {*_CALLS, *_OWN}}
     on = {feature for feature, found in calling.items() if found} | ({"fog"} if fog.extinction > 0 else set())
@@ -71,7 +65,7 @@ def scene_features(use: SceneUse, fog: FogPlan, lights: Sequence[LightPlan], ren
     decisions = [_said(feature, found, len(use.materials)) for feature, found in calling.items()
                  if feature not in ("textures", "dispersion")]
     return features, (_textures(calling["textures"], render), *decisions, _dispersion(calling["dispersion"]),
-                      _fog(fog), *_nowhere(use), *_caustics(use.materials, lights), _normals(use), *_files(use))
+                      _fog(fog), *_nowhere(use), _normals(use), *_files(use))
 
 
 def _calls(feature: Feature, use: MaterialUse) -> bool:
@@ -125,30 +119,6 @@ def _fog(fog: FogPlan) -> Decision:
         return Decision(effect="fog", choice="off", reason="the air is clear: the scene has no medium")
     return Decision(effect="fog", choice="on", reason=f"a homogeneous medium of extinction {fog.extinction:.3g} per "
                     f"metre, albedo {fog.albedo:.3g} and anisotropy {fog.anisotropy:.3g} fills the room")
-
-
-def _caustics(materials: Sequence[MaterialUse], lights: Sequence[LightPlan]) -> list[Decision]:
-    """What becomes of light that solid glass and mirrors gather on other surfaces. Panes only pass it on."""
-    glass = [each for each in materials if is_solid(each.material)]
-    mirrors = [each for each in materials if range_of(each.material, "metallic")[1] > 0.5 and each.smoothest <= MIRROR]
-    if not glass and not mirrors:
-        return [Decision(effect="caustics", choice="none", reason="no solid glass and no mirror is in the scene")]
-    kinds = {light.kind for light in lights if any(light.radiance)}
-    points, wide = (sorted(kind for kind in kinds if LIGHT_KINDS[kind].extended is extended)
-                    for extended in (False, True))
-    # Textured glass may be smooth in one texel and rough in another
-    lost = [each for each in glass if is_smooth(each.smoothest)]
-    rough = [each for each in glass if not is_smooth(each.roughest)]
-    noisy = [*rough, *(each for each in mirrors if each not in glass)]
-    found = ((bool(wide), "simulated", f"paths from a surface meet {_kinds(wide)} by way of", [*glass, *mirrors]),
-             (bool(points), "noisy", f"{_kinds(points)} without extent, found only through the narrow lobes of", noisy),
-             (bool(points), "not simulated", f"{_kinds(points)} without extent, which no path meets by way of", lost))
-    return [Decision(effect="caustics", choice=choice, reason=f"{what} {names([each.name for each in things])}")
-            for there, choice, what, things in found if there and things]
-
-
-def _kinds(kinds: Sequence[str]) -> str:
-    return f"{' and '.join(kinds)} light"
 
 
 def _normals(use: SceneUse) -> Decision:

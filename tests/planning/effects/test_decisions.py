@@ -144,7 +144,7 @@ def test_vertices_and_maps_call_for_their_switches() -> None:
     def features(**more: Any) -> set[str]:
         use = MaterialUse(owner="tree", part="furniture", material=leaf, scattered=0.5, smoothest=1, roughest=1, **more)
         scene = SceneUse(materials=(use,), smooth=(), flat=())
-        return set(scene_features(scene, FogPlan(), (lamp("area"),), plans.example_plan().render)[0])
+        return set(scene_features(scene, FogPlan(), plans.example_plan().render)[0])
 
     assert features() == {"textures", "maps", "specular"}
     assert features(coloured=True) == {"textures", "maps", "specular", "colours"}
@@ -219,7 +219,7 @@ def test_passes_that_no_layer_needs_do_not_run(decide: Decide) -> None:
     assert choices(effects, "pass source") == choices(effects, "pass rough") == ["not run"]
     assert "none of its layers is requested" in reason(effects, "pass source")
     assert choices(effects, "pass target") == ["object"]
-    assert choices(effects, "path depth of source") == []
+    assert choices(effects, "path depth of source") == choices(effects, "transport of source") == []
     assert choices(decide(layers=(("s_prime", "object"),)), "pass first_hit_rough") == ["object"]
 
 
@@ -248,38 +248,10 @@ def test_all_simulates_everything_everywhere(decide: Decide) -> None:
     assert {entry.max_depth for entry in effects.passes} == {64}
     assert {entry.max_depth for entry in decide(effects="all", max_depth=100).passes} == {100}
     assert effects.of("rough").lights == (0, 1, 2) and effects.of("source").lights == (0,)
-    assert {decision.reason for decision in effects.decisions} == {"everything simulated, as requested"}
-
-
-@pytest.mark.parametrize(("figures", "kinds", "expected"), [
-    (MATTE, ("point",), ["none"]),
-    (GLASS, ("area",), ["simulated"]),
-    (GLASS, ("point",), ["simulated", "not simulated"]),
-    (GLASS | {"roughness": 0.3}, ("spot",), ["simulated", "noisy"]),
-    (GLASS | {"thin": 1.0}, ("point",), ["none"]),
-    ({"metallic": 1.0, "roughness": 0.05}, ("point",), ["simulated", "noisy"]),
-    ({"metallic": 1.0, "roughness": 0.6}, ("point",), ["none"]),
-])
-def test_caustics_are_told(decide: Decide, figures: dict[str, float], kinds: tuple[str, ...],
-                           expected: list[str]) -> None:
-    """The source's dome is always met."""
-    effects = decide(figures, lights=tuple(lamp(kind) for kind in kinds))
-    assert choices(effects, "caustics") == expected
-    if "not simulated" in expected:
-        assert "point light" in reason(effects, "caustics") and "grey of box-1" in reason(effects, "caustics")
-
-
-def test_glass_that_is_smooth_in_one_texel_and_rough_in_another_loses_caustics_and_has_noisy_ones() -> None:
-    texels = Texture(base_color=np.ones((1, 2, 3), np.float32), roughness=np.array([[0, 1]], np.float32))
-    glass = Material(name="ice", base_color=(1, 1, 1), transmission=1.0, texture=texels)
-    metal = Material(name="foil", base_color=(1, 1, 1), metallic=1.0, texture=texels)
-    uses = tuple(MaterialUse(owner="vase", part="furniture", material=each, scattered=0.5, smoothest=0, roughest=1)
-                 for each in (glass, metal))
-    use = SceneUse(materials=uses, smooth=(), flat=())
-    decisions = scene_features(use, FogPlan(), (lamp("point"),), plans.example_plan().render)[1]
-    told = {decision.choice: decision.reason for decision in decisions if decision.effect == "caustics"}
-    assert told.keys() == {"noisy", "not simulated"}
-    assert "ice of vase, foil of vase" in told["noisy"] and told["not simulated"].endswith("ice of vase")
+    everything = "everything simulated, as requested"
+    assert {decision.reason for decision in effects.decisions} == {
+        everything, f"{everything}; light paths know neither fog nor dispersion"}
+    assert {entry.transport for entry in effects.passes} == {"camera"}
 
 
 def test_what_belongs_to_the_view_does_not_follow_the_target_light(decide: Decide) -> None:
