@@ -1,62 +1,72 @@
-"""Passes by joined paths: light paths for every independent group of samples, and the integrand that is joined with them.
-"""
+"""Passes by joined paths: light paths for every independent group of samples, and the integrand joined with them."""
 
-from math import log2, tan, radians
+from __future__ import annotations
+
+from math import log2
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from dataset_builder.light_kinds import LIGHT_KINDS
+from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.label.scene_plan import IlluminationPlan
-from dataset_builder.rendering.sampling.estimate import Groups, Integrand, Samplers, Shared
+from dataset_builder.light_kinds import LIGHT_KINDS
+from dataset_builder.rendering.sampling.estimate import Elsewhere, Groups, Integrand, Samplers, Shared
 from dataset_builder.rendering.scene.open_scene import OpenScene
 from dataset_builder.rendering.transport.joined_paths import LightSide, trace_joined
 from dataset_builder.rendering.transport.lamps import lamps_of
+from dataset_builder.rendering.transport.light_image import Camera, light_image
 from dataset_builder.rendering.transport.light_paths import trace_light
 from dataset_builder.rendering.transport.light_sampling import World
 from dataset_builder.rendering.transport.links import table_of
 from dataset_builder.rendering.view_sensor import ViewSensor, primary_ray
 from dataset_builder.seeding import derive_seed
 
-SAMPLES_PER_PATH = 24
-"""Camera samples of a group for each of its light paths."""
-FEWEST, MOST = 5, 7
+SAMPLES_PER_PATH = {False: 24, True: 2}
+"""Camera samples of a group for each of its light paths, without caustics and with them."""
+FEWEST, MOST = 5, 9
 """Light paths of a group, as powers of four: full grids of strata, and few sizes."""
 
 
-def paths_for(samples: int) -> int:
+def paths_for(samples: int, caustics: bool) -> int:
     """Light paths of a group: few, but none used so much that its noise shows."""
-    return int(4 ** np.clip(round(log2(max(samples, 1) / SAMPLES_PER_PATH) / 2), FEWEST, MOST))
+    return int(4 ** np.clip(round(log2(max(samples, 1) / SAMPLES_PER_PATH[caustics]) / 2), FEWEST, MOST))
 
 
-def joined_integrand(view: ViewSensor, opened: OpenScene, max_depth: int) -> Shared:
+def joined_integrand(view: ViewSensor, opened: OpenScene, max_depth: int, caustics: bool) -> Shared:
     """What `radiance_sampler` samples, by joined paths; see `sampling.estimate.Shared`."""
-    sensor = view.sensor()
+    sensor, camera = view.sensor(), camera_of(view)
     longest, roulette = (dr.opaque(mi.UInt32, depth) for depth in (max_depth, view.render.rr_depth))
     lamps, share = lamps_of(opened.scene), dr.opaque(mi.Float, lamp_share(opened.illumination))
-    half = tan(radians(view.camera.fov / 2))
-    pixel_area = dr.opaque(mi.Float, (2 * half / view.render.width) ** 2)
-    forward = mi.Vector3f(sensor.world_transform() @ mi.Vector3f(0, 0, 1))
-    dr.make_opaque(forward)
 
-    def shared(groups: Groups) -> tuple[Integrand, None]:
+    def shared(groups: Groups) -> tuple[Integrand, Elsewhere | None]:
         world = World(opened.scene, longest, roulette, opened.features, opened.fog)
-        vertices = trace_light(world, lamps, paths=paths_for(groups.samples), sets=groups.count,
-                               seed=derive_seed(groups.seed, "light"))
-        light = LightSide(lamps=lamps, table=table_of(vertices), shape=mi.ShapePtr(opened.shape), share=share,
-                          splats=dr.opaque(mi.Float, 0.0))
+        paths = paths_for(groups.samples, caustics)
+        vertices = trace_light(world, lamps, paths=paths, sets=groups.count, seed=derive_seed(groups.seed, "light"))
+        light = LightSide(lamps, table_of(vertices), mi.ShapePtr(opened.shape), share,
+                          dr.opaque(mi.Float, paths / groups.per_pixel if caustics else 0.0))
 
         def integrand(samplers: Samplers, position: mi.Vector2f) -> list[mi.Float]:
             ray = primary_ray(sensor, position)
-            pixel_pdf = dr.rcp(pixel_area * dr.dot(ray.d, forward) ** 3)
-            found = trace_joined(world, light, samplers.strata, samplers.rest, ray, pixel_pdf, samplers.group,
-                                 derive_seed(samplers.seed, "rest") & 0xFFFFFFFF)
+            found = trace_joined(world, light, samplers.strata, samplers.rest, ray, camera.pixel_pdf(ray.d),
+                                 samplers.group, derive_seed(samplers.seed, "rest") & 0xFFFFFFFF)
             return [*found.image, *found.shading, *found.specular, *(found.shading * found.shading)]
 
-        return integrand, None
+        def elsewhere(pixels: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+            found = light_image(world, light, camera, vertices, pixels, numbers)
+            return np.pad(found, ((0, 0), (0, 0), (0, 3)))
+
+        return integrand, elsewhere if caustics else None
 
     return shared
+
+
+def camera_of(view: ViewSensor) -> Camera:
+    """The camera as light paths see it."""
+    pinhole = Pinhole.of(view.camera, view.render.width, view.render.height)
+    eye, forward = mi.Point3f(pinhole.position.tolist()), mi.Vector3f(pinhole.basis[2].tolist())
+    dr.make_opaque(eye, forward)
+    return Camera(pinhole=pinhole, eye=eye, forward=forward, pixel_area=dr.opaque(mi.Float, pinhole.focal**-2))
 
 
 def lamp_share(illumination: IlluminationPlan) -> float:

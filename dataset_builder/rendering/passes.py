@@ -28,10 +28,11 @@ RADIANCE_LAYERS = {"i_s": "image", "i_t": "image", "s": "shading", "s_prime": "s
 FIRST_HIT_CHANNELS = {"mask": slice(0, 1), "d": slice(1, 4), "r": slice(4, 7), "normal": slice(7, 10),
                       "depth": slice(10, 11), "met": slice(11, 12), "d_squared": slice(12, 15)}
 
-def radiance_sampler(view: ViewSensor, opened: OpenScene, max_depth: int, transport: Transport = "camera") -> Sample:
+def radiance_sampler(view: ViewSensor, opened: OpenScene, max_depth: int, transport: Transport = "camera",
+                     caustics: bool = False) -> Sample:
     """Sampler of image, shading, specular part, squared shading and air; channels as `RADIANCE_CHANNELS` cuts them."""
     if transport == "joined":
-        shared = joined_integrand(view, opened, max_depth)
+        shared = joined_integrand(view, opened, max_depth, caustics)
         return lambda pixels, spp, batches, seed: view.estimate_shared(
             shared, pixels, spp, batches, seed).padded(RADIANCE_CHANNELS["air"].stop)
     sensor = view.sensor()

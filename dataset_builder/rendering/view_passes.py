@@ -154,7 +154,8 @@ class ViewPasses:
         """A pass with light."""
         def sampler() -> Sample:
             effects = plan.effects.of(key[0])
-            return passes.radiance_sampler(self.view, opened(), effects.max_depth, effects.transport)
+            return passes.radiance_sampler(self.view, opened(), effects.max_depth, effects.transport,
+                                           effects.caustics)
 
         return self._once(key, plan, covered, sampler, *seed)
 

@@ -62,9 +62,13 @@ class Groups:
     """64 bits."""
 
 
-Shared = Callable[[Groups], "tuple[Integrand, Callable[[np.ndarray, np.ndarray], np.ndarray] | None]"]
-"""What pixels of a group share, such as light paths, made anew for each set of groups: the integrand, and what comes to
-pixels from elsewhere, if anything: (P,) pixels, (P, B) groups of their batches -> (P, B, C), added to the means."""
+Elsewhere = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""What comes to pixels from elsewhere than their own samples: (P,) pixels, (P, B) groups of their batches ->
+(P, B, C), added to the means."""
+
+Shared = Callable[[Groups], tuple[Integrand, Elsewhere | None]]
+"""What pixels of a group share, such as light paths, made anew for each set of groups: the integrand, and what comes
+from elsewhere, if anything."""
 
 
 def stratified(spp: int, batches: int) -> tuple[int, int, int]:

@@ -88,7 +88,9 @@ def trace_joined(world: World, light: LightSide, sampler: mi.Sampler, free: mi.S
     # Link
     pdf = mixture_pdf(joined.pdf, joined.cosine)
     arrived = arrive(world, light.shape, joint, si, trust1, active & (pdf > 0) & (joint.edges + 2 <= world.max_depth))
-    r0 = edge(light.splats, dr.square(distance), pixel_pdf, dr.abs(dr.dot(si.n, ray.d)))
+    # Light paths leave no vertices on lamps
+    splats = dr.select(si.emitter(world.scene) == None, light.splats, 0)  # noqa: E711
+    r0 = edge(splats, dr.square(distance), pixel_pdf, dr.abs(dr.dot(si.n, ray.d)))
     others = _link(world, r0, si, ray.d, joint.toward, pdf) + trust2 * arrived.nearer
     bounced = arrived.light * linked(arrived.r / pdf, arrived.camera, others)
 
