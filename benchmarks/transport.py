@@ -98,7 +98,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--examples", nargs="+", default=["0t"], help="its passes, such as 0t 3r (default 0t)")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="override a key of the specs")
     parser.add_argument("--spp", type=int, nargs="+", default=[36, 256], help="samples per pixel (default 36 256)")
-    parser.add_argument("--repeats", type=int, default=6, help="runs of each side for the table (default 6)")
+    parser.add_argument("--repeats", type=int, default=4, help="runs of each side for the table (default 4)")
     parser.add_argument("--reference", type=int, default=0, metavar="RUNS",
                         help=f"runs of camera paths at {TRUTH_SPP} spp that the truth is the mean of")
     mode = parser.add_mutually_exclusive_group()
