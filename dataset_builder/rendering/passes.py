@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from dataset_builder.label.example_plan import RenderPlan, Transport
-from dataset_builder.label.scene_plan import CameraPlan
+from dataset_builder.label.example_plan import Transport
 from dataset_builder.planning.scene.arrangement import TARGET_INSTANCE
+from dataset_builder.rendering.joined import joined_integrand
 from dataset_builder.rendering.sampling.adaptive import Sample
-from dataset_builder.rendering.sampling.estimate import Integrand, Samplers, estimate
+from dataset_builder.rendering.sampling.estimate import Samplers
 from dataset_builder.rendering.sampling.moments import Estimate
-from dataset_builder.rendering.scene.open_scene import OpenScene, sensor_of
+from dataset_builder.rendering.scene.open_scene import OpenScene
 from dataset_builder.rendering.surface.first_hit import reflectance
 from dataset_builder.rendering.transport.integrator import trace
 from dataset_builder.rendering.transport.sight import first_surface
+from dataset_builder.rendering.view_sensor import CENTRE, ViewSensor, primary_ray
 
 RADIANCE_CHANNELS = {"image": slice(0, 3), "shading": slice(3, 6), "specular": slice(6, 9),
                      "shading_squared": slice(9, 12), "air": slice(12, 15)}
@@ -27,33 +27,18 @@ RADIANCE_LAYERS = {"i_s": "image", "i_t": "image", "s": "shading", "s_prime": "s
 """Channels of a radiance pass that a layer takes."""
 FIRST_HIT_CHANNELS = {"mask": slice(0, 1), "d": slice(1, 4), "r": slice(4, 7), "normal": slice(7, 10),
                       "depth": slice(10, 11), "met": slice(11, 12), "d_squared": slice(12, 15)}
-CENTRE = 0.5
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ViewSensor:
-    """What all passes of one view share: the camera, and how pixels are computed."""
-
-    camera: CameraPlan
-    render: RenderPlan
-
-    def sensor(self) -> mi.Sensor:
-        """The camera, as Mitsuba's."""
-        return sensor_of(self.camera, self.render.width, self.render.height)
-
-    def estimate(self, integrand: Integrand, pixels: np.ndarray, spp: int, batches: int, seed: int) -> Estimate:
-        """`sampling.estimate.estimate` with this view's size."""
-        return estimate(integrand, pixels, width=self.render.width, height=self.render.height, spp=spp, batches=batches,
-                        seed=seed)
-
 
 def radiance_sampler(view: ViewSensor, opened: OpenScene, max_depth: int, transport: Transport = "camera") -> Sample:
     """Sampler of image, shading, specular part, squared shading and air; channels as `RADIANCE_CHANNELS` cuts them."""
+    if transport == "joined":
+        shared = joined_integrand(view, opened, max_depth)
+        return lambda pixels, spp, batches, seed: view.estimate_shared(
+            shared, pixels, spp, batches, seed).padded(RADIANCE_CHANNELS["air"].stop)
     sensor = view.sensor()
     longest, roulette = (dr.opaque(mi.UInt32, depth) for depth in (max_depth, view.render.rr_depth))
 
     def integrand(samplers: Samplers, position: mi.Vector2f) -> list[mi.Float]:
-        found = trace(opened.scene, samplers.strata, samplers.rest, _primary(sensor, position), longest, roulette,
+        found = trace(opened.scene, samplers.strata, samplers.rest, primary_ray(sensor, position), longest, roulette,
                       features=opened.features, fog=opened.fog)
         channels = [*found.image, *found.shading, *found.specular, *(found.shading * found.shading)]
         return [*channels, *found.air] if opened.fog else channels
@@ -78,7 +63,7 @@ def first_hit(view: ViewSensor, opened: OpenScene, pixels: np.ndarray, spp: int,
     dr.make_opaque(forward, origin)
 
     def integrand(samplers: Samplers, position: mi.Vector2f) -> list[mi.Float]:
-        ray, si = _beyond_lamps(opened, _primary(sensor, position), samplers)
+        ray, si = _beyond_lamps(opened, primary_ray(sensor, position), samplers)
         met = si.is_valid()
         diffuse, specular, normal = reflectance(si.bsdf(ray), si, met)
         target = met & (_instance(opened, si) == TARGET_INSTANCE)
@@ -97,7 +82,7 @@ def instances(view: ViewSensor, opened: OpenScene, pixels: np.ndarray) -> np.nda
     size = mi.Vector2f(dr.opaque(mi.Float, view.render.width), dr.opaque(mi.Float, view.render.height))
     row, column = np.divmod(pixels, view.render.width)
     centre = mi.Vector2f(mi.Float(column + CENTRE), mi.Float(row + CENTRE)) / size
-    _, si = _beyond_lamps(opened, _primary(sensor, centre), None)
+    _, si = _beyond_lamps(opened, primary_ray(sensor, centre), None)
     return np.array(dr.select(si.is_valid(), _instance(opened, si), 0))
 
 
@@ -112,11 +97,6 @@ def deviation(found: Estimate, channels: Mapping[str, slice], name: str) -> np.n
     """(P, 3) deviation over the samples of each pixel of `name`, of which the pass also has the mean of squares."""
     mean, squared = found.mean[:, channels[name]], found.mean[:, channels[f"{name}_squared"]]
     return np.sqrt(np.maximum(squared - mean**2, 0))
-
-
-def _primary(sensor: mi.Sensor, position: mi.Vector2f) -> mi.Ray3f:
-    ray, _ = sensor.sample_ray(0, CENTRE, position, mi.Point2f(CENTRE), True)
-    return ray
 
 
 def _beyond_lamps(opened: OpenScene, ray: mi.Ray3f,

@@ -37,10 +37,34 @@ class Samplers:
     rest: mi.Sampler
     """For what comes after, independent: beyond some dozen dimensions strata gain nothing, and cost a tenth of the
     time."""
+    group: mi.UInt32
+    """Which of the independent samples of its pixel the lane belongs to; lanes of one group may share what is random,
+    see `Shared`."""
+    seed: int
+    """64 bits, for random numbers that are drawn later."""
 
 
 Integrand = Callable[[Samplers, "mi.Vector2f"], "list[mi.Float]"]
 """Samplers and film position in [0, 1]^2 of every lane -> C channels."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Groups:
+    """How samples fall into groups that are independent of each other: one for each batch, and for each time that a
+    pixel is listed."""
+
+    count: int
+    samples: int
+    """Of the largest group, over all of its pixels."""
+    per_pixel: int
+    """Samples of a pixel in a group."""
+    seed: int
+    """64 bits."""
+
+
+Shared = Callable[[Groups], "tuple[Integrand, Callable[[np.ndarray, np.ndarray], np.ndarray] | None]"]
+"""What pixels of a group share, such as light paths, made anew for each set of groups: the integrand, and what comes to
+pixels from elsewhere, if anything: (P,) pixels, (P, B) groups of their batches -> (P, B, C), added to the means."""
 
 
 def stratified(spp: int, batches: int) -> tuple[int, int, int]:
@@ -55,33 +79,61 @@ def stratified(spp: int, batches: int) -> tuple[int, int, int]:
 
 def estimate(integrand: Integrand, pixels: np.ndarray, *, width: int, height: int, spp: int, batches: int,
              seed: int) -> Estimate:
+    """`estimate_shared` of an integrand whose pixels share nothing."""
+    return estimate_shared(lambda _: (integrand, None), pixels, width=width, height=height, spp=spp, batches=batches,
+                           seed=seed)
+
+
+def estimate_shared(shared: Shared, pixels: np.ndarray, *, width: int, height: int, spp: int, batches: int,
+                    seed: int) -> Estimate:
     """Means of an integrand over the areas of pixels. pixels: (P,) indices row * width + column, which may repeat, each
     time with its own random numbers; seed: 64 bits."""
     repetitions, batches, per_batch = stratified(spp, batches)
     seeds = [seed, *(derive_seed(seed, "more", k) for k in range(1, repetitions))]
-    found = [_once(integrand, pixels, width, height, batches, per_batch, own) for own in seeds]
+    found = [_once(shared, pixels, width, height, batches, per_batch, own) for own in seeds]
     return found[0] if repetitions == 1 else pooled(found)
 
 
-def _once(integrand: Integrand, pixels: np.ndarray, width: int, height: int, batches: int, per_batch: int,
+def _once(shared: Shared, pixels: np.ndarray, width: int, height: int, batches: int, per_batch: int,
           seed: int) -> Estimate:
-    lanes = batches * per_batch
-    parts = [_batch_means(integrand, chunk, width, height, batches, per_batch, derive_seed(seed, number, int(chunk[0])))
-             for number, chunk in enumerate(_chunks(pixels, max(1, LANES // lanes)))]
-    return of_batches(np.concatenate(parts), lanes)
+    lanes, times = batches * per_batch, _times_before(pixels)
+    groups = Groups(count=batches * (1 + int(times.max(initial=0))), samples=per_batch * int((times == 0).sum()),
+                    per_pixel=per_batch, seed=derive_seed(seed, "shared"))
+    integrand, elsewhere = shared(groups)
+    parts = []
+    for number, entries in enumerate(_chunks(np.arange(len(pixels)), max(1, LANES // lanes))):
+        own = derive_seed(seed, number, int(pixels[entries[0]]))
+        parts.append(_batch_means(integrand, pixels[entries], times[entries], width, height, batches, per_batch, own))
+    means = np.concatenate(parts)
+    if elsewhere:
+        means += elsewhere(pixels, times[:, None] * batches + np.arange(batches))
+    return of_batches(means, lanes)
 
 
-def _chunks(pixels: np.ndarray, size: int) -> Iterator[np.ndarray]:
-    for first in range(0, len(pixels), size):
-        yield pixels[first:first + size]
+def _times_before(pixels: np.ndarray) -> np.ndarray:
+    """(P,) how often each pixel was listed before."""
+    order = np.argsort(pixels, kind="stable")
+    placed = pixels[order]
+    first = np.concatenate([[True], placed[1:] != placed[:-1]]) if len(pixels) else np.zeros(0, dtype=bool)
+    begin = np.maximum.accumulate(np.where(first, np.arange(len(pixels)), 0))
+    times = np.empty(len(pixels), dtype=np.int64)
+    times[order] = np.arange(len(pixels)) - begin
+    return times
 
 
-def _batch_means(integrand: Integrand, pixels: np.ndarray, width: int, height: int, batches: int, per_batch: int,
-                 seed: int) -> np.ndarray:
+def _chunks(entries: np.ndarray, size: int) -> Iterator[np.ndarray]:
+    for first in range(0, len(entries), size):
+        yield entries[first:first + size]
+
+
+def _batch_means(integrand: Integrand, pixels: np.ndarray, times: np.ndarray, width: int, height: int, batches: int,
+                 per_batch: int, seed: int) -> np.ndarray:
     """(P, batches, C) float64."""
-    count = len(pixels) * batches * per_batch
-    samplers = _samplers(per_batch, count, seed)
-    slot = dr.arange(mi.UInt32, count) // dr.opaque(mi.UInt32, batches * per_batch)
+    count, b = len(pixels) * batches * per_batch, dr.opaque(mi.UInt32, batches)
+    batch = dr.arange(mi.UInt32, count) // dr.opaque(mi.UInt32, per_batch)
+    slot = batch // b
+    group = dr.gather(mi.UInt32, owned(mi.UInt32, (times * batches).astype(np.uint32)), slot) + batch - slot * b
+    samplers = _samplers(per_batch, count, seed, group)
     pixel = dr.gather(mi.UInt32, owned(mi.UInt32, pixels.astype(np.uint32)), slot)
     size = dr.opaque(mi.Float, width), dr.opaque(mi.Float, height)
     row = pixel // dr.opaque(mi.UInt32, width)
@@ -96,10 +148,10 @@ def _batch_means(integrand: Integrand, pixels: np.ndarray, width: int, height: i
     return stacked.reshape(len(pixels), batches, -1) / per_batch
 
 
-def _samplers(per_batch: int, lanes: int, seed: int) -> Samplers:
+def _samplers(per_batch: int, lanes: int, seed: int, group: mi.UInt32) -> Samplers:
     strata = mi.load_dict({"type": "multijitter", "sample_count": per_batch})
     strata.set_samples_per_wavefront(per_batch)
     strata.seed(seed & 0xFFFFFFFF, lanes)
     rest = mi.load_dict({"type": "independent"})
     rest.seed(seed >> 32, lanes)
-    return Samplers(strata=strata, rest=rest)
+    return Samplers(strata=strata, rest=rest, group=group, seed=derive_seed(seed, "later"))

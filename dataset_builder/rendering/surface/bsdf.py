@@ -16,7 +16,8 @@ import mitsuba as mi
 from dataset_builder.label.example_plan import Feature
 from dataset_builder.rendering.buffers import owned
 from dataset_builder.rendering.surface import lobes as scattering
-from dataset_builder.rendering.surface.first_hit import FirstHit, cosine_direction, white_lambert
+from dataset_builder.rendering.surface.first_hit import FirstHit, Towards, cosine_direction, white_lambert
+from dataset_builder.rendering.surface.later_hit import VertexHit, scattered
 from dataset_builder.rendering.surface.layering import Reflectances, lobes_of
 from dataset_builder.rendering.surface.lobes import Lobes
 from dataset_builder.rendering.surface.material_table import MaterialTable, look_up
@@ -63,22 +64,29 @@ class Surface:
 
     # The first hit, which is there
 
-    def first_hit(self, si: mi.SurfaceInteraction3f, light: mi.Vector3f, take_cosine: mi.Bool, sample1: mi.Float,
-                  sample2: mi.Point2f, active: mi.Bool) -> FirstHit:
+    def first_hit(self, si: mi.SurfaceInteraction3f, given: list[mi.Vector3f], take_cosine: mi.Bool,
+                  sample1: mi.Float, sample2: mi.Point2f, active: mi.Bool) -> FirstHit:
         """See `first_hit.FirstHit`; one look at the textures."""
         lobes = self._lobes(si, active)
         drawn = scattering.scatter(lobes, si, sample1, sample2)
         wo = dr.select(take_cosine, cosine_direction(lobes.normal, sample2), drawn.wo)
-        em_value, em_pdf = scattering.evaluate(lobes, si, light)
+        towards = [Towards(*scattering.evaluate(lobes, si, each), white_lambert(lobes.normal, si, each))
+                   for each in given]
         value, pdf = scattering.evaluate(lobes, si, wo)
         delta, null = drawn.delta & ~take_cosine, drawn.null & ~take_cosine
         valid = drawn.valid | take_cosine
         cosine = white_lambert(lobes.normal, si, wo)
-        return FirstHit(diffuse=lobes.diffuse, em_value=em_value, em_pdf=em_pdf,
-                        em_cosine=white_lambert(lobes.normal, si, light), wo=wo,
+        return FirstHit(diffuse=lobes.diffuse, towards=towards, wo=wo,
                         value=dr.select(valid & ~delta, value, 0), pdf=dr.select(valid & ~delta, pdf, 0),
                         cosine=dr.select(valid, cosine, 0), delta=delta, null=null,
                         delta_weight=dr.select(delta, drawn.delta_weight, 0))
+
+    def vertex_hit(self, si: mi.SurfaceInteraction3f, given: list[mi.Vector3f], sample1: mi.Float,
+                   sample2: mi.Point2f, active: mi.Bool) -> VertexHit:
+        """See `later_hit.VertexHit`; one look at the textures."""
+        lobes = self._lobes(si, active, whole=False)
+        return scattered([scattering.evaluate(lobes, si, each) for each in given],
+                         *scattering.sample(lobes, si, sample1, sample2, active))
 
     def reflectance(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> tuple[mi.Color3f, mi.Color3f, mi.Normal3f]:
         """(D, R, local shading normal) at a surface point."""

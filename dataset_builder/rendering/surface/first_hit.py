@@ -16,20 +16,28 @@ COSINE_SHARE = 0.25
 
 
 @dataclass
+class Towards:
+    """What a surface does to light from one local direction: the lobes that have a density."""
+
+    value: mi.Color3f
+    """f cos."""
+    pdf: mi.Float
+    """The BSDF's sampling density."""
+    cosine: mi.Float
+    """cos / pi: both a white Lambertian surface and the density of a cosine lobe."""
+
+
+@dataclass
 class FirstHit:
-    """What a surface does to the sampled light direction and to the scattered one, at one point; both are local.
+    """What a surface does to light from given directions and from the scattered one, at one point; all are local.
 
     Values and pdfs are those of the lobes that have a density.
     """
 
     diffuse: mi.Color3f
     """D, the diffuse reflectance."""
-    em_value: mi.Color3f
-    """f cos of the light direction."""
-    em_pdf: mi.Float
-    """The BSDF's sampling density of the light direction."""
-    em_cosine: mi.Float
-    """cos / pi: both a white Lambertian surface and the density of a cosine lobe."""
+    towards: list[Towards]
+    """Of each direction that was given."""
     wo: mi.Vector3f
     """The scattered direction."""
     value: mi.Color3f
@@ -62,10 +70,10 @@ def mixture_pdf(pdf: mi.Float, cosine: mi.Float) -> mi.Float:
     return dr.lerp(pdf, cosine, COSINE_SHARE)
 
 
-def first_hit(bsdf: mi.BSDFPtr, si: mi.SurfaceInteraction3f, light: mi.Vector3f, take_cosine: mi.Bool,
+def first_hit(bsdf: mi.BSDFPtr, si: mi.SurfaceInteraction3f, given: list[mi.Vector3f], take_cosine: mi.Bool,
               sample1: mi.Float, sample2: mi.Point2f, active: mi.Bool) -> FirstHit:
-    """`FirstHit` of any BSDF pointer; `light` is the local direction of a light sample."""
-    return dr.dispatch(bsdf, _first_hit, si, light, take_cosine, sample1, sample2, active)
+    """`FirstHit` of any BSDF pointer; `given` are local directions, such as that of a light sample."""
+    return dr.dispatch(bsdf, _first_hit, si, given, take_cosine, sample1, sample2, active)
 
 
 def reflectance(bsdf: mi.BSDFPtr, si: mi.SurfaceInteraction3f,
@@ -103,10 +111,10 @@ def _covered_emission(bsdf: mi.BSDF, si: mi.SurfaceInteraction3f, active: mi.Boo
     return bsdf.covered_emission(si, active) if hasattr(bsdf, "covered_emission") else mi.Color3f(0)
 
 
-def _first_hit(bsdf: mi.BSDF, si: mi.SurfaceInteraction3f, light: mi.Vector3f, take_cosine: mi.Bool,
+def _first_hit(bsdf: mi.BSDF, si: mi.SurfaceInteraction3f, given: list[mi.Vector3f], take_cosine: mi.Bool,
                sample1: mi.Float, sample2: mi.Point2f, active: mi.Bool) -> FirstHit:
     if hasattr(bsdf, "first_hit"):
-        return bsdf.first_hit(si, light, take_cosine, sample1, sample2, active)
+        return bsdf.first_hit(si, given, take_cosine, sample1, sample2, active)
     ctx = mi.BSDFContext()
     normal = _viewer_normal(si)
     bs, weight = bsdf.sample(ctx, si, sample1, sample2, active & ~take_cosine)
@@ -115,10 +123,9 @@ def _first_hit(bsdf: mi.BSDF, si: mi.SurfaceInteraction3f, light: mi.Vector3f, t
         delta = ~take_cosine & mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
         null = ~take_cosine & mi.has_flag(bs.sampled_type, mi.BSDFFlags.Null)
     wo = dr.select(take_cosine, cosine_direction(normal, sample2), bs.wo)
-    em_value, em_pdf = bsdf.eval_pdf(ctx, si, light, active)
+    towards = [Towards(*bsdf.eval_pdf(ctx, si, each, active), white_lambert(normal, si, each)) for each in given]
     value, pdf = bsdf.eval_pdf(ctx, si, wo, active)
-    return FirstHit(diffuse=mi.Color3f(bsdf.eval_diffuse_reflectance(si, active)), em_value=mi.Color3f(em_value),
-                    em_pdf=em_pdf, em_cosine=white_lambert(normal, si, light), wo=wo,
+    return FirstHit(diffuse=mi.Color3f(bsdf.eval_diffuse_reflectance(si, active)), towards=towards, wo=wo,
                     value=dr.select(delta, 0, mi.Color3f(value)), pdf=dr.select(delta, 0, pdf),
                     cosine=white_lambert(normal, si, wo), delta=delta, null=null,
                     delta_weight=dr.select(delta, mi.Color3f(weight), 0))

@@ -25,7 +25,7 @@ from dataset_builder.rendering.surface.first_hit import COSINE_SHARE, FirstHit, 
 from dataset_builder.rendering.transport.fog import Fog
 from dataset_builder.rendering.transport.light_sampling import World, balance, in_air, lone_channel, sample_emitter
 from dataset_builder.rendering.transport.path_tracer import PathStart, incident_radiance
-from dataset_builder.rendering.transport.sight import first_surface
+from dataset_builder.rendering.transport.sight import first_met
 
 PLUGIN = "threedf_lighting"
 
@@ -60,7 +60,7 @@ def trace(scene: mi.Scene, sampler: mi.Sampler, rest: mi.Sampler, ray: mi.Ray3f,
     """
     world = World(scene, max_depth, rr_depth, features, fog)
     active = mi.Bool(active)
-    si, end = _met(world, ray, sampler, active)
+    si, end = first_met(world, ray, sampler, active)
 
     # Emission of the first surface
     L_e = si.emitter(scene).eval(si, active)
@@ -72,16 +72,17 @@ def trace(scene: mi.Scene, sampler: mi.Sampler, rest: mi.Sampler, ray: mi.Ray3f,
     # Sample an emitter, for both: I += f cos w L_e T / p, S += cos / pi w L_e T / p
     ds, em_weight = sample_emitter(world, si, sampler.next_2d(active_next), active_next)
     take_cosine = sampler.next_1d(active_next) < COSINE_SHARE
-    hit = first_hit(si.bsdf(ray), si, si.to_local(ds.d), take_cosine, sampler.next_1d(active_next),
+    hit = first_hit(si.bsdf(ray), si, [si.to_local(ds.d)], take_cosine, sampler.next_1d(active_next),
                     sampler.next_2d(active_next), active_next)
-    mis = dr.select(ds.delta, 1, balance(ds.pdf, mixture_pdf(hit.em_pdf, hit.em_cosine)))
+    light = hit.towards[0]
+    mis = dr.select(ds.delta, 1, balance(ds.pdf, mixture_pdf(light.pdf, light.cosine)))
     direct = dr.select(active_next & (ds.pdf != 0), em_weight * mis, 0)
-    image += hit.em_value * direct
-    shading += hit.em_cosine * direct
-    specular += (hit.em_value - hit.diffuse * hit.em_cosine) * direct
+    image += light.value * direct
+    shading += light.cosine * direct
+    specular += (light.value - hit.diffuse * light.cosine) * direct
 
     # Sample a direction, for both: I += f cos / p L_i, S += cos / (pi p) L_i
-    weight_image, weight_shading, start = _scattered(world, si, hit, active_next & ~take_cosine)
+    weight_image, weight_shading, start = scattered(world, si, hit, active_next & ~take_cosine)
     active_bsdf = active_next & ((start.pdf > 0) | start.delta)
     L_i = incident_radiance(world, rest, start, active_bsdf)
     image += weight_image * L_i
@@ -93,17 +94,7 @@ def trace(scene: mi.Scene, sampler: mi.Sampler, rest: mi.Sampler, ray: mi.Ray3f,
     return Radiometry(image=image + air, shading=shading, specular=specular, air=air, valid=active & si.is_valid())
 
 
-def _met(world: World, ray: mi.Ray3f, sampler: mi.Sampler,
-         active: mi.Bool) -> tuple[mi.SurfaceInteraction3f, mi.Float]:
-    """The first surface that is there, and how far away it is."""
-    if not world.coverage:
-        si = world.scene.ray_intersect(ray, mi.RayFlags.All, coherent=True, active=active)
-        return si, si.t
-    _, si = first_surface(world.scene, ray, None, sampler.next_1d(active), active)
-    return si, dr.select(si.is_valid(), dr.dot(si.p - ray.o, ray.d), dr.inf)
-
-
-def _scattered(world: World, si: mi.SurfaceInteraction3f, hit: FirstHit,
+def scattered(world: World, si: mi.SurfaceInteraction3f, hit: FirstHit,
                by_bsdf: mi.Bool) -> tuple[mi.Color3f, mi.Color3f, PathStart]:
     """Weights for I and S of what arrives from the scattered direction, and the ray that looks there: f cos / p and
     cos / (pi p), p the mixture, or f cos / p of the delta lobe alone for I, and 0 for S."""

@@ -25,6 +25,8 @@ class World:
         """Whether kernels handle refracting bodies."""
         self.thin = "thin" in features
         """Whether kernels handle panes that light passes straight."""
+        self.transmits = bool(features & {"glass", "thin"})
+        """Whether surfaces send light through to their other side."""
         self.straight = bool(features & {"thin", "coverage"})
         """Whether light passes anything straight: panes, or what is not there."""
         self.coverage = "coverage" in features
@@ -33,6 +35,14 @@ class World:
         """Whether surfaces send out light of their own."""
         self.dispersion = "dispersion" in features
         """Whether glass spreads colours."""
+
+
+def same_side(world: World, si: mi.SurfaceInteraction3f, came: mi.Vector3f, goes: mi.Vector3f) -> mi.Bool:
+    """Whether a path that comes along `came` leaves a surface to the side that it came from; anything is where surfaces
+    send light through."""
+    if world.transmits:
+        return mi.Bool(True)
+    return dr.dot(si.n, came) * dr.dot(si.n, goes) < 0
 
 
 @dataclass
@@ -71,18 +81,18 @@ def sample_emitter(world: World, point: mi.Interaction3f, sample: mi.Point2f,
     its density. Next event estimation (Pharr et al. 2023, section 13.4)."""
     ds, weight = world.scene.sample_emitter_direction(point, sample, not world.straight, active)
     if world.straight:
-        weight = weight * _straight_on(world.scene, point, ds, active & (ds.pdf != 0))
+        weight = weight * straight_on(world.scene, point, ds.p, active & (ds.pdf != 0))
     if world.fog is not None:
         weight = weight * world.fog.transmittance(world.fog.segment(point.p, ds.d, ds.dist))
     return ds, weight
 
 
 @dr.syntax
-def _straight_on(scene: mi.Scene, point: mi.Interaction3f, ds: mi.DirectionSample3f, active: mi.Bool) -> mi.Color3f:
-    """Share of light that comes straight from `ds` to `point` through whatever stands between; 0 behind what is
+def straight_on(scene: mi.Scene, point: mi.Interaction3f, end: mi.Point3f, active: mi.Bool) -> mi.Color3f:
+    """Share of light that comes straight from `end` to `point` through whatever stands between; 0 behind what is
     opaque."""
     # Loop state
-    ray = point.spawn_ray_to(ds.p)   # What is left of the shadow ray
+    ray = point.spawn_ray_to(end)     # What is left of the shadow ray
     transmittance = mi.Color3f(1)    # Share that passes all surfaces so far
     active = mi.Bool(active)         # Active lanes
 
@@ -90,7 +100,7 @@ def _straight_on(scene: mi.Scene, point: mi.Interaction3f, ds: mi.DirectionSampl
         si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=active)
         met = active & si.is_valid()
         transmittance = dr.select(met, transmittance * transparency(si.bsdf(ray), si, met), transmittance)
-        ray = si.spawn_ray_to(ds.p)
+        ray = si.spawn_ray_to(end)
         active = met & (dr.max(transmittance) != 0)
     return transmittance
 

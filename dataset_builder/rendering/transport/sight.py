@@ -6,6 +6,7 @@ import drjit as dr
 import mitsuba as mi
 
 from dataset_builder.rendering.surface.first_hit import coverage
+from dataset_builder.rendering.transport.light_sampling import World
 
 
 @dr.syntax
@@ -25,6 +26,16 @@ def first_surface(scene: mi.Scene, ray: mi.Ray3f, body: mi.ShapePtr | None, choi
         si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=True, active=past)
         past, choice = _passed(si, ray, body, choice, past)
     return ray, si
+
+
+def first_met(world: World, ray: mi.Ray3f, sampler: mi.Sampler,
+              active: mi.Bool) -> tuple[mi.SurfaceInteraction3f, mi.Float]:
+    """The first surface that is there on a camera's ray, and how far away it is."""
+    if not world.coverage:
+        si = world.scene.ray_intersect(ray, mi.RayFlags.All, coherent=True, active=active)
+        return si, si.t
+    _, si = first_surface(world.scene, ray, None, sampler.next_1d(active), active)
+    return si, dr.select(si.is_valid(), dr.dot(si.p - ray.o, ray.d), dr.inf)
 
 
 def _passed(si: mi.SurfaceInteraction3f, ray: mi.Ray3f, body: mi.ShapePtr | None, choice: mi.Float | None,
