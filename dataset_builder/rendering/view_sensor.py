@@ -1,5 +1,7 @@
 """The camera of a view, and how its pixels are computed."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import mitsuba as mi
