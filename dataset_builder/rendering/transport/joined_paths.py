@@ -97,17 +97,25 @@ def trace_joined(world: World, light: LightSide, sampler: mi.Sampler, free: mi.S
     h0 = dr.select(start.delta, 0, _link(world, r0, si, ray.d, start.direction, start.pdf))
     going = active & ((start.pdf > 0) | start.delta)
     L_i, later, on = _second(world, light, free, group, start, h0, trust1, trust2, going)
-    L_i += _followed(world, light, later, on, seed)
 
     def layer(of_emitter: mi.Color3f, of_link: mi.Color3f, of_direction: mi.Color3f) -> mi.Color3f:
         return of_emitter * direct + of_link * bounced + of_direction * L_i
 
     shading = layer(mi.Color3f(emitter.cosine), mi.Color3f(joined.cosine), weight_shading)
-    return Radiometry(
+    weight_specular = weight_image - hit.diffuse * weight_shading
+    found = Radiometry(
         image=L_e + layer(emitter.value, joined.value, weight_image), shading=shading,
         specular=L_e + layer(emitter.value - hit.diffuse * emitter.cosine, joined.value - hit.diffuse * joined.cosine,
-                             weight_image - hit.diffuse * weight_shading),
+                             weight_specular),
         air=mi.Color3f(0), valid=si.is_valid())
+
+    # The rest of the path
+    weights = [weight * later.weight for weight in (weight_image, weight_shading, weight_specular)]
+    dr.eval(found, weights, later, on)
+    more = _followed(world, light, later, on, seed)
+    image, shading, specular = (dr.select(on, weight * more, 0) for weight in weights)
+    return Radiometry(image=found.image + image, shading=found.shading + shading, specular=found.specular + specular,
+                      air=found.air, valid=found.valid)
 
 
 def _link(world: World, r: mi.Float, si: mi.SurfaceInteraction3f, came: mi.Vector3f, goes: mi.Vector3f,
@@ -190,9 +198,8 @@ def _at_second(world: World, light: LightSide, free: mi.Sampler, group: mi.UInt3
 
 
 def _followed(world: World, light: LightSide, later: Later, on: mi.Bool, seed: int) -> mi.Color3f:
-    """Radiance that arrives at the first hit from where paths go on after the second; the few lanes that do are packed
-    together first."""
-    dr.eval(later, on)
+    """Radiance that arrives at the second hit from where paths go on; the few lanes that do are packed together
+    first."""
     lanes, width = dr.compress(on), dr.width(on)
     arrived = dr.zeros(mi.Color3f, width)
     if not dr.width(lanes):
@@ -202,4 +209,4 @@ def _followed(world: World, light: LightSide, later: Later, on: mi.Bool, seed: i
     own.seed(seed, dr.width(lanes))
     found = rest(world, light.lamps, light.left, own, dr.gather(Later, later, lanes))
     dr.scatter(arrived, found, lanes)
-    return dr.select(on, later.weight * arrived, 0)
+    return arrived
