@@ -1,7 +1,7 @@
 """Paths from the lamps: they leave a vertex on every surface that they meet, for camera paths to be joined with.
 
-All paths of all sets take one bounce at a time, each bounce one launch of the same kernel; those that go on are packed
-together in between. Vertices stay in the order of paths, so that no result depends on which lane came first.
+Vertices are written wherever there is room, and then put in the order of paths, so that no result depends on which lane
+came first.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from dataset_builder.seeding import derive_seed
 MAX_SURVIVAL = 0.95
 GRAZING = 1e-6
 """Cosine below which a surface is not lit."""
-WIDTH = 20
-"""Floats of a vertex."""
+WIDTH, EDGES = 20, 13
+"""Floats of a vertex, and which of them counts its edges."""
 DARK = 0.05
 """Albedo at least that a vertex counts as when links choose: lobes may send on more to where a link comes from."""
-PANES = 4
-"""Launches per edge of the longest path at most: panes and gaps take one each, and count as no edge."""
+ROOM = 6
+"""Vertices of a path that there is room for at first, on average."""
 
 
 @dataclass
@@ -103,28 +103,39 @@ class LightVertices:
 
 def trace_light(world: World, lamps: Lamps, *, paths: int, sets: int, seed: int) -> LightVertices:
     """Vertices of `paths` light paths in each of `sets`. seed: 64 bits."""
-    rows, prims, numbers = list[np.ndarray](), list[np.ndarray](), list[np.ndarray]()
-    state, longest = _set_out(lamps, paths, sets, seed), int(world.max_depth[0])
-    for launch in range(PANES * longest):
-        sampler = _numbers(derive_seed(seed, "bounce", launch), dr.width(state.path))
-        vertex, lit, onward, alive = _bounce(world, state, sampler)
-        dr.eval(vertex, lit, onward, alive)
-        kept, going = dr.compress(lit), dr.compress(alive)
-        if dr.width(kept):
-            vertex = dr.gather(LightVertex, vertex, kept)
-            flat = [vertex.p, vertex.back, vertex.flux, vertex.uv, vertex.camera, vertex.again, vertex.edges, vertex.g,
-                    vertex.g2, vertex.facing, vertex.bright]
-            dr.eval(vertex)
-            rows.append(np.concatenate([np.atleast_2d(np.array(each)) for each in flat]).T)
-            prims.append(np.array(vertex.prim))
-            numbers.append(np.array(vertex.path))
-        if not dr.width(going):
+    room = ROOM * paths * sets
+    while True:
+        state, sampler = _set_out(lamps, paths, sets, seed), mi.load_dict({"type": "independent"})
+        sampler.seed(derive_seed(seed, "bounces") & 0xFFFFFFFF, paths * sets)
+        values, numbers = dr.empty(mi.Float, room * WIDTH), dr.empty(mi.UInt32, 2 * room)
+        taken = dr.zeros(mi.UInt32, 1)
+        dr.make_opaque(values, numbers, taken)
+        dr.eval(_walk(world, state, sampler, values, numbers, taken, dr.opaque(mi.UInt32, room)))
+        count = int(taken[0])
+        if count <= room:
             break
-        state = dr.gather(LightPath, onward, going)
-        dr.eval(state)
-    values = np.concatenate(rows) if rows else np.zeros((0, WIDTH), np.float32)
-    prim, path = (np.concatenate(each) if each else np.zeros(0, np.uint32) for each in (prims, numbers))
-    return LightVertices(paths=paths, sets=sets, values=values, prim=prim, path=path)
+        room = count
+    rows, pairs = np.array(values).reshape(-1, WIDTH)[:count], np.array(numbers).reshape(-1, 2)[:count]
+    order = np.lexsort((rows[:, EDGES], pairs[:, 1]))
+    return LightVertices(paths=paths, sets=sets, values=rows[order], prim=pairs[order, 0], path=pairs[order, 1])
+
+
+@dr.syntax
+def _walk(world: World, state: LightPath, sampler: mi.Sampler, values: mi.Float, numbers: mi.UInt32, taken: mi.UInt32,
+          room: mi.UInt32) -> mi.UInt32:
+    """All paths from their lamps to their ends; vertices go wherever there is room, in any order."""
+    active = mi.Bool(dr.max(state.flux) > 0)
+    while active:
+        vertex, lit, state, active = _bounce(world, state, sampler, active)
+        row = dr.scatter_inc(taken, mi.UInt32(0), lit)
+        lit &= row < room
+        flat = [*vertex.p, *vertex.back, *vertex.flux, *vertex.uv, vertex.camera, vertex.again, vertex.edges, vertex.g,
+                vertex.g2, *vertex.facing, vertex.bright]
+        for k, value in enumerate(flat):
+            dr.scatter(values, value, row * WIDTH + k, lit)
+        dr.scatter(numbers, vertex.prim, row * 2, lit)
+        dr.scatter(numbers, vertex.path, row * 2 + 1, lit)
+    return state.path
 
 
 def _set_out(lamps: Lamps, paths: int, sets: int, seed: int) -> LightPath:
@@ -146,13 +157,14 @@ def _set_out(lamps: Lamps, paths: int, sets: int, seed: int) -> LightPath:
     return state
 
 
-def _bounce(world: World, state: LightPath, sampler: mi.Sampler) -> tuple[LightVertex, mi.Bool, LightPath, mi.Bool]:
+def _bounce(world: World, state: LightPath, sampler: mi.Sampler,
+            active: mi.Bool) -> tuple[LightVertex, mi.Bool, LightPath, mi.Bool]:
     """(vertex, whether there is one, the path from there on, whether it goes on)."""
     ray, begin = mi.Ray3f(state.o, state.d), state.begin
-    found = world.scene.ray_intersect_preliminary(ray, coherent=False)
-    si = found.compute_surface_interaction(ray, mi.RayFlags.All)
+    found = world.scene.ray_intersect_preliminary(ray, coherent=False, active=active)
+    si = found.compute_surface_interaction(ray, mi.RayFlags.All, active)
     back, cos_back = -ray.d, dr.abs(dr.dot(si.n, ray.d))
-    lit = si.is_valid() & (cos_back > GRAZING) & (si.emitter(world.scene) == None)  # noqa: E711
+    lit = active & si.is_valid() & (cos_back > GRAZING) & (si.emitter(world.scene) == None)  # noqa: E711
     distance_squared = dr.squared_norm(si.p - state.prev)
 
     # What a light sample would have been at the first vertex: a = share / (pi A), or share / (solid angle d^2)
@@ -168,7 +180,7 @@ def _bounce(world: World, state: LightPath, sampler: mi.Sampler) -> tuple[LightV
     g2 = dr.select(state.pdf_prev > 0, state.g_prev / state.pdf_prev, 0)
 
     # On from there
-    out = light_bounce(si.bsdf(ray), si, sampler.next_1d(), sampler.next_2d(), lit)
+    out = light_bounce(si.bsdf(ray), si, sampler.next_1d(lit), sampler.next_2d(lit), lit)
     direction = si.to_world(out.wo)
     facing = mi.Normal3f(dr.mulsign(mi.Vector3f(si.n), dr.dot(si.n, back)))
     albedo = dr.select(out.delta | out.passed, 0, _brightness(out.weight))
@@ -177,7 +189,7 @@ def _bounce(world: World, state: LightPath, sampler: mi.Sampler) -> tuple[LightV
                          bright=_brightness(state.flux) * dr.maximum(albedo, DARK), prim=found.prim_index, path=state.path)
     survival = dr.minimum(dr.max(out.weight), MAX_SURVIVAL)
     passed = out.passed
-    alive = lit & (sampler.next_1d() < survival) & (state.edges + dr.select(passed, 1, 2) < world.max_depth)
+    alive = lit & (sampler.next_1d(lit) < survival) & (state.edges + dr.select(passed, 1, 2) < world.max_depth)
     linkable = (out.pdf > 0) & (world.transmits | (dr.dot(facing, direction) > 0))
     next_ray = si.spawn_ray(direction)
     onward = LightPath(
@@ -195,9 +207,3 @@ def _bounce(world: World, state: LightPath, sampler: mi.Sampler) -> tuple[LightV
 def _brightness(colour: mi.Color3f) -> mi.Float:
     """Mean of the channels; `dr.mean` makes the number of lanes a literal of the kernel."""
     return (colour.x + colour.y + colour.z) * (1 / 3)
-
-
-def _numbers(seed: int, lanes: int) -> mi.Sampler:
-    sampler = mi.load_dict({"type": "independent"})
-    sampler.seed(seed & 0xFFFFFFFF, lanes)
-    return sampler
