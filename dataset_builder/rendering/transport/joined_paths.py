@@ -28,8 +28,10 @@ from dataset_builder.rendering.transport.weights import edge, light_sample, link
 
 CANDIDATES = (16, 4)
 """Light vertices that a link at the first and at the second hit chooses among."""
-PAST = 6.0
+PAST = 1.5
 """Survival of a path after its second hit, times what is left to the camera side."""
+LEAST = 0.4
+"""Share of a path's light that camera paths are expected to find at least."""
 TRUST = (0.5, 1.0)
 """How much links at the first and at the second hit count in the weights."""
 
@@ -51,8 +53,9 @@ class LightSide:
         return first, second
 
     def left(self, links: mi.Float) -> mi.Float:
-        """About what is left to camera paths where links have h = `links`."""
-        return 1 - self.share + self.share / (1 + links / self.table.usual)
+        """About what is left to camera paths where links have h = `links`, but no less than `LEAST`: what links find on
+        average says little of the few bright paths that they miss."""
+        return dr.maximum(1 - self.share + self.share / (1 + links / self.table.usual), LEAST)
 
 
 def trace_joined(world: World, light: LightSide, sampler: mi.Sampler, free: mi.Sampler, ray: mi.Ray3f,
