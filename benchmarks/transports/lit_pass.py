@@ -64,7 +64,8 @@ class LitPass:
                  "rough": lambda: scenes.rough(self.plan)}[self.kind]()
         try:
             yield OpenPass(view=passes.view, scene=scene, pixels=pixels, object=np.isin(pixels, covered),
-                           channels=RADIANCE_CHANNELS[LETTERS[self.letter][1]], max_depth=effects.max_depth)
+                           channels=RADIANCE_CHANNELS[LETTERS[self.letter][1]], max_depth=effects.max_depth,
+                           caustics=effects.caustics)
         finally:
             scenes.close()
 
@@ -81,6 +82,7 @@ class OpenPass:
     """(P,) of truth: those that the target object covers in part."""
     channels: slice
     max_depth: int
+    caustics: bool
 
     @property
     def width(self) -> int:
@@ -89,7 +91,7 @@ class OpenPass:
 
     def sample(self, transport: Transport, spp: int, seed: int) -> Estimate:
         """(P, 3) means and errors of the judged channels. The sampler is made anew: its tables are part of the cost."""
-        sampler = radiance_sampler(self.view, self.scene, self.max_depth, transport)
+        sampler = radiance_sampler(self.view, self.scene, self.max_depth, transport, self.caustics)
         found = sampler(self.pixels, spp, self.view.render.batches, seed)
         return replace(found, mean=found.mean[:, self.channels], error=found.error[:, self.channels],
                        freedom=found.freedom[:, self.channels])
