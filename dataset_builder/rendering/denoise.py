@@ -16,28 +16,38 @@ MAX_MENDING = 1.1
 """Largest factor by which a mean is mended; where a few fireflies hold more of it, they are not spread over all."""
 
 
-def denoised(layers: Mapping[str, np.ndarray], guides: Mapping[str, np.ndarray], names: Sequence[str],
-             extents: Mapping[str, Extent]) -> dict[str, np.ndarray]:
+def denoised(layers: Mapping[str, np.ndarray], guides: Mapping[str, np.ndarray], direct: Mapping[str, np.ndarray],
+             names: Sequence[str], extents: Mapping[str, Extent]) -> dict[str, np.ndarray]:
     """All `layers` in their order, those in `names` denoised.
 
-    Arrays are (H, W, C) float32; `guides` are the images that `decisions.guide_extents` asks for. A layer of
+    Arrays are (H, W, C) float32; `guides` are the images that `decisions.guide_extents` asks for; `direct` has, for
+    layers of the rough mesh, an estimate of what comes straight from lights. That has the relief of every facet and
+    little noise, the rest no detail and all the noise: each is denoised with guides that suit it. A layer of
     extent `object` is exactly 0 outside of the object, as before. A layer with values that are not finite stays as it
     is, for the gates to find. Raises UserError where the denoiser is missing.
     """
-    return {name: _denoised(name, image, guides, extents[name]) if name in names else image
+    return {name: _denoised(name, image, guides, direct.get(name), extents[name]) if name in names else image
             for name, image in layers.items()}
 
 
-def _denoised(name: str, image: np.ndarray, guides: Mapping[str, np.ndarray], extent: Extent) -> np.ndarray:
+def _denoised(name: str, image: np.ndarray, guides: Mapping[str, np.ndarray], direct: np.ndarray | None,
+              extent: Extent) -> np.ndarray:
     on_object = np.any([guides[mask][..., 0] > 0 for mask in MASKS[LAYERS[name].geometry]], axis=0)
     inside = on_object if extent == "object" else np.ones_like(on_object)
     if not inside.any() or not np.isfinite(image).all():
         return image
     albedo = guides[ALBEDO[name]] if name in ALBEDO else np.ones_like(image)
+    normal = guides[NORMAL[LAYERS[name].geometry]]
+    parts = [(image, normal)]
+    if direct is not None:
+        # The smooth mesh says where its surfaces bend; where only the rough one is, that has to do
+        smooth = np.where(guides["mask"] > 0, guides[NORMAL["3dm"]], normal)
+        parts = [(direct, normal), (image - direct, smooth)]
     rectangle = _rectangle(inside)
     found = np.zeros_like(image)
-    found[rectangle] = oidn.denoise(*_continued(inside[rectangle], image[rectangle], albedo[rectangle],
-                                                guides[NORMAL[LAYERS[name].geometry]][rectangle]))
+    for part, guide in parts:
+        cut = (each[rectangle] for each in (part, albedo, guide))
+        found[rectangle] += oidn.denoise(*_continued(inside[rectangle], *cut))
     found[~inside] = 0
     for part in (on_object, inside & ~on_object):
         found[part] *= _mean_ratio(image[part], found[part])

@@ -13,7 +13,7 @@ from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.label.roughness_record import RoughnessRecord, ShapeRoughness
 from dataset_builder.label.scene_plan import Vector
 from dataset_builder.layers import LAYERS, Pass
-from dataset_builder.planning.effects.decisions import guide_extents
+from dataset_builder.planning.effects.decisions import guide_extents, has_direct
 from dataset_builder.rendering import plugins
 from dataset_builder.rendering.denoise import denoised
 from dataset_builder.rendering.light_probe import CHANNELS
@@ -77,9 +77,16 @@ def _layers(shared: ViewPasses, plan: ExamplePlan) -> dict[str, np.ndarray]:
         return layers
     start = perf_counter()
     guides = {name: layer_image(shared, plan, name, extent) for name, extent in guide_extents(plan.render).items()}
-    layers = denoised(layers, guides, plan.render.denoise, dict(plan.render.layers))
+    direct = {"s_prime": _direct_image(shared, plan)} if has_direct(plan.render) else {}
+    layers = denoised(layers, guides, direct, plan.render.denoise, dict(plan.render.layers))
     shared.spent["denoise"] = perf_counter() - start
     return layers
+
+
+def _direct_image(shared: ViewPasses, plan: ExamplePlan) -> np.ndarray:
+    """(H, W, 3) float32 of S' without light that has bounced, wherever S' was traced."""
+    found = shared.rough_direct(plan)
+    return _image(plan, found.pixels, found.found.mean[:, RADIANCE_CHANNELS["shading"]])
 
 
 def layer_image(shared: ViewPasses, plan: ExamplePlan, name: str, extent: str) -> np.ndarray:

@@ -47,7 +47,7 @@ def ball(size: int) -> np.ndarray:
 
 
 def one(name: str, image: np.ndarray, guides: Images, extent: Extent) -> np.ndarray:
-    return denoised({name: image}, guides, [name], {name: extent})[name]
+    return denoised({name: image}, guides, {}, [name], {name: extent})[name]
 
 
 def rel_mse(image: np.ndarray, reference: np.ndarray) -> float:
@@ -65,7 +65,7 @@ def test_guides_follow_the_layers_and_their_extents() -> None:
     assert asked("i_s") == {"d": "object", "normal": "object", "mask": "object"}
     assert asked("i_t", "i_s") == asked("i_s", "i_t") == {"d": "frame", "normal": "frame", "mask": "object"}
     assert asked("s") == {"normal": "object", "mask": "object"}
-    assert asked("s_prime") == {"normal_rough": "object", "mask": "object", "mask_rough": "object"}
+    assert asked("s_prime") == {"normal_rough": "object", "normal": "object", "mask": "object", "mask_rough": "object"}
 
 
 @needs_oidn
@@ -151,7 +151,7 @@ def test_other_layers_and_hopeless_ones_stay() -> None:
     broken[3, 4, 1] = np.nan
     extents = dict.fromkeys(("i_s", "i_s_raw", "i_t", "s"), "frame")
     layers = {"i_s": broken, "i_s_raw": noisy, "i_t": black, "s": noisy}
-    found = denoised(layers, guides, ["i_s", "i_t"], extents)
+    found = denoised(layers, guides, {}, ["i_s", "i_t"], extents)
     assert list(found) == list(layers)
     assert found["i_s_raw"] is noisy and found["s"] is noisy
     assert np.isnan(found["i_s"][3, 4, 1]) and not found["i_t"].any()
