@@ -31,29 +31,15 @@ from dataset_builder.rendering.pass_inputs import (
     needs_lighting,
     steps_of,
 )
-from dataset_builder.rendering.pass_memory import NO_MEMORY, PassFound, PassMemory
+from dataset_builder.rendering.pass_memory import NO_MEMORY, PassFound, PassMemory, PassResult
 from dataset_builder.rendering.passes import FIRST_HIT_CHANNELS, RADIANCE_CHANNELS, RADIANCE_LAYERS, ViewSensor
-from dataset_builder.rendering.sampling.adaptive import Goal, Sample, Sampled, Stop, more_samples, refine
+from dataset_builder.rendering.sampling.adaptive import Goal, Sample, Sampled, more_samples, refine
 from dataset_builder.rendering.sampling.moments import Estimate
 from dataset_builder.rendering.scene.open_scene import OpenScene
 from dataset_builder.rendering.view_scenes import ViewScenes
 from dataset_builder.seeding import derive_seed
 
 Pixels = Callable[[], np.ndarray]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PassResult:
-    """What one pass found."""
-
-    pixels: np.ndarray
-    """(P,) indices row * width + column, in rising order."""
-    found: Estimate
-    stopped: Mapping[str, Stop]
-    """Why sampling of each layer with a goal ended."""
-    facts: Mapping[str, float]
-    """Figures of the geometry: `unit`, metres per unit of the local frame, and those of `Roughness` of the rough
-    mesh."""
 
 
 @dataclass(kw_only=True)
@@ -143,13 +129,14 @@ class ViewPasses:
     def rough_direct(self, plan: ExamplePlan) -> PassResult:
         """As `rough`, without light that has bounced: the same pixels, as many samples as that took on average, all of
         them its own."""
+        rough, depth = self.rough(plan), min(DIRECT_DEPTH, plan.effects.of("rough").max_depth)
+
         def sampler() -> Sample:
-            rough, depth = self.rough(plan), min(DIRECT_DEPTH, plan.effects.of("rough").max_depth)
             direct, spp = passes.radiance_sampler(self.view, self._rough(plan), depth), ceil(rough.found.spp.mean())
             return lambda pixels, _, batches, seed: direct(pixels, spp, batches, seed)
 
         return self._once((DIRECT, str(plan.light), plan.rough.model_dump_json()), plan,
-                          lambda: self.rough(plan).pixels, sampler, plan.light, plan.rough.level)
+                          lambda: rough.pixels, sampler, plan.light, plan.rough.level)
 
     def lighting(self, plan: ExamplePlan) -> PassResult:
         """Spherical harmonics of what arrives at the middle of the 3DM's box under one target illumination, with the
