@@ -51,7 +51,7 @@ def _denoised(name: str, image: np.ndarray, guides: Mapping[str, np.ndarray], di
         found = np.zeros_like(image)
         cut = (each[rectangle] for each in (noisy, albedo, normal))
         found[rectangle] = oidn.denoise(*_continued(inside[rectangle], *cut))
-        return found * inside[..., None]
+        return found
 
     if direct is None:
         found = filtered(image, normal)
@@ -59,6 +59,7 @@ def _denoised(name: str, image: np.ndarray, guides: Mapping[str, np.ndarray], di
         # The clean mesh says where its surfaces bend; where only the rough one is, that has to do
         smooth = np.where(guides["mask"] > 0, guides[NORMAL["3dm"]], normal)
         found = _no_worse(*direct, filtered(direct[0], normal), inside) + filtered(image - direct[0], smooth)
+    found[~inside] = 0
     for part in (on_object, inside & ~on_object):
         found[part] *= _mean_ratio(image[part], found[part])
     return found
