@@ -91,14 +91,16 @@ class Ours:
         return np.minimum(found["mask"], found["mask_rough"])[..., 0] > WHOLE
 
     def shots(self, setting: Setting, seed: int) -> tuple[Mapping[str, Shot], float]:
-        """S' pays for finding its pixels, denoising is split evenly, D, R and the mask are common."""
+        """S' pays for finding its pixels and for its direct light, denoising is split evenly, the rest is common."""
         found = next(render_view([self.plan(setting, seed)], self._specs))
         spent = dict(found.seconds)
         denoising = spent.pop("denoise") / len(LAYERS) if setting.denoise else 0.0
         spp = {entry.name: entry.paths / max(entry.pixels, 1) for entry in found.record.passes}
         shots = {}
         for layer, render in LAYERS.items():
-            seconds = spent.pop(render) + (spent.pop("first_hit_rough") if render == "rough" else 0.0)
+            seconds = spent.pop(render)
+            if render == "rough":
+                seconds += spent.pop("first_hit_rough") + spent.pop("rough_direct", 0.0)
             shots[layer] = Shot(image=found.layers[layer], seconds=seconds + denoising, update=0.0, spp=spp[render])
         return shots, sum(spent.values())
 

@@ -11,7 +11,7 @@ from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.layers import LAYERS, Extent
 from dataset_builder.planning.catalogue import ExampleRef, ViewRef, count_examples, shard_size, views_of
-from dataset_builder.planning.effects.decisions import FACTOR, REPEATS
+from dataset_builder.planning.effects.decisions import FACTOR, REPEATS, has_direct
 from dataset_builder.planning.pass_work import (
     RUNS,
     Rates,
@@ -28,6 +28,8 @@ from dataset_builder.seeding import rng
 from dataset_builder.spec.dataset import DatasetSpec, SplitSpec
 
 CHANNEL_BYTES = {"float32": 4, "float16": 2}
+DIRECT_SHARE = 0.4
+"""Time of the direct light that a denoised S' needs, over that of S' itself."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,7 +118,8 @@ def view_cost(plan: ExamplePlan, lights: int, levels: int, window: float, dtype:
         pixels += traced
         spp = expected_spp(plan.render, name, noise, rate / max(once, 1))
         paths += traced * spp
-        seconds += traced * spp / rate
+        again = DIRECT_SHARE if name == "rough" and has_direct(plan.render) else 0.0
+        seconds += traced * spp * (1 + again) / rate
     passes = sum(runs.values())
     stored = stored_bytes(plan.render.layers, frame, plan.camera.coverage, dtype, rates,
                           files or {name: 1.0 for name, _ in plan.render.layers})

@@ -13,12 +13,12 @@ from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.label.roughness_record import RoughnessRecord, ShapeRoughness
 from dataset_builder.label.scene_plan import Vector
 from dataset_builder.layers import LAYERS, Pass
-from dataset_builder.planning.effects.decisions import guide_extents
+from dataset_builder.planning.effects.decisions import guide_extents, has_direct
 from dataset_builder.rendering import plugins
-from dataset_builder.rendering.denoise import denoised
+from dataset_builder.rendering.denoise import Noisy, denoised
 from dataset_builder.rendering.light_probe import CHANNELS
 from dataset_builder.rendering.pass_inputs import asked, needed_passes, needs_lighting
-from dataset_builder.rendering.pass_memory import NO_MEMORY, PassMemory
+from dataset_builder.rendering.pass_memory import NO_MEMORY, PassMemory, PassResult
 from dataset_builder.rendering.passes import (
     FIRST_HIT_CHANNELS,
     RADIANCE_CHANNELS,
@@ -28,7 +28,7 @@ from dataset_builder.rendering.passes import (
 )
 from dataset_builder.rendering.rough_images import overlap, relmse
 from dataset_builder.rendering.sampling.moments import Estimate, quantile, relative, root_mean_square
-from dataset_builder.rendering.view_passes import PassResult, ViewPasses
+from dataset_builder.rendering.view_passes import ViewPasses
 
 ERROR_SUFFIX, RAW_SUFFIX = "_se", "_raw"
 EVIDENCE = ("i_t", "s", "spec", "air")
@@ -77,9 +77,18 @@ def _layers(shared: ViewPasses, plan: ExamplePlan) -> dict[str, np.ndarray]:
         return layers
     start = perf_counter()
     guides = {name: layer_image(shared, plan, name, extent) for name, extent in guide_extents(plan.render).items()}
-    layers = denoised(layers, guides, plan.render.denoise, dict(plan.render.layers))
+    direct = {"s_prime": _direct(shared, plan)} if has_direct(plan.render) else {}
+    layers = denoised(layers, guides, direct, plan.render.denoise, dict(plan.render.layers))
     shared.spent["denoise"] = perf_counter() - start
     return layers
+
+
+def _direct(shared: ViewPasses, plan: ExamplePlan) -> Noisy:
+    """S' without light that has bounced, wherever S' was traced, and its standard error."""
+    result, channels = shared.rough_direct(plan), RADIANCE_CHANNELS["shading"]
+    mean, error = (_image(plan, result.pixels, values[:, channels]) for values in (result.found.mean,
+                                                                                   result.found.error))
+    return mean, error
 
 
 def layer_image(shared: ViewPasses, plan: ExamplePlan, name: str, extent: str) -> np.ndarray:

@@ -13,13 +13,18 @@ from dataset_builder.label.example_plan import ExamplePlan, GoalPlan
 from dataset_builder.label.scene_plan import IlluminationPlan, PlacedObject, RoomPlan
 from dataset_builder.label.scene_source import SceneSource
 from dataset_builder.layers import LAYERS, PASSES, Pass
+from dataset_builder.planning.effects.decisions import has_direct
 from dataset_builder.spec.model import Model
 
-INSTANCE, LIGHTING = "instance", "lighting"
-"""Passes without a layer in the table of their own: what is met at pixel centres, and the light around the object."""
+INSTANCE, LIGHTING, DIRECT = "instance", "lighting", "rough_direct"
+"""Passes without a layer in the table of their own: what is met at pixel centres, the light around the object, and S'
+without light that has bounced."""
+
+DIRECT_DEPTH = 2
+"""Edges of the longest path of `DIRECT`: from the camera to the object, and on to a light."""
 
 RADIANCE = ("source", "target", "rough")
-RUNS = (*PASSES, INSTANCE, LIGHTING)
+RUNS = (*PASSES, INSTANCE, LIGHTING, DIRECT)
 """Everything that is rendered as a pass of its own."""
 
 UNSEEN = frozenset({"name", "category", "licence", "coverage", "visibility", "temperature", "image"})
@@ -48,12 +53,13 @@ def asked(plan: ExamplePlan, render_pass: Pass) -> bool:
 def all_passes(plan: ExamplePlan) -> tuple[str, ...]:
     """Every pass that runs for an example, those without a layer in the table included."""
     instance = (INSTANCE,) if any(name == INSTANCE for name, _ in plan.render.layers) else ()
-    return (*needed_passes(plan), *instance, *((LIGHTING,) if needs_lighting(plan) else ()))
+    lighting = (LIGHTING,) if needs_lighting(plan) else ()
+    return (*needed_passes(plan), *instance, *lighting, *((DIRECT,) if has_direct(plan.render) else ()))
 
 
 def steps_of(plan: ExamplePlan, name: str) -> int:
     """Steps that a pass is sampled in, each of which may be kept: goals that follow each other, else parts of spp."""
-    if name in (INSTANCE, LIGHTING):
+    if name in (INSTANCE, LIGHTING, DIRECT):
         return 1
     goals = Counter(goal.layer for goal in plan.render.goals if LAYERS[goal.layer].render_pass == name)
     return max(goals.values()) if goals else len(plan.render.parts(name))
@@ -76,6 +82,9 @@ def sky_radiance(plan: ExamplePlan) -> float:
 
 def inputs_of(plan: ExamplePlan, name: str, steps: int | None = None) -> Inputs:
     """What the first `steps` (all of them by default) of the pass `name` of an example depend on."""
+    if name == DIRECT:
+        # Its samples are as many as that pass took
+        return inputs_of(plan, "rough") | {"pass": name}
     found: Inputs = {"pass": name, "seed": plan.render.seed, "room": _room(plan.room), "object": _placed(plan.target),
                      "furniture": [_placed(placed) for placed in plan.furniture], "fog": _plain(plan.fog),
                      "effects": list(plan.effects.features), "texture size": plan.render.texture_size}

@@ -10,7 +10,7 @@ import numpy as np
 
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.rendering.pass_inputs import inputs_of, key_of, steps_of
-from dataset_builder.rendering.sampling.adaptive import Sampled
+from dataset_builder.rendering.sampling.adaptive import Sampled, Stop
 from dataset_builder.rendering.sampling.moments import Estimate
 
 ARRAYS = ("mean", "error", "freedom")
@@ -35,6 +35,20 @@ class PassFound:
     sampled: Sampled
     facts: Mapping[str, float] = field(default_factory=dict)
     """Figures of the geometry that labels need and that would otherwise be worked out from it again."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PassResult:
+    """What one pass found."""
+
+    pixels: np.ndarray
+    """(P,) indices row * width + column, in rising order."""
+    found: Estimate
+    stopped: Mapping[str, Stop]
+    """Why sampling of each layer with a goal ended."""
+    facts: Mapping[str, float]
+    """Figures of the geometry: `unit`, metres per unit of the local frame, and those of `Roughness` of the rough
+    mesh."""
 
 
 class PassMemory:

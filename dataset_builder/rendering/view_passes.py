@@ -8,6 +8,7 @@ examples of the view.
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from math import ceil
 from pathlib import Path
 from time import perf_counter
 
@@ -18,6 +19,8 @@ from dataset_builder.layers import PASSES, Pass
 from dataset_builder.rendering import passes
 from dataset_builder.rendering.light_probe import lighting
 from dataset_builder.rendering.pass_inputs import (
+    DIRECT,
+    DIRECT_DEPTH,
     INSTANCE,
     LIGHTING,
     RADIANCE,
@@ -28,29 +31,15 @@ from dataset_builder.rendering.pass_inputs import (
     needs_lighting,
     steps_of,
 )
-from dataset_builder.rendering.pass_memory import NO_MEMORY, PassFound, PassMemory
+from dataset_builder.rendering.pass_memory import NO_MEMORY, PassFound, PassMemory, PassResult
 from dataset_builder.rendering.passes import FIRST_HIT_CHANNELS, RADIANCE_CHANNELS, RADIANCE_LAYERS, ViewSensor
-from dataset_builder.rendering.sampling.adaptive import Goal, Sample, Sampled, Stop, more_samples, refine
+from dataset_builder.rendering.sampling.adaptive import Goal, Sample, Sampled, more_samples, refine
 from dataset_builder.rendering.sampling.moments import Estimate
 from dataset_builder.rendering.scene.open_scene import OpenScene
 from dataset_builder.rendering.view_scenes import ViewScenes
 from dataset_builder.seeding import derive_seed
 
 Pixels = Callable[[], np.ndarray]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PassResult:
-    """What one pass found."""
-
-    pixels: np.ndarray
-    """(P,) indices row * width + column, in rising order."""
-    found: Estimate
-    stopped: Mapping[str, Stop]
-    """Why sampling of each layer with a goal ended."""
-    facts: Mapping[str, float]
-    """Figures of the geometry: `unit`, metres per unit of the local frame, and those of `Roughness` of the rough
-    mesh."""
 
 
 @dataclass(kw_only=True)
@@ -75,6 +64,8 @@ class ViewPasses:
                 self.instances()
             for render_pass in needed_passes(plan):
                 self.result(render_pass, plan)
+            if DIRECT in all_passes(plan):
+                self.rough_direct(plan)
             if needs_lighting(plan):
                 self.lighting(plan)
         finally:
@@ -134,6 +125,18 @@ class ViewPasses:
         """The R3DM of one noise level under one target illumination."""
         return self._lit(("rough", str(plan.light), plan.rough.model_dump_json()), plan, lambda: self._rough(plan),
                          lambda: self.covered_by_either(plan), plan.light, plan.rough.level)
+
+    def rough_direct(self, plan: ExamplePlan) -> PassResult:
+        """As `rough`, without light that has bounced: the same pixels, as many samples as that took on average, all of
+        them its own."""
+        rough, depth = self.rough(plan), min(DIRECT_DEPTH, plan.effects.of("rough").max_depth)
+
+        def sampler() -> Sample:
+            direct, spp = passes.radiance_sampler(self.view, self._rough(plan), depth), ceil(rough.found.spp.mean())
+            return lambda pixels, _, batches, seed: direct(pixels, spp, batches, seed)
+
+        return self._once((DIRECT, str(plan.light), plan.rough.model_dump_json()), plan,
+                          lambda: rough.pixels, sampler, plan.light, plan.rough.level)
 
     def lighting(self, plan: ExamplePlan) -> PassResult:
         """Spherical harmonics of what arrives at the middle of the 3DM's box under one target illumination, with the

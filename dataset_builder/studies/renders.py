@@ -17,6 +17,7 @@ from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.layers import LAYERS
 from dataset_builder.rendering.backend import renderer_versions
 from dataset_builder.rendering.examples import Rendered, render_view
+from dataset_builder.rendering.pass_inputs import DIRECT
 from dataset_builder.studies.sampled import rerendered
 
 STEADY = 0.9
@@ -69,6 +70,8 @@ def seconds_of(layer: str, found: Rendered) -> float:
     """Seconds of the pass that makes a layer, and of its share of denoising where that was asked for."""
     denoised = found.plan.render.denoise
     share = found.seconds.get(DENOISE, 0.0) / len(denoised) if layer in denoised else 0.0
+    if layer == "s_prime":
+        share += found.seconds.get(DIRECT, 0.0)
     return found.seconds.get(LAYERS[layer].render_pass, 0.0) + share
 
 

@@ -8,7 +8,7 @@ from dataset_builder.errors import PlanError
 from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.label.example_plan import ExamplePlan, GoalPlan
 from dataset_builder.planning.catalogue import ExampleRef
-from dataset_builder.planning.cost import Cost, calibration_cost, estimate, extrapolate, view_cost
+from dataset_builder.planning.cost import DIRECT_SHARE, Cost, calibration_cost, estimate, extrapolate, view_cost
 from dataset_builder.planning.pass_work import Rates, expected_spp, files_per_example, pass_runs, pass_share
 from dataset_builder.planning.plan import Planner, first_plan, plan_example
 from dataset_builder.planning.view.visibility import window_share
@@ -41,6 +41,9 @@ def test_the_cost_of_a_view_by_hand(load: Load, dataset_data: dict[str, Any]) ->
     assert cost.bytes == pytest.approx(6 * (1000 + 0.5 * 4 * 3 * (200 + 50 + 50 + 50)))
     assert view_cost(plan, 2, 3, 0.4, "float32", RATES, cores=2).seconds == pytest.approx(
         cost.seconds / 2)
+    smooth = plan.model_copy(update={"render": plan.render.model_copy(update={"denoise": ("s_prime",)})})
+    assert view_cost(smooth, 2, 3, 0.4, "float32", RATES).seconds - cost.seconds == pytest.approx(
+        DIRECT_SHARE * 6 * 50 * 16 / 100)
 
 
 @pytest.mark.parametrize("per_shard", [1, 2, 3, 4, 6, 7, 12, 48, 100])

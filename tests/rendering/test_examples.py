@@ -16,6 +16,7 @@ from dataset_builder.planning.plan import plan_example
 from dataset_builder.planning.scene.box_shell import BoxShell
 from dataset_builder.rendering import passes, view_scenes
 from dataset_builder.rendering.examples import Rendered, render_view
+from dataset_builder.rendering.view_passes import ViewPasses
 from dataset_builder.shards.gates import check_gates
 from dataset_builder.spec.dataset import GatesSpec
 from dataset_builder.spec.load import load_dataset
@@ -136,6 +137,23 @@ def test_an_object_that_is_half_there_and_glows(plan: Plan) -> None:
         assert 0.7 < ratio < 0.99
     assert there.layers["spec"][whole.layers["mask"][..., 0] == 1].mean(axis=0)[0] > 0.15
     assert not check_gates(there.layers, GatesSpec(mask_overlap=0.3), there.evidence, (16, 16))
+
+
+def test_direct_light_is_s_prime_without_bounces_from_as_many_samples(plan: Plan) -> None:
+    """Paths of two edges find nothing else, so that both are one image then, of different samples."""
+    deep = plan(s_prime="object")
+    shallow = deep.model_copy(update={"effects": deep.effects.model_copy(update={"passes": tuple(
+        entry.model_copy(update={"max_depth": 2}) for entry in deep.effects.passes)})})
+    found = {}
+    for name, whole in (("deep", deep), ("shallow", shallow)):
+        shared = ViewPasses(plan=whole, mesh_root=Path())
+        found[name] = [(part.pixels, part.found.mean[:, 3:6], part.found.error[:, 3:6], part.found.spp.sum())
+                       for part in (shared.rough(whole), shared.rough_direct(whole))]
+        shared.scenes.close()
+    (pixels, both, error, paths), (lit, direct, noise, own_paths) = found["shallow"]
+    assert np.array_equal(pixels, lit) and paths == own_paths and not np.array_equal(both, direct)
+    assert abs((both - direct).sum()) < 4 * np.sqrt((error**2 + noise**2).sum())
+    assert np.array_equal(found["deep"][1][1], direct) and found["deep"][0][1].mean() > 1.1 * direct.mean()
 
 
 def test_standard_errors_are_of_their_layers(plan: Plan) -> None:

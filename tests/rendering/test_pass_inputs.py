@@ -7,7 +7,15 @@ import pytest
 from dataset_builder.label.example_plan import ExamplePlan, GoalPlan, RoughStep, SppPart
 from dataset_builder.label.scene_plan import MaterialChange, Param
 from dataset_builder.label.scene_source import SceneThingPlan
-from dataset_builder.rendering.pass_inputs import all_passes, goals_at, inputs_of, key_of, sky_radiance, steps_of
+from dataset_builder.rendering.pass_inputs import (
+    DIRECT,
+    all_passes,
+    goals_at,
+    inputs_of,
+    key_of,
+    sky_radiance,
+    steps_of,
+)
 from tests.plans import effects_plan, example_plan
 
 PASSES = ("first_hit", "instance", "source", "target", "first_hit_rough", "rough", "lighting")
@@ -122,6 +130,17 @@ def test_where_something_shines_every_light_pass_depends_on_the_source_sky() -> 
 def test_every_pass_has_a_key_of_its_own() -> None:
     assert set(all_passes(plan())) == set(PASSES)
     assert len(set(keys(plan()).values())) == len(PASSES)
+
+
+def test_direct_light_is_traced_where_s_prime_is_denoised_and_depends_on_what_that_does() -> None:
+    smooth = within("render", denoise=("s_prime",))(plan())
+    assert set(all_passes(smooth)) == {*PASSES, DIRECT} and DIRECT not in all_passes(within(
+        "render", denoise=("i_t", "s"))(plan()))
+    for name in EDITS:
+        before, after = ({which: key_of(inputs_of(whole, which), {}) for which in ("rough", DIRECT)}
+                         for whole in (smooth, EDITS[name][0](smooth)))
+        assert before["rough"] != before[DIRECT]
+        assert (before["rough"] == after["rough"]) == (before[DIRECT] == after[DIRECT])
 
 
 def test_versions_are_part_of_a_key() -> None:

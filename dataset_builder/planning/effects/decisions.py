@@ -34,9 +34,15 @@ LIT = ("source", "target", "rough")
 
 
 def guides_of(name: str) -> tuple[str, ...]:
-    """Layers that guide the denoising of one, masks aside."""
-    normal = NORMAL[LAYERS[name].geometry]
-    return (ALBEDO[name], normal) if name in ALBEDO else (normal,)
+    """Layers that guide the denoising of one, masks aside. Bounced light on the rough mesh is guided by the clean."""
+    geometry = LAYERS[name].geometry
+    normals = (NORMAL[geometry],) if geometry == "3dm" else (NORMAL[geometry], NORMAL["3dm"])
+    return (ALBEDO[name], *normals) if name in ALBEDO else normals
+
+
+def has_direct(render: RenderPlan) -> bool:
+    """Whether denoising needs to know what of S' comes straight from the lights."""
+    return "s_prime" in render.denoise
 
 
 def guide_extents(render: RenderPlan) -> dict[str, Extent]:

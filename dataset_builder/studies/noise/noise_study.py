@@ -25,7 +25,7 @@ NO_PASSES = ("plan", "encode", "denoise")
 MEANINGS = {
     "first_hit": "light-free layers", "source": "I_s", "target": "I_t", "rough": "S'",
     "first_hit_rough": "where the rough mesh is seen", "lighting": "spherical harmonics of the target light",
-    "instance": "instances",
+    "instance": "instances", "rough_direct": "S' without bounced light, for denoising",
 }
 
 
