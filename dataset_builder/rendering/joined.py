@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from math import log2
 
 import drjit as dr
@@ -37,13 +38,14 @@ def joined_integrand(view: ViewSensor, opened: OpenScene, max_depth: int, causti
     """What `radiance_sampler` samples, by joined paths; see `sampling.estimate.Shared`."""
     sensor, camera = view.sensor(), camera_of(view)
     longest, roulette = (dr.opaque(mi.UInt32, depth) for depth in (max_depth, view.render.rr_depth))
-    lamps, share = lamps_of(opened.scene), dr.opaque(mi.Float, lamp_share(opened.illumination))
+    lamps = cache(lambda paths: lamps_of(opened.scene, paths))
+    share = dr.opaque(mi.Float, lamp_share(opened.illumination) if opened.illumination else 0.0)
 
     def shared(groups: Groups) -> tuple[Integrand, Elsewhere | None]:
         world = World(opened.scene, longest, roulette, opened.features, opened.fog)
         paths = paths_for(groups.samples, caustics)
-        vertices = trace_light(world, lamps, paths=paths, sets=groups.count, seed=derive_seed(groups.seed, "light"))
-        light = LightSide(lamps, table_of(vertices), mi.ShapePtr(opened.shape), share,
+        vertices = trace_light(world, lamps(paths), sets=groups.count, seed=derive_seed(groups.seed, "light"))
+        light = LightSide(lamps(paths), table_of(vertices), mi.ShapePtr(opened.shape), share,
                           dr.opaque(mi.Float, paths / groups.per_pixel if caustics else 0.0))
 
         def integrand(samplers: Samplers, position: mi.Vector2f) -> list[mi.Float]:

@@ -123,7 +123,8 @@ def _first_hit(bsdf: mi.BSDF, si: mi.SurfaceInteraction3f, given: list[mi.Vector
         delta = ~take_cosine & mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
         null = ~take_cosine & mi.has_flag(bs.sampled_type, mi.BSDFFlags.Null)
     wo = dr.select(take_cosine, cosine_direction(normal, sample2), bs.wo)
-    towards = [Towards(*bsdf.eval_pdf(ctx, si, each, active), white_lambert(normal, si, each)) for each in given]
+    towards = [Towards(mi.Color3f(value), pdf, white_lambert(normal, si, each))
+               for each in given for value, pdf in [bsdf.eval_pdf(ctx, si, each, active)]]
     value, pdf = bsdf.eval_pdf(ctx, si, wo, active)
     return FirstHit(diffuse=mi.Color3f(bsdf.eval_diffuse_reflectance(si, active)), towards=towards, wo=wo,
                     value=dr.select(delta, 0, mi.Color3f(value)), pdf=dr.select(delta, 0, pdf),

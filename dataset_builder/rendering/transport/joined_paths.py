@@ -151,8 +151,8 @@ def _second(world: World, light: LightSide, free: mi.Sampler, group: mi.UInt32, 
 def _at_second(world: World, light: LightSide, free: mi.Sampler, group: mi.UInt32, start: PathStart, ray: mi.Ray3f,
                h0: mi.Float, trust1: mi.Float, trust2: mi.Float,
                active: mi.Bool) -> tuple[mi.Color3f, Later, mi.Bool, mi.Bool]:
-    """One surface that the ray from the first hit meets: (radiance that arrives from it, where the path goes on, whether
-    it does, whether the ray goes straight on)."""
+    """One surface that the ray from the first hit meets: (radiance that arrives from it, where the path goes on,
+    whether it does, whether the ray goes straight on)."""
     si = world.scene.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=active)
 
     # Emission of what the ray meets

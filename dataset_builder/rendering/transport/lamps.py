@@ -13,6 +13,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from dataset_builder.errors import PlanError
 from dataset_builder.rendering.buffers import owned
 
 LUMINANCE = np.array([0.2126390059, 0.7151686788, 0.0721923154])
@@ -24,13 +25,13 @@ ROW = 2
 class Lamps:
     """L lamps that send light paths, on the device; a plain class, which loops do not take for their state."""
 
-    def __init__(self, *, numbers: np.ndarray, rows: np.ndarray, emission: np.ndarray, shares: np.ndarray):
-        """numbers: (L,) of their emitters. rows: (L, ROW). emission: a by number of an emitter. shares: (L,)."""
+    def __init__(self, *, numbers: np.ndarray, rows: np.ndarray, emission: np.ndarray, paths: np.ndarray):
+        """numbers: (L,) of their emitters. rows: (L, ROW). emission: a by number of an emitter. paths: (L,)."""
         self.pointer, self.rows = owned(mi.UInt32, numbers), owned(mi.Float, rows)
         self.emission = owned(mi.Float, emission)
         """a = share / (pi area), or share / solid angle for a lamp without a size; 0 for what sends no paths."""
-        self.shares = shares
-        """Of the paths, by flux."""
+        self.paths = paths
+        """How many each sends in a set."""
 
     def emitted(self, point: mi.Interaction3f, light: mi.DirectionSample3f, active: mi.Bool) -> mi.Float:
         """a of a light seen from a point, in the units of `weights`: divided by the squared distance where the lamp has
@@ -71,13 +72,16 @@ class Emission:
     begin: Beginning
 
 
-def lamps_of(scene: mi.Scene) -> Lamps | None:
-    """The lamps of a scene in proportion to their flux; None where nothing in it sends light paths."""
+def lamps_of(scene: mi.Scene, paths: int) -> Lamps:
+    """The lamps of a scene, which send a set of `paths` in proportion to their flux; one that would send less than half
+    a path sends none. Raises PlanError where nothing in it sends light paths."""
     found = [(index, emitter) for index, emitter in enumerate(scene.emitters()) if _sends(emitter)]
     if not found:
-        return None
+        raise PlanError("transport: expected a lamp that sends light for joined paths, got none")
     power = np.array([_power(emitter) for _, emitter in found])
-    shares, rows = power / power.sum(), np.zeros((len(found), ROW), dtype=np.float32)
+    ends = np.rint(np.cumsum(power) / power.sum() * paths).astype(np.int64)
+    sent = np.diff(ends, prepend=0)
+    shares, rows = sent / paths, np.zeros((len(found), ROW), dtype=np.float32)
     numbers = np.array([_number(emitter) for _, emitter in found], dtype=np.uint32)
     emission = np.zeros(_power_of_two(max(_number(emitter) for emitter in scene.emitters()) + 1), dtype=np.float32)
     for k, (index, emitter) in enumerate(found):
@@ -85,7 +89,7 @@ def lamps_of(scene: mi.Scene) -> Lamps | None:
         emission[numbers[k]] = shares[k] / (pi * size if size else solid)
         lone = 0.0 if size else float(np.array(scene.pdf_emitter(mi.UInt32(index))).ravel()[0])
         rows[k] = emission[numbers[k]], lone
-    return Lamps(numbers=numbers, rows=rows, emission=emission, shares=shares)
+    return Lamps(numbers=numbers, rows=rows, emission=emission, paths=sent)
 
 
 def emit(lamps: Lamps, lamp: mi.UInt32, flux: mi.Float, sample1: mi.Point2f, sample2: mi.Point2f) -> Emission:

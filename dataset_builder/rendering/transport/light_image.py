@@ -21,7 +21,7 @@ from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.rendering.buffers import owned
 from dataset_builder.rendering.surface.first_hit import coverage, first_hit, mixture_pdf
 from dataset_builder.rendering.transport.joined_paths import LightSide
-from dataset_builder.rendering.transport.light_paths import LightVertices
+from dataset_builder.rendering.transport.light_paths import EDGES, LightVertices
 from dataset_builder.rendering.transport.light_sampling import World, same_side, straight_on
 from dataset_builder.rendering.transport.weights import edge, link, linked
 
@@ -51,11 +51,11 @@ def light_image(world: World, light: LightSide, camera: Camera, found: LightVert
     if not len(row):
         return np.zeros((*groups.shape, CHANNELS))
     values = [owned(mi.Float, found.values[row, k].astype(np.float32)) for k in range(found.values.shape[1])]
-    prim, group = (owned(mi.UInt32, each.astype(np.uint32)) for each in (found.prim[row], found.path[row] // found.paths))
-    sent = _sent(world, light, camera, values, prim, group)
+    group = found.path[row] // found.paths
+    sent = _sent(world, light, camera, values, owned(mi.UInt32, found.prim[row]), owned(mi.UInt32, group))
     dr.eval(sent)
     frame = camera.pinhole.width * camera.pinhole.height
-    place = (found.path[row] // found.paths).astype(np.int64) * frame + pixel
+    place = group.astype(np.int64) * frame + pixel
     wanted = groups.astype(np.int64) * frame + pixels[:, None]
     size = found.sets * frame
     sums = [np.bincount(place, np.array(channel, dtype=np.float64), minlength=size)[wanted] for channel in sent]
@@ -64,7 +64,7 @@ def light_image(world: World, light: LightSide, camera: Camera, found: LightVert
 
 def _seen(pinhole: Pinhole, found: LightVertices, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(V,) vertices whose light has bounced and that project to one of the pixels, and which."""
-    bounced = np.flatnonzero(found.values[:, 13] > 1)
+    bounced = np.flatnonzero(found.values[:, EDGES] > 1)
     column, row, distance = pinhole.project(found.values[bounced, :3].astype(np.float64)).T
     inside = (distance > 0) & (column >= 0) & (row >= 0) & (column < pinhole.width) & (row < pinhole.height)
     pixel = np.zeros(len(bounced), dtype=np.int64)
@@ -94,7 +94,8 @@ def _sent(world: World, light: LightSide, camera: Camera, values: list[mi.Float]
     # The surface, as the camera sees it
     hit = first_hit(si.bsdf(look), si, [si.to_local(back)], mi.Bool(False), mi.Float(0.5), mi.Point2f(0.5), active)
     there = hit.towards[0]
-    cos_in, cos_out, pdf = dr.abs(dr.dot(si.n, look.d)), dr.abs(dr.dot(si.n, back)), mixture_pdf(there.pdf, there.cosine)
+    cos_in, cos_out = dr.abs(dr.dot(si.n, look.d)), dr.abs(dr.dot(si.n, back))
+    pdf = mixture_pdf(there.pdf, there.cosine)
     pixel_pdf = camera.pixel_pdf(look.d)
 
     # Its weight: the camera, and the links at the first and the second hit

@@ -47,7 +47,7 @@ class LightPath:
     cos_prev: mi.Float
     """Cosine there towards where the ray goes."""
     turn: mi.Float
-    """cos_out / p of the previous vertex as a camera path passes it; 0 on the lamp and where a delta lobe sent the ray."""
+    """cos_out / p of the previous vertex as a camera path passes it; 0 on the lamp and after a delta lobe."""
     pdf_prev: mi.Float
     """That p."""
     g_prev: mi.Float
@@ -101,11 +101,12 @@ class LightVertices:
     path: np.ndarray
 
 
-def trace_light(world: World, lamps: Lamps, *, paths: int, sets: int, seed: int) -> LightVertices:
-    """Vertices of `paths` light paths in each of `sets`. seed: 64 bits."""
+def trace_light(world: World, lamps: Lamps, *, sets: int, seed: int) -> LightVertices:
+    """Vertices of the light paths of each of `sets`. seed: 64 bits."""
+    paths = int(lamps.paths.sum())
     room = ROOM * paths * sets
     while True:
-        state, sampler = _set_out(lamps, paths, sets, seed), mi.load_dict({"type": "independent"})
+        state, sampler = _set_out(lamps, sets, seed), mi.load_dict({"type": "independent"})
         sampler.seed(derive_seed(seed, "bounces") & 0xFFFFFFFF, paths * sets)
         values, numbers = dr.empty(mi.Float, room * WIDTH), dr.empty(mi.UInt32, 2 * room)
         taken = dr.zeros(mi.UInt32, 1)
@@ -138,21 +139,20 @@ def _walk(world: World, state: LightPath, sampler: mi.Sampler, values: mi.Float,
     return state.path
 
 
-def _set_out(lamps: Lamps, paths: int, sets: int, seed: int) -> LightPath:
-    """Every path at its lamp: of each set as many as are the lamp's share, in strata."""
-    ends = np.cumsum(lamps.shares)
-    lamp = np.searchsorted(ends, (np.arange(paths) + 0.5) / paths * ends[-1]).clip(max=len(ends) - 1)
-    share = paths / np.bincount(lamp, minlength=len(ends))[lamp]
+def _set_out(lamps: Lamps, sets: int, seed: int) -> LightPath:
+    """Every path at its lamp, in strata: of each set as many as `lamps` says."""
+    lamp, paths = np.repeat(np.arange(len(lamps.paths)), lamps.paths), int(lamps.paths.sum())
     lanes = paths * sets
+    share = paths / lamps.paths[lamp]
     strata = mi.load_dict({"type": "multijitter", "sample_count": paths})
     strata.set_samples_per_wavefront(paths)
     strata.seed(derive_seed(seed, "lamps") & 0xFFFFFFFF, lanes)
     e = emit(lamps, owned(mi.UInt32, np.tile(lamp, sets).astype(np.uint32)),
              owned(mi.Float, np.tile(share, sets).astype(np.float32)), strata.next_2d(), strata.next_2d())
-    none, zero = dr.zeros(mi.UInt32, lanes), dr.zeros(mi.Float, lanes)
-    state = LightPath(o=e.ray.o, d=e.ray.d, flux=e.flux, edges=none, path=dr.arange(mi.UInt32, lanes), prev=mi.Point3f(e.begin.p),
-                      cos_prev=mi.Float(zero), turn=mi.Float(zero), pdf_prev=mi.Float(zero), g_prev=mi.Float(zero),
-                      camera=mi.Float(zero), begin=e.begin)
+    zeros = [dr.zeros(mi.Float, lanes) for _ in range(5)]
+    state = LightPath(o=e.ray.o, d=e.ray.d, flux=e.flux, edges=dr.zeros(mi.UInt32, lanes),
+                      path=dr.arange(mi.UInt32, lanes), prev=mi.Point3f(e.begin.p), cos_prev=zeros[0], turn=zeros[1],
+                      pdf_prev=zeros[2], g_prev=zeros[3], camera=zeros[4], begin=e.begin)
     dr.make_opaque(state)
     return state
 
@@ -185,8 +185,8 @@ def _bounce(world: World, state: LightPath, sampler: mi.Sampler,
     facing = mi.Normal3f(dr.mulsign(mi.Vector3f(si.n), dr.dot(si.n, back)))
     albedo = dr.select(out.delta | out.passed, 0, _brightness(out.weight))
     vertex = LightVertex(p=si.p, back=back, flux=state.flux, uv=found.prim_uv, camera=camera, again=again,
-                         edges=mi.Float(state.edges + 1), g=g, g2=g2, facing=facing,
-                         bright=_brightness(state.flux) * dr.maximum(albedo, DARK), prim=found.prim_index, path=state.path)
+                         edges=mi.Float(state.edges + 1), g=g, g2=g2, facing=facing, prim=found.prim_index,
+                         path=state.path, bright=_brightness(state.flux) * dr.maximum(albedo, DARK))
     survival = dr.minimum(dr.max(out.weight), MAX_SURVIVAL)
     passed = out.passed
     alive = lit & (sampler.next_1d(lit) < survival) & (state.edges + dr.select(passed, 1, 2) < world.max_depth)

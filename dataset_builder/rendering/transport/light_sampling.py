@@ -11,7 +11,6 @@ import mitsuba as mi
 from dataset_builder.rendering.surface.first_hit import transparency
 from dataset_builder.rendering.transport.fog import Fog
 
-
 Passes = Callable[["mi.BSDFPtr", "mi.SurfaceInteraction3f", "mi.Bool"], "mi.Color3f"]
 
 

@@ -4,8 +4,8 @@ A link is made in two steps. M candidates, spread evenly over the vertices of th
 would send to a white surface if nothing stood between; one is chosen in proportion, and joined (resampled importance
 sampling: Talbot, Cline and Egbert, "Importance resampling for global illumination", EGSR 2005). The estimate is
 unbiased whatever the weights, as long as they are positive where light comes from. Vertices lie in the table by set,
-then by the side that they face, then along a Z curve, so that candidates which are spread over the table are spread over
-the scene.
+then by the side that they face, then along a Z curve, so that candidates which are spread over the table are spread
+over the scene.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class Joint:
     g: mi.Float
     prim: mi.UInt32
     chosen: mi.Float
-    """1 / probability of the choice, over light paths: what one link counts for; 0 where there was nothing to choose."""
+    """1 / probability of the choice, over light paths: what one link counts for; 0 where there is none."""
     toward: mi.Vector3f
     distance_squared: mi.Float
 
@@ -87,13 +87,13 @@ def table_of(found: LightVertices) -> LinkTable:
     values, sets = found.values, found.path // found.paths
     position, facing, bright = values[:, 0:3], values[:, 16:19], values[:, 19:20]
     order = np.argsort(_place(position, facing) | (sets.astype(np.uint64) << np.uint64(33)), kind="stable")
-    count = np.bincount(sets, minlength=found.sets)
+    count, last = np.bincount(sets, minlength=found.sets), max(len(values) - 1, 0)
     cos_back = np.einsum("ij,ij->i", facing, values[:, 3:6])[:, None]
     camera = values[:, 11:12] + values[:, 12:13] * np.pi / np.maximum(cos_back, 1e-6)
     brief = np.concatenate([position, facing, bright, camera], axis=1)[order]
     full = np.concatenate([values[:, :15], np.zeros((len(values), 1), np.float32)], axis=1)[order]
     return LinkTable(brief=_floats(brief), full=_floats(full), prim=owned(mi.UInt32, _or_one(found.prim[order])),
-                     first=owned(mi.UInt32, np.minimum(np.cumsum(count) - count, max(len(values) - 1, 0)).astype(np.uint32)),
+                     first=owned(mi.UInt32, np.minimum(np.cumsum(count) - count, last).astype(np.uint32)),
                      count=owned(mi.UInt32, count.astype(np.uint32)),
                      paths=dr.opaque(mi.Float, found.paths),
                      usual=dr.opaque(mi.Float, float(np.median(camera)) if len(camera) else 1.0))
@@ -161,7 +161,8 @@ def arrive(world: World, shape: mi.ShapePtr, joint: Joint, si: mi.SurfaceInterac
     if world.straight:
         light = straight_on(world.scene, si, joint.p, transparency, active)
     else:
-        light = mi.Color3f(dr.select(world.scene.ray_test(si.spawn_ray_to(joint.p), coherent=False, active=active), 0, 1))
+        hidden = world.scene.ray_test(si.spawn_ray_to(joint.p), coherent=False, active=active)
+        light = mi.Color3f(dr.select(hidden, 0, 1))
 
     # The surface there, as seen from here
     look = mi.Ray3f(si.p, joint.toward)

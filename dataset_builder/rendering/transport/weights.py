@@ -14,9 +14,9 @@ not be the best. So both sides take the density with which a light path goes on 
 
     p_light(x i-1 | x i, x i+1) = p_i cos_in / cos_out,      p_i = p(x i+1 | x i-1, x i)
 
-which holds for a surface that samples in proportion to f cos, since f is symmetric; p_i is the camera side's density per
-steradian, cos_in and cos_out the cosines at x i towards x i-1 and x i+1. With it everything between the link and the
-lamp cancels. In units of H over p_k, with a the density of the lamp (`Lamps.emission`),
+which holds for a surface that samples in proportion to f cos, since f is symmetric; p_i is the camera side's density
+per steradian, cos_in and cos_out the cosines at x i towards x i-1 and x i+1. With it everything between the link and
+the lamp cancels. In units of H over p_k, with a the density of the lamp (`Lamps.emission`),
 
     H = 1 / a,    N = p_N / (a p_k),    Lj = h_j = s_j d^2 cos_out / (p_j cos_in p_j+1)
 
