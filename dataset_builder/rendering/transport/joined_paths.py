@@ -28,11 +28,11 @@ from dataset_builder.rendering.transport.weights import edge, light_sample, link
 
 CANDIDATES = (16, 4)
 """Light vertices that a link at the first and at the second hit chooses among."""
-PAST = 1.5
+PAST = 2.0
 """Survival of a path after its second hit, times what is left to the camera side."""
 LEAST = 0.4
 """Share of a path's light that camera paths are expected to find at least."""
-TRUST = (0.5, 1.0)
+TRUST = (0.5, 2.0)
 """How much links at the first and at the second hit count in the weights."""
 
 

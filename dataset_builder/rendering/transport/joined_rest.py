@@ -19,7 +19,7 @@ from dataset_builder.rendering.transport.light_sampling import World, same_side,
 from dataset_builder.rendering.transport.weights import edge, light_sample, link, met_by_chance
 
 MAX_SURVIVAL = 0.95
-LATER = 2.0
+LATER = 2.5
 """Survival of a path from its third hit on, times what is left to the camera side."""
 
 
