@@ -169,7 +169,7 @@ def _add_top(lobes: Lobes, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, above: 
     coat_share, glass_share = _top_shares(lobes)
     pdf = pdf * (1 - coat_share - glass_share)
     if lobes.coat is not None:
-        wi_up, wo_up = _upright(si, si.wi), _upright(si, wo)
+        wi_up, wo_up = upright(si, si.wi), upright(si, wo)
         coat, coat_pdf = gloss.evaluate(lobes.coat, wi_up, wo_up, dr.normalize(wi_up + wo_up))
         value += dr.select(above, coat, 0)
         pdf += dr.select(above, coat_share * coat_pdf, 0)
@@ -182,10 +182,10 @@ def _add_top(lobes: Lobes, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, above: 
 
 def _scatter_coat(found: Scattered, coat: GgxLobe, si: mi.SurfaceInteraction3f, sample2: mi.Point2f,
                   taken: mi.Bool) -> None:
-    wi = _upright(si, si.wi)
+    wi = upright(si, si.wi)
     normal, _ = gloss.facets(coat).sample(wi, sample2)
     mirrored = mi.reflect(wi, normal)
-    found.wo = dr.select(taken, _upright(si, mirrored), found.wo)
+    found.wo = dr.select(taken, upright(si, mirrored), found.wo)
     found.valid = dr.select(taken, mi.Frame3f.cos_theta(mirrored) > 0, found.valid)
     found.component = dr.select(taken, mi.UInt32(GLOSSY), found.component)
     found.kind = dr.select(taken, mi.UInt32(+mi.BSDFFlags.GlossyReflection), found.kind)
@@ -237,6 +237,6 @@ def _above(si: mi.SurfaceInteraction3f, wo: mi.Vector3f) -> mi.Bool:
     return mi.Frame3f.cos_theta(si.wi) * mi.Frame3f.cos_theta(wo) > 0
 
 
-def _upright(si: mi.SurfaceInteraction3f, direction: mi.Vector3f) -> mi.Vector3f:
+def upright(si: mi.SurfaceInteraction3f, direction: mi.Vector3f) -> mi.Vector3f:
     """A local direction as seen from the viewer's side of the untilted surface, and back."""
     return mi.Vector3f(direction.x, direction.y, dr.mulsign(direction.z, mi.Frame3f.cos_theta(si.wi)))
