@@ -102,9 +102,9 @@ def _through_portals(world: World, portals: Portals, point: mi.Interaction3f, sa
     rest = dr.select(outside, dr.select(all_round, rest / portals.share, (rest - portals.share) / (1 - portals.share)),
                      rest)
     sample = mi.Point2f(dr.minimum(rest, dr.one_minus_epsilon(mi.Float)), sample.y)
-    direction, pdf = portals.sample(point.p, sample, outside & ~all_round)
+    direction, solid_angle = portals.draw(point.p, sample, outside)
     ds, weight = emitter.sample_direction(point, sample, active)
-    through = outside & ~all_round & (pdf > 0)
+    through = outside & ~all_round & (solid_angle > 0)
     ds.d = dr.select(through, direction, ds.d)
     ds.p = dr.select(through, dr.fma(direction, ds.dist, point.p), ds.p)
     ds.n = dr.select(through, -direction, ds.n)
@@ -112,7 +112,8 @@ def _through_portals(world: World, portals: Portals, point: mi.Interaction3f, sa
     # Radiance over the density of the mixture
     si = dr.zeros(mi.SurfaceInteraction3f)
     si.wi, si.wavelengths = -ds.d, point.wavelengths
-    ds.pdf = dr.select(outside, portals.mixed(point.p, ds.d, dome.pdf_direction(point, ds, outside), 1, outside), ds.pdf)
+    own = dome.pdf_direction(point, ds, outside)
+    ds.pdf = dr.select(outside, portals.mixed(point.p, ds.d, solid_angle, own, 1, outside), ds.pdf)
     weight = dr.select(outside, dome.eval(si, outside) * dr.rcp(ds.pdf), weight)
     ds.pdf /= per_emitter
     weight *= per_emitter
@@ -131,7 +132,8 @@ def emitter_pdf(world: World, point: mi.Interaction3f, ds: mi.DirectionSample3f,
     if world.portals is None:
         return pdf
     outside = active & (ds.emitter == mi.EmitterPtr(world.scene.environment()))
-    return dr.select(outside, world.portals.mixed(point.p, ds.d, pdf, world.dome_probability, outside), pdf)
+    solid_angle = world.portals.solid_angle(point.p, outside)
+    return dr.select(outside, world.portals.mixed(point.p, ds.d, solid_angle, pdf, world.dome_probability, outside), pdf)
 
 
 @dr.syntax

@@ -47,47 +47,62 @@ class _Rectangle:
         from_point = mi.Vector3f(*first.xyz) - point
         self.x0, self.y0 = dr.dot(from_point, self.right), dr.dot(from_point, self.up)
         self.x1, self.y1 = self.x0 + first.w, self.y0 + second.w
-        # Positive on the inner side
         self.height = -dr.dot(from_point, self.inward)
+        """Of the point above the plane, on the inner side."""
         self.area = third.w
-        self._inside = active & (self.height > NEAREST * dr.maximum(first.w, second.w))
+        x, y, h = dr.maximum(-self.x0, self.x1), dr.maximum(-self.y0, self.y1), self.height
+        squared = x * x + y * y + h * h
+        self.counts = active & (self.area * h > LEAST * squared * dr.sqrt(squared)) \
+            & (h > NEAREST * dr.maximum(first.w, second.w))
+        """Whether the point has use for the portal: it subtends at least LEAST, for its furthest corner is that far
+        away."""
 
-    def angles(self) -> tuple[mi.Float, mi.Float, mi.Float, mi.Float]:
-        """The spherical rectangle's four inner angles, Urena et al., section 4, by arcus tangents, which keep their
-        digits where cosines are near 1."""
-        x0, x1, y0, y1, h = self.x0, self.x1, self.y0, self.y1, self.height
+    def _angle(self, x: mi.Float, y: mi.Float, turn: mi.Float) -> mi.Complex2f:
+        """Inner angle of the spherical rectangle at a corner, as a number whose argument it is; `turn` is -x y or x y,
+        as it turns left or right there. Urena et al., section 4, without their arcus cosines, which lose digits near
+        0."""
+        scale = dr.rcp(self.x1 - self.x0 + self.y1 - self.y0 + self.height)
+        return mi.Complex2f(turn, self.height * dr.sqrt(x * x + y * y + self.height * self.height)) * (scale * scale)
 
-        def angle(x: mi.Float, y: mi.Float, turn: mi.Float) -> mi.Float:
-            return dr.atan2(h * dr.sqrt(x * x + y * y + h * h), turn)
-
-        return angle(x1, y0, y0 * x1), angle(x1, y1, -x1 * y1), angle(x0, y1, y1 * x0), angle(x0, y0, -x0 * y0)
+    def _halves(self) -> tuple[mi.Complex2f, mi.Complex2f]:
+        """The angles at the right end, and those at the left end, as products of such numbers."""
+        x0, x1, y0, y1 = self.x0, self.x1, self.y0, self.y1
+        return (self._angle(x1, y0, y0 * x1) * self._angle(x1, y1, -x1 * y1),
+                self._angle(x0, y1, y1 * x0) * self._angle(x0, y0, -x0 * y0))
 
     def solid_angle(self) -> mi.Float:
-        """What the angles exceed those of a plane rectangle by; 0 where the portal does not count."""
-        found = sum(self.angles()) - dr.two_pi
-        return dr.select(self._inside & (found > LEAST), found, 0)
+        """What the four angles exceed those of a plane rectangle by; 0 where the portal does not count."""
+        right, left = self._halves()
+        return dr.select(self.counts, _argument(right * left), 0)
 
     def direction(self, sample: mi.Point2f) -> mi.Vector3f:
-        """The point's direction to where `sample` lies on the spherical rectangle, evenly; Urena et al., section 5."""
+        """The direction to where `sample` lies on the spherical rectangle, evenly: Urena et al., section 5."""
         x0, x1, y0, y1, h = self.x0, self.x1, self.y0, self.y1, self.height
-        g0, g1, g2, g3 = self.angles()
-        b0, b1 = (-y / dr.sqrt(y * y + h * h) for y in (y0, y1))
-        turn = sample.x * (g0 + g1 + g2 + g3 - dr.two_pi) + dr.two_pi - g2 - g3
-        f = (dr.cos(turn) * b0 + b1) / dr.sin(turn)
+        right, left = self._halves()
+        b0, b1 = (-y * dr.rsqrt(y * y + h * h) for y in (y0, y1))
+        turn = sample.x * _argument(right * left) - _argument(left)
+        sine, cosine = dr.sincos(turn)
+        f = (cosine * b0 + b1) / sine
         cosine = dr.copysign(dr.rsqrt(f * f + b0 * b0), f)
-        x = dr.clip(cosine * h / dr.safe_sqrt(1 - cosine * cosine), x0, x1)
+        x = dr.clip(cosine * h * dr.rsqrt(dr.maximum(1 - cosine * cosine, dr.smallest(mi.Float))), x0, x1)
         squared = x * x + h * h
-        low, high = (y / dr.sqrt(squared + y * y) for y in (y0, y1))
+        low, high = (y * dr.rsqrt(squared + y * y) for y in (y0, y1))
         rise = low + sample.y * (high - low)
         y = dr.clip(rise * dr.sqrt(squared / dr.maximum(1 - rise * rise, dr.epsilon(mi.Float))), y0, y1)
         return dr.normalize(x * self.right + y * self.up - h * self.inward)
 
     def crossed(self, direction: mi.Vector3f) -> mi.Bool:
-        """Whether a ray from the point leaves through the rectangle."""
+        """Whether the portal counts, and a ray from the point leaves through it."""
         outward = -dr.dot(direction, self.inward)
         x, y = (self.height * dr.dot(direction, side) for side in (self.right, self.up))
-        return (outward > 0) & (x >= self.x0 * outward) & (x <= self.x1 * outward) \
+        return self.counts & (outward > 0) & (x >= self.x0 * outward) & (x <= self.x1 * outward) \
             & (y >= self.y0 * outward) & (y <= self.y1 * outward)
+
+
+def _argument(number: mi.Complex2f) -> mi.Float:
+    """In [0, 2 pi)."""
+    angle = dr.atan2(number.imag, number.real)
+    return dr.select(angle < 0, angle + dr.two_pi, angle)
 
 
 class Portals:
@@ -107,25 +122,46 @@ class Portals:
     def sample(self, point: mi.Point3f, sample: mi.Point2f, active: mi.Bool = True) -> tuple[mi.Vector3f, mi.Float]:
         """A direction out through the portals, evenly over their solid angles, and its density per steradian; the
         density is 0 where the point sees no portal."""
-        index, rest, _ = self._chosen(point, sample.x, active)
-        direction = _Rectangle(self._table, index, point, active).direction(mi.Point2f(rest, sample.y))
-        return direction, self._density(*self._seen(point, direction, active), at_least=1)
+        direction, solid_angle = self.draw(point, sample, active)
+        crossed = dr.maximum(self.crossed(point, direction, active), 1)
+        return direction, dr.select(solid_angle > 0, mi.Float(crossed) / solid_angle, 0)
 
     def pdf(self, point: mi.Point3f, direction: mi.Vector3f, active: mi.Bool = True) -> mi.Float:
         """The density with which `sample` draws a direction, per steradian."""
-        return self._density(*self._seen(point, direction, active))
+        solid_angle = self.solid_angle(point, active)
+        return dr.select(solid_angle > 0, mi.Float(self.crossed(point, direction, active)) / solid_angle, 0)
 
-    def mixed(self, point: mi.Point3f, direction: mi.Vector3f, own: mi.Float, scale: mi.Float,
-              active: mi.Bool = True) -> mi.Float:
-        """Density of a mixture: `own` on a share of the samples, and `scale` times that of the portals on the rest;
-        `own` alone where the point sees no portal."""
-        crossed, solid_angle = self._seen(point, direction, active)
-        mixture = dr.lerp(scale * self._density(crossed, solid_angle), own, self.share)
-        return dr.select(solid_angle > 0, mixture, own)
+    def draw(self, point: mi.Point3f, sample: mi.Point2f, active: mi.Bool) -> tuple[mi.Vector3f, mi.Float]:
+        """A direction as `sample` draws it, and the solid angle of all portals, 0 where the point sees none."""
+        index, rest, solid_angle = self._chosen(point, sample.x, active)
+        return _Rectangle(self._table, index, point, active).direction(mi.Point2f(rest, sample.y)), solid_angle
 
+    def mixed(self, point: mi.Point3f, direction: mi.Vector3f, solid_angle: mi.Float, own: mi.Float,
+              scale: mi.Float | float, active: mi.Bool) -> mi.Float:
+        """Density of a mixture: `own` on a share of the samples, and `scale` times that of the portals, which subtend
+        `solid_angle`, on the rest; `own` alone where that is 0."""
+        crossed = mi.Float(self.crossed(point, direction, active & (solid_angle > 0)))
+        return dr.select(solid_angle > 0, dr.lerp(scale * crossed / solid_angle, own, self.share), own)
+
+    @dr.syntax
     def crossed(self, point: mi.Point3f, direction: mi.Vector3f, active: mi.Bool = True) -> mi.UInt32:
-        """How many portals a ray leaves through."""
-        return self._seen(point, direction, active)[0]
+        """How many of the portals that count at a point a ray from it leaves through."""
+        index, crossed, going = mi.UInt32(0), mi.UInt32(0), mi.Bool(active)
+        while going:
+            crossed += dr.select(_Rectangle(self._table, index, point, going).crossed(direction), mi.UInt32(1), 0)
+            index += 1
+            going = going & (index < self._count)
+        return crossed
+
+    @dr.syntax
+    def solid_angle(self, point: mi.Point3f, active: mi.Bool = True) -> mi.Float:
+        """That of all portals from a point, steradians; what two of them cover counts twice."""
+        index, total, going = mi.UInt32(0), mi.Float(0), mi.Bool(active)
+        while going:
+            total += _Rectangle(self._table, index, point, going).solid_angle()
+            index += 1
+            going = going & (index < self._count)
+        return total
 
     @dr.syntax
     def sample_area(self, sample: mi.Point2f) -> tuple[mi.Point3f, mi.Normal3f, mi.Float]:
@@ -148,10 +184,6 @@ class Portals:
         point = x * portal.right + y * portal.up - portal.height * portal.inward
         return mi.Point3f(point), mi.Normal3f(portal.inward), dr.rcp(self._area)
 
-    @staticmethod
-    def _density(crossed: mi.UInt32, solid_angle: mi.Float, at_least: int = 0) -> mi.Float:
-        return dr.select(solid_angle > 0, mi.Float(dr.maximum(crossed, at_least)) / solid_angle, 0)
-
     @dr.syntax
     def _chosen(self, point: mi.Point3f, sample: mi.Float, active: mi.Bool) -> tuple[mi.UInt32, mi.Float, mi.Float]:
         """A portal, chosen in proportion to its solid angle, what is left of the random number, and the sum of all.
@@ -172,19 +204,6 @@ class Portals:
             index += 1
             going = going & (index < self._count)
         return chosen, rest, total
-
-    @dr.syntax
-    def _seen(self, point: mi.Point3f, direction: mi.Vector3f, active: mi.Bool) -> tuple[mi.UInt32, mi.Float]:
-        """How many of the portals that count at a point the direction crosses, and the solid angle of all."""
-        index, crossed, total, going = mi.UInt32(0), mi.UInt32(0), mi.Float(0), mi.Bool(active)
-        while going:
-            portal = _Rectangle(self._table, index, point, going)
-            solid_angle = portal.solid_angle()
-            total += solid_angle
-            crossed += dr.select((solid_angle > 0) & portal.crossed(direction), mi.UInt32(1), 0)
-            index += 1
-            going = going & (index < self._count)
-        return crossed, total
 
 
 def _row(portal: PortalPlan) -> list[float]:
