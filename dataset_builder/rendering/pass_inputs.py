@@ -129,8 +129,9 @@ def _light(plan: ExamplePlan, name: str) -> dict[str, Any]:
     """The lights that a pass simulates, and what is taken out of their way."""
     source = name == "source"
     light: IlluminationPlan = plan.source_light if source else plan.target_light
-    lights = [_plain(light.lights[index]) for index in plan.effects.of(name).lights]
-    found = {"lights": lights, "open": list(light.open)}
+    effects = plan.effects.of(name)
+    found = {"lights": [_plain(light.lights[index]) for index in effects.lights], "open": list(light.open),
+             "portals": [_plain(portal) for portal in effects.portals]}
     return {"source light": found} if source else {"target light": found | {"number": plan.light}}
 
 

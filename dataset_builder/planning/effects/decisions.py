@@ -3,14 +3,16 @@
 Every decision has a reason in words. Nothing here draws, renders or looks at pixels; `docs/effects.md` has the rules.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import get_args
 
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.label.example_plan import Decision, EffectsPlan, Feature, PassEffects, RenderPlan
-from dataset_builder.label.scene_plan import FogPlan, IlluminationPlan, PlacedObject, RoomPlan, Vector
+from dataset_builder.label.scene_plan import FogPlan, IlluminationPlan, PlacedObject, PortalPlan, RoomPlan, Vector
 from dataset_builder.layers import EVERYWHERE, LAYERS, PASSES, Extent
+from dataset_builder.planning.effects.daylight_choice import daylight
 from dataset_builder.planning.effects.features import scene_features
 from dataset_builder.planning.effects.materials_used import MaterialUse, SceneUse, scene_use
 from dataset_builder.planning.effects.reach import MAX_DEPTH, path_depth, reaching, said
@@ -109,9 +111,10 @@ def _plan_pass(scene: _Scene, name: str) -> tuple[PassEffects, list[Decision]]:
         return _entry(name, extent, (), 1), decisions
     lights, on_lights = _lights(scene, name)
     depth, on_depth = _depth(scene, name)
+    portals, on_daylight = _daylight(scene, name, lights)
     if _runs(scene.render, name):
-        decisions += [on_lights, on_depth]
-    return _entry(name, extent, lights, depth), decisions
+        decisions += [on_lights, on_depth, *on_daylight]
+    return _entry(name, extent, lights, depth).model_copy(update={"portals": portals}), decisions
 
 
 def _entry(name: str, extent: str, lights: tuple[int, ...], depth: int) -> PassEffects:
@@ -166,6 +169,11 @@ def _lights(scene: _Scene, name: str) -> tuple[tuple[int, ...], Decision]:
     kept = tuple(index for index, each in enumerate(found) if each.kept)
     return kept, Decision(effect=f"lights of {name}", choice=f"{len(kept)} of {len(lights)}",
                           reason=said(lights, found) or "there are none")
+
+
+def _daylight(scene: _Scene, name: str, kept: Sequence[int]) -> tuple[tuple[PortalPlan, ...], list[Decision]]:
+    light = scene.light[name]
+    return daylight(name, [light.lights[index] for index in kept], scene.shell, light.open, scene.near)
 
 
 def _require_light(shell: Shell, near: Vector, light: dict[str, IlluminationPlan], render: RenderPlan,

@@ -54,7 +54,8 @@ def trace(scene: mi.Scene, sampler: mi.Sampler, rest: mi.Sampler, ray: mi.Ray3f,
     an edge ends on a surface or where fog scatters, and panes and gaps that a path passes straight end none.
     sampler makes the random numbers up to the first scattering, `rest` those after it; they may be one and the same.
     features: `glass`, `thin`, `dispersion`, `coverage` and `emission` where the scene has them, see
-    `example_plan.Feature`; others are not looked at. portals: what samples of the dome go through. What the ray meets first is chosen by coverage, and then whole.
+    `example_plan.Feature`; others are not looked at. What the ray meets first is chosen by coverage, and then whole.
+    portals: what samples of the dome go through; None for all round.
 
     `specular` is I minus what the diffuse lobe of the first hit sends and minus `air`, estimated from the same samples,
     so that I = D S + specular + air holds for every single path with D taken at its first hit.

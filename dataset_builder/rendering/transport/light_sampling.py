@@ -133,7 +133,8 @@ def emitter_pdf(world: World, point: mi.Interaction3f, ds: mi.DirectionSample3f,
         return pdf
     outside = active & (ds.emitter == mi.EmitterPtr(world.scene.environment()))
     solid_angle = world.portals.solid_angle(point.p, outside)
-    return dr.select(outside, world.portals.mixed(point.p, ds.d, solid_angle, pdf, world.dome_probability, outside), pdf)
+    mixed = world.portals.mixed(point.p, ds.d, solid_angle, pdf, world.dome_probability, outside)
+    return dr.select(outside, mixed, pdf)
 
 
 @dr.syntax
