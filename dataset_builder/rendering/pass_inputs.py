@@ -84,7 +84,8 @@ def inputs_of(plan: ExamplePlan, name: str, steps: int | None = None) -> Inputs:
     if "emission" in plan.effects.features and name in (*RADIANCE, LIGHTING):
         found["emission"] = sky_radiance(plan)
     if name == LIGHTING:
-        return found | _light(plan, "target") | {"path length": _path_length(plan, "target")}
+        return found | _light(plan, "target") | {"path length": _path_length(plan, "target"),
+                                                 "openings": _openings(plan, "target")}
     found |= {"camera": _plain(plan.camera), "image size": [plan.render.width, plan.render.height]}
     if name == INSTANCE:
         return found
@@ -94,6 +95,7 @@ def inputs_of(plan: ExamplePlan, name: str, steps: int | None = None) -> Inputs:
         found["rough mesh"] = _plain(plan.rough)
     if name in RADIANCE:
         found["path length"] = _path_length(plan, name)
+        found["openings"] = _openings(plan, name)
         found["transport"] = plan.effects.of(name).transport
         if found["pixels"] == "object" or samples["goals"]:
             samples["object"] = _object_pixels(plan, name)
@@ -125,13 +127,17 @@ def _path_length(plan: ExamplePlan, name: str) -> list[int]:
     return [plan.effects.of(name).max_depth, plan.render.rr_depth]
 
 
+def _openings(plan: ExamplePlan, name: str) -> list[Inputs]:
+    """What samples of the dome go through in a pass."""
+    return [_plain(portal) for portal in plan.effects.of(name).portals]
+
+
 def _light(plan: ExamplePlan, name: str) -> dict[str, Any]:
     """The lights that a pass simulates, and what is taken out of their way."""
     source = name == "source"
     light: IlluminationPlan = plan.source_light if source else plan.target_light
-    effects = plan.effects.of(name)
-    found = {"lights": [_plain(light.lights[index]) for index in effects.lights], "open": list(light.open),
-             "portals": [_plain(portal) for portal in effects.portals]}
+    lights = [_plain(light.lights[index]) for index in plan.effects.of(name).lights]
+    found = {"lights": lights, "open": list(light.open)}
     return {"source light": found} if source else {"target light": found | {"number": plan.light}}
 
 

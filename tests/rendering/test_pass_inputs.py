@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from dataset_builder.label.example_plan import ExamplePlan, GoalPlan, RoughStep, SppPart
-from dataset_builder.label.scene_plan import MaterialChange, Param
+from dataset_builder.label.scene_plan import MaterialChange, Param, PortalPlan
 from dataset_builder.label.scene_source import SceneThingPlan
 from dataset_builder.rendering.pass_inputs import all_passes, goals_at, inputs_of, key_of, sky_radiance, steps_of
 from tests.plans import example_plan
@@ -40,6 +40,17 @@ def lamp(light: str, **values: object) -> Edit:
         found = getattr(whole, light)
         first = found.lights[0].model_copy(update=values)
         return whole.model_copy(update={light: found.model_copy(update={"lights": (first, *found.lights[1:])})})
+    return edit
+
+
+def opened(*names: str) -> Edit:
+    """Let samples of the dome go through a window in some passes."""
+    window = PortalPlan(corner=(0, 2, 1), right=(1, 0, 0), up=(0, 0, 1))
+
+    def edit(whole: ExamplePlan) -> ExamplePlan:
+        passes = tuple(each.model_copy(update={"portals": (window,)}) if each.name in names else each
+                       for each in whole.effects.passes)
+        return whole.model_copy(update={"effects": whole.effects.model_copy(update={"passes": passes})})
     return edit
 
 
@@ -87,6 +98,8 @@ EDITS: dict[str, tuple[Edit, set[str]]] = {
     "furniture": (within("", furniture=()), set(PASSES)),
     "texture size": (within("render", texture_size=64), set(PASSES)),
     "seed": (within("render", seed="4711"), set(PASSES)),
+    "openings of the target pass": (opened("target"), {"target", "lighting"}),
+    "openings of the rough pass": (opened("rough"), {"rough"}),
     "features": (within("effects", features=("textures",)), set(PASSES)),
 }
 

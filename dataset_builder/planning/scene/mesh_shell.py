@@ -174,7 +174,8 @@ class MeshShell:
     def openings(self, opened: Sequence[str], near: np.ndarray) -> Openings:
         """See `opening_search`."""
         if there := [part for part in opened if part in self.parts]:
-            return Openings(portals=(), why=f"the {' and '.join(there)} {'are' if len(there) > 1 or there == ['walls'] else 'is'} removed")
+            verb = "is" if there == ["ceiling"] else "are"
+            return Openings(portals=(), why=f"the {' and '.join(there)} {verb} removed")
         return _openings(self.space, tuple(map(float, near)))
 
 

@@ -120,7 +120,8 @@ def test_any_number_of_portals_is_one_kernel_and_none_is_that_of_before():
         soup = merge([ball(matte()), *(box(matte(), low, high) for low, high in WALLS.values())])
         with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
             dr.kernel_history_clear()
-            with open_scene(body_of(soup), lit_by(light("dome", (dome,) * 3), light("area")), portals=portals) as opened:
+            lights = lit_by(light("dome", (dome,) * 3), light("area"))
+            with open_scene(body_of(soup), lights, portals=portals) as opened:
                 passes.radiance(stage(), opened, np.arange(32), max_depth=4, spp=4, seed=1)
             return [kernel["hash"] for kernel in dr.kernel_history() if kernel.get("operation_count", 0) > 1000]
 

@@ -1,4 +1,4 @@
-"""Directions and points on portals: solid angles by formulas, densities that integrate to 1, samples that follow them."""
+"""Directions through portals and points on them: solid angles by formulas, densities that samples follow."""
 
 import drjit as dr
 import mitsuba as mi
@@ -42,7 +42,7 @@ def seen(portal, point):
     offset = np.array(portal.corner) - point
     low = np.array([offset @ right / np.linalg.norm(right), offset @ up / np.linalg.norm(up)])
     inward = np.cross(right, up)
-    return low, low + [np.linalg.norm(right), np.linalg.norm(up)], -offset @ inward / np.linalg.norm(inward)
+    return low, low + np.linalg.norm([right, up], axis=1), -offset @ inward / np.linalg.norm(inward)
 
 
 def test_the_side_of_a_cube_takes_a_sixth_of_all_directions():
