@@ -35,12 +35,12 @@ def test_a_dome_behind_windows_is_sampled_through_them() -> None:
 def test_where_nothing_is_to_be_gained_it_is_sampled_all_round() -> None:
     dome = [weighing("dome", 1.0)]
     assert said(daylight("target", dome, BoxShell(ROOM), ("ceiling", "walls"), NEAR)[1]) \
-        == "all round: sampled all round, since the walls are removed"
+        == "all round: the walls are removed"
     assert said(daylight("target", dome, shell(walled(5, 4, 2.5)), ("ceiling",), (2.5, 2, 0))[1]) \
-        == "all round: sampled all round, since the ceiling is removed"
+        == "all round: the ceiling is removed"
     weak = [weighing("dome", 0.02), weighing("area", 0.98)]
     portals, decisions = daylight("target", weak, BoxShell(ROOM), (), NEAR)
-    assert not portals and said(decisions).startswith("all round: sampled all round, since the dome brings 0.02 of the")
+    assert not portals and said(decisions).startswith("all round: the dome brings 0.02 of the direct")
 
 
 @pytest.mark.parametrize(("share", "found"), [(0.9 * LEAST_SHARE, 0), (1.1 * LEAST_SHARE, 2)])
