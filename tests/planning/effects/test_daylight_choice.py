@@ -38,6 +38,9 @@ def test_where_nothing_is_to_be_gained_it_is_sampled_all_round() -> None:
         == "all round: the walls are removed"
     assert said(daylight("target", dome, shell(walled(5, 4, 2.5)), ("ceiling",), (2.5, 2, 0))[1]) \
         == "all round: the ceiling is removed"
+    image = weighing("dome", 1.0).model_copy(update={"image": "sky.exr"})
+    assert said(daylight("target", [image], BoxShell(ROOM), (), NEAR)[1]) \
+        == "all round: samples of an image follow what is bright in it"
     weak = [weighing("dome", 0.02), weighing("area", 0.98)]
     portals, decisions = daylight("target", weak, BoxShell(ROOM), (), NEAR)
     assert not portals and said(decisions).startswith("all round: the dome brings 0.02 of the direct")
