@@ -40,7 +40,7 @@ def radiance_sampler(view: ViewSensor, opened: OpenScene, max_depth: int, transp
 
     def integrand(samplers: Samplers, position: mi.Vector2f) -> list[mi.Float]:
         found = trace(opened.scene, samplers.strata, samplers.rest, primary_ray(sensor, position), longest, roulette,
-                      features=opened.features, fog=opened.fog)
+                      features=opened.features, fog=opened.fog, portals=opened.portals)
         channels = [*found.image, *found.shading, *found.specular, *(found.shading * found.shading)]
         return [*channels, *found.air] if opened.fog else channels
 

@@ -25,6 +25,7 @@ from dataset_builder.rendering.surface.first_hit import COSINE_SHARE, FirstHit, 
 from dataset_builder.rendering.transport.fog import Fog
 from dataset_builder.rendering.transport.light_sampling import World, balance, in_air, lone_channel, sample_emitter
 from dataset_builder.rendering.transport.path_tracer import PathStart, incident_radiance
+from dataset_builder.rendering.transport.portals import Portals
 from dataset_builder.rendering.transport.sight import first_met
 
 PLUGIN = "threedf_lighting"
@@ -48,17 +49,18 @@ class Radiometry:
 
 def trace(scene: mi.Scene, sampler: mi.Sampler, rest: mi.Sampler, ray: mi.Ray3f, max_depth: mi.UInt32,
           rr_depth: mi.UInt32, active: mi.Bool = True, *, features: frozenset[str] = frozenset(),
-          fog: Fog | None = None) -> Radiometry:
+          fog: Fog | None = None, portals: Portals | None = None) -> Radiometry:
     """One path per lane. max_depth and rr_depth as in Mitsuba's `path`: edges of the longest path, start of roulette;
     an edge ends on a surface or where fog scatters, and panes and gaps that a path passes straight end none.
     sampler makes the random numbers up to the first scattering, `rest` those after it; they may be one and the same.
     features: `glass`, `thin`, `dispersion`, `coverage` and `emission` where the scene has them, see
     `example_plan.Feature`; others are not looked at. What the ray meets first is chosen by coverage, and then whole.
+    portals: what samples of the dome go through; None for all round.
 
     `specular` is I minus what the diffuse lobe of the first hit sends and minus `air`, estimated from the same samples,
     so that I = D S + specular + air holds for every single path with D taken at its first hit.
     """
-    world = World(scene, max_depth, rr_depth, features, fog)
+    world = World(scene, max_depth, rr_depth, features, fog, portals)
     active = mi.Bool(active)
     si, end = first_met(world, ray, sampler, active)
 

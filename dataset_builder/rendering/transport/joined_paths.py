@@ -20,7 +20,7 @@ from dataset_builder.rendering.surface.later_hit import vertex_hit
 from dataset_builder.rendering.transport.integrator import Radiometry, scattered
 from dataset_builder.rendering.transport.joined_rest import Later, rest
 from dataset_builder.rendering.transport.lamps import Lamps
-from dataset_builder.rendering.transport.light_sampling import World, balance, same_side, sample_emitter
+from dataset_builder.rendering.transport.light_sampling import World, balance, emitter_pdf, same_side, sample_emitter
 from dataset_builder.rendering.transport.links import LinkTable, arrive, choose
 from dataset_builder.rendering.transport.path_tracer import PathStart
 from dataset_builder.rendering.transport.sight import first_met
@@ -157,7 +157,7 @@ def _at_second(world: World, light: LightSide, free: mi.Sampler, group: mi.UInt3
 
     # Emission of what the ray meets
     ds = mi.DirectionSample3f(world.scene, si, start.point)
-    em_pdf = world.scene.pdf_emitter_direction(start.point, ds, active & ~start.delta)
+    em_pdf = emitter_pdf(world, start.point, ds, active & ~start.delta)
     mis = dr.select(start.delta, 1, balance(start.pdf, em_pdf))
     found = si.emitter(world.scene).eval(si, active) * mis
     at_vertex = active & si.is_valid()
