@@ -7,18 +7,23 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from dataset_builder.rendering.surface.first_hit import transparency
+from dataset_builder.rendering.surface.first_hit import COSINE_SHARE, transparency
 from dataset_builder.rendering.transport.fog import Fog
+
+
+EVERYTHING = frozenset({"image", "shading", "specular", "air"})
+"""All that can be wanted of a path."""
 
 
 class World:
     """A scene as paths see it. What is switched off leaves no trace in a kernel.
 
-    max_depth: edges of the longest path. rr_depth: where Russian roulette starts. fog: None for clear air.
+    max_depth: edges of the longest path. rr_depth: where Russian roulette starts. fog: None for clear air. wanted: what
+    paths are followed for, some of EVERYTHING.
     """
 
     def __init__(self, scene: mi.Scene, max_depth: mi.UInt32, rr_depth: mi.UInt32, features: frozenset[str],
-                 fog: Fog | None):
+                 fog: Fog | None, wanted: frozenset[str] = EVERYTHING):
         self.scene, self.max_depth, self.rr_depth = scene, max_depth, rr_depth
         self.fog = fog
         self.glass = "glass" in features
@@ -33,6 +38,16 @@ class World:
         """Whether surfaces send out light of their own."""
         self.dispersion = "dispersion" in features
         """Whether glass spreads colours."""
+        self.image, self.shading = wanted != {"shading"}, "shading" in wanted
+        """Whether paths serve the image or parts of it, and whether they serve shading."""
+        self.cosine_share = COSINE_SHARE if self.image and self.shading else float(self.shading)
+        """Probability of the cosine lobe at the first hit: where paths serve one of the two alone, its own lobe."""
+
+    def take_cosine(self, sampler: mi.Sampler, active: mi.Bool) -> mi.Bool:
+        """Whether to scatter by the cosine lobe at the first hit."""
+        if self.cosine_share in (0, 1):
+            return mi.Bool(self.shading)
+        return sampler.next_1d(active) < self.cosine_share
 
 
 @dataclass
