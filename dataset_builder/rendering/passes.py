@@ -11,6 +11,7 @@ import numpy as np
 
 from dataset_builder.label.example_plan import RenderPlan, Transport
 from dataset_builder.label.scene_plan import CameraPlan
+from dataset_builder.layers import LAYERS
 from dataset_builder.planning.scene.arrangement import TARGET_INSTANCE
 from dataset_builder.rendering.sampling.adaptive import Sample
 from dataset_builder.rendering.sampling.estimate import Integrand, Samplers, estimate
@@ -61,9 +62,9 @@ RADIANCE_CHANNELS = channels_of(frozenset(RADIANCE))
 """Those of a pass that is run for everything."""
 
 
-def radiance_channels(render_pass: str, layer: str) -> slice:
-    """Channels of a radiance pass that a layer takes. Raises KeyError where the pass is not run for it."""
-    return channels_of(WANTED[render_pass])[RADIANCE_LAYERS[layer]]
+def radiance_channels(layer: str) -> slice:
+    """Channels that a layer takes of its pass. Raises KeyError where the pass is not run for it."""
+    return channels_of(WANTED[LAYERS[layer].render_pass])[RADIANCE_LAYERS[layer]]
 
 
 def radiance_sampler(view: ViewSensor, opened: OpenScene, max_depth: int, transport: Transport = "camera",
