@@ -59,8 +59,8 @@ def cosine_direction(normal: mi.Normal3f, sample: mi.Point2f) -> mi.Vector3f:
 
 
 def mixture_pdf(pdf: mi.Float, cosine: mi.Float, share: float) -> mi.Float:
-    """Density of the scattered direction: the BSDF's and, for a share of them, a cosine lobe's. A share of 0 or 1 leaves
-    no trace of the other in a kernel."""
+    """Density of the scattered direction: the BSDF's and, for a share of them, a cosine lobe's, so that it is positive
+    on the whole hemisphere. A share of 0 or 1 leaves no trace of the other in a kernel."""
     if share in (0, 1):
         return cosine if share else pdf
     return dr.lerp(pdf, cosine, share)

@@ -7,7 +7,8 @@ At the first surface point x the rendering equation (Kajiya, "The rendering equa
 for the BSDF f and for a white Lambertian surface; every other surface keeps its material. Emitter samples and scattered
 directions serve both, weighted by f cos / p for I and by cos / (pi p) for S, with p a mixture of the BSDF's density and
 a cosine lobe, so that S is well sampled on mirrors too. Directions of delta lobes, which clear glass has, serve I
-alone. Where only one of I and S is wanted, p is its own lobe. L_i is found by an ordinary path tracer with multiple importance sampling; see `path_tracer.incident_radiance`.
+alone. Where only one of I and S is wanted, p is the BSDF's density alone, or the cosine lobe. L_i is found by an
+ordinary path tracer with multiple importance sampling; see `path_tracer.incident_radiance`.
 
 `trace` is the estimator; `LightingIntegrator` wraps it as the plugin `threedf_lighting`, so that `mi.render` gives the
 image; `sampling.estimate` calls it on lists of pixels.

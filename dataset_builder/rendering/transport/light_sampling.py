@@ -10,7 +10,6 @@ import mitsuba as mi
 from dataset_builder.rendering.surface.first_hit import COSINE_SHARE, transparency
 from dataset_builder.rendering.transport.fog import Fog
 
-
 EVERYTHING = frozenset({"image", "shading", "specular", "air"})
 """All that can be wanted of a path."""
 
