@@ -84,7 +84,8 @@ def main() -> int:
     times = [one_pass(plan) for plan in mini]
     ratios = [ratio_of([(found[place], found[-1]) for found in times]) for place in range(len(PARTS))]
     for name, ratio in zip(PARTS, ratios, strict=True):
-        print(f"one pass, {name}, over path alone: {ratio:.2f}x" + (f" (bound {ONE_PASS}x)" if name == "all layers" else ""))
+        bound = f" (bound {ONE_PASS}x)" if name == "all layers" else ""
+        print(f"one pass, {name}, over path alone: {ratio:.2f}x{bound}")
     tuples = {}
     for name, plans in (("object", paper), ("i_s and i_t on the frame", mini)):
         works = [(partial(whole_tuple, plan), partial(three_renders, plan, SPECS)) for plan in plans]
