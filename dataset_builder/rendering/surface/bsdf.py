@@ -111,7 +111,8 @@ class Surface:
             bs.sampled_type = dr.select(take_upright, mi.UInt32(+mi.BSDFFlags.DiffuseReflection), bs.sampled_type)
             drawn, valid = drawn / (1 - COSINE_SHARE), take_upright | (pdf > 0)
             pdf = mixture_pdf(scattering.evaluate(lobes, si, bs.wo)[1],
-                              white_lambert(mi.Normal3f(scattering.upright(si, mi.Vector3f(0, 0, 1))), si, bs.wo))
+                              white_lambert(mi.Normal3f(scattering.upright(si, mi.Vector3f(0, 0, 1))), si, bs.wo),
+                              COSINE_SHARE)
             pdf = dr.select(valid, pdf, 0)
         seen = seen_from(si, bs.wo)
         there = self._lobes(seen, active, whole=False)

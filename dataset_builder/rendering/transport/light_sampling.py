@@ -8,22 +8,26 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from dataset_builder.rendering.surface.first_hit import transparency
+from dataset_builder.rendering.surface.first_hit import COSINE_SHARE, transparency
 from dataset_builder.rendering.transport.fog import Fog
 from dataset_builder.rendering.transport.portals import Portals
 
 Passes = Callable[["mi.BSDFPtr", "mi.SurfaceInteraction3f", "mi.Bool"], "mi.Color3f"]
+
+EVERYTHING = frozenset({"image", "shading", "specular", "air"})
+"""All that can be wanted of a path."""
 
 
 class World:
     """A scene as paths see it. What is switched off leaves no trace in a kernel.
 
     max_depth: edges of the longest path. rr_depth: where Russian roulette starts. fog: None for clear air.
-    portals: what samples of the dome, which the scene then has, go through; None for all round.
+    portals: what samples of the dome, which the scene then has, go through; None for all round. wanted: what paths are
+    followed for, some of EVERYTHING.
     """
 
     def __init__(self, scene: mi.Scene, max_depth: mi.UInt32, rr_depth: mi.UInt32, features: frozenset[str],
-                 fog: Fog | None, portals: Portals | None = None):
+                 fog: Fog | None, portals: Portals | None = None, wanted: frozenset[str] = EVERYTHING):
         self.scene, self.max_depth, self.rr_depth = scene, max_depth, rr_depth
         self.fog, self.portals = fog, portals
         self.glass = "glass" in features
@@ -42,6 +46,18 @@ class World:
         """Whether glass spreads colours."""
         self.dome_probability = mi.Float(0) if portals is None else _probability(scene, scene.environment())
         """With which a light sample is one of the dome, where there are portals."""
+        self.wanted = wanted
+        """What paths are followed for."""
+        self.image, self.shading = wanted != {"shading"}, "shading" in wanted
+        """Whether paths serve the image or parts of it, and whether they serve shading."""
+        self.cosine_share = COSINE_SHARE if self.image and self.shading else float(self.shading)
+        """Probability of the cosine lobe at the first hit: where paths serve one of the two alone, its own lobe."""
+
+    def take_cosine(self, sampler: mi.Sampler, active: mi.Bool) -> mi.Bool:
+        """Whether to scatter by the cosine lobe at the first hit."""
+        if self.cosine_share in (0, 1):
+            return mi.Bool(self.shading)
+        return sampler.next_1d(active) < self.cosine_share
 
 
 def _probability(scene: mi.Scene, emitter: mi.Emitter) -> mi.Float:
