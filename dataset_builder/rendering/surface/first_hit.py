@@ -114,7 +114,7 @@ def _first_hit(bsdf: mi.BSDF, si: mi.SurfaceInteraction3f, light: mi.Vector3f, t
     if mi.has_flag(bsdf.flags(), mi.BSDFFlags.Delta):
         delta = ~take_cosine & mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
         null = ~take_cosine & mi.has_flag(bs.sampled_type, mi.BSDFFlags.Null)
-    wo = dr.select(take_cosine, cosine_direction(normal, sample2), bs.wo)
+    wo = dr.select(take_cosine, cosine_direction(normal, mi.Point2f(sample1, sample2.y)), bs.wo)
     em_value, em_pdf = bsdf.eval_pdf(ctx, si, light, active)
     value, pdf = bsdf.eval_pdf(ctx, si, wo, active)
     return FirstHit(diffuse=mi.Color3f(bsdf.eval_diffuse_reflectance(si, active)), em_value=mi.Color3f(em_value),

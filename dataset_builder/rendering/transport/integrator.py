@@ -71,9 +71,8 @@ def trace(scene: mi.Scene, sampler: mi.Sampler, rest: mi.Sampler, ray: mi.Ray3f,
 
     # Sample an emitter, for both: I += f cos w L_e T / p, S += cos / pi w L_e T / p
     ds, em_weight = sample_emitter(world, si, sampler.next_2d(active_next), active_next)
-    take_cosine = sampler.next_1d(active_next) < COSINE_SHARE
-    hit = first_hit(si.bsdf(ray), si, si.to_local(ds.d), take_cosine, sampler.next_1d(active_next),
-                    sampler.next_2d(active_next), active_next)
+    take_cosine, sample1, sample2 = _choice_of_lobe(sampler, active_next)
+    hit = first_hit(si.bsdf(ray), si, si.to_local(ds.d), take_cosine, sample1, sample2, active_next)
     mis = dr.select(ds.delta, 1, balance(ds.pdf, mixture_pdf(hit.em_pdf, hit.em_cosine)))
     direct = dr.select(active_next & (ds.pdf != 0), em_weight * mis, 0)
     image += hit.em_value * direct
@@ -101,6 +100,15 @@ def _met(world: World, ray: mi.Ray3f, sampler: mi.Sampler,
         return si, si.t
     _, si = first_surface(world.scene, ray, None, sampler.next_1d(active), active)
     return si, dr.select(si.is_valid(), dr.dot(si.p - ray.o, ray.d), dr.inf)
+
+
+def _choice_of_lobe(sampler: mi.Sampler, active: mi.Bool) -> tuple[mi.Bool, mi.Float, mi.Point2f]:
+    """Whether to take the cosine lobe, and three uniform numbers of which (sample1, sample2.y) are a stratified pair: the
+    first picks among lobes, and what is left of its chance is the direction's, see `lobes.scatter`."""
+    pair, spare = sampler.next_2d(active), sampler.next_1d(active)
+    take_cosine = pair.x < COSINE_SHARE
+    sample1 = dr.select(take_cosine, pair.x / COSINE_SHARE, (pair.x - COSINE_SHARE) / (1 - COSINE_SHARE))
+    return take_cosine, dr.minimum(sample1, dr.one_minus_epsilon(mi.Float)), mi.Point2f(spare, pair.y)
 
 
 def _scattered(world: World, si: mi.SurfaceInteraction3f, hit: FirstHit,
