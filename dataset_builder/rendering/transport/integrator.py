@@ -103,8 +103,8 @@ def _met(world: World, ray: mi.Ray3f, sampler: mi.Sampler,
 
 
 def _choice_of_lobe(sampler: mi.Sampler, active: mi.Bool) -> tuple[mi.Bool, mi.Float, mi.Point2f]:
-    """Whether to take the cosine lobe, and three uniform numbers of which (sample1, sample2.y) are a stratified pair: the
-    first picks among lobes, and what is left of its chance is the direction's, see `lobes.scatter`."""
+    """Whether to take the cosine lobe, and three uniform numbers of which (sample1, sample2.y) are a stratified pair:
+    the first picks among lobes, and what is left of its chance is the direction's, see `lobes.scatter`."""
     pair, spare = sampler.next_2d(active), sampler.next_1d(active)
     take_cosine = pair.x < COSINE_SHARE
     sample1 = dr.select(take_cosine, pair.x / COSINE_SHARE, (pair.x - COSINE_SHARE) / (1 - COSINE_SHARE))

@@ -54,11 +54,12 @@ def test_errors_do_not_count_what_stratification_removes():
     assert found.error.mean() < 0.5 * plain
 
 
-def test_spp_grows_to_a_grid_of_strata():
+def test_spp_grows_until_batches_are_equal():
     assert stratified(64, 4) == (1, 4, 16)
+    assert stratified(36, 4) == (1, 4, 9)
+    assert stratified(9000, 4) == (3, 4, 750)
     assert stratified(1, 4) == (1, 1, 1)
-    repetitions, batches, each = stratified(20, 4)
-    assert repetitions * batches * each >= 20
+    assert stratified(22, 4) == (1, 4, 6)
 
 
 def test_chunks_of_a_large_list_differ_and_repeat(monkeypatch):
