@@ -1,8 +1,9 @@
 """Monte Carlo means and standard errors on a list of pixels.
 
 A pixel's samples are split into independent batches, each stratified by a scrambled Sobol sequence of its own
-(`owen_sobol`). Samples within a batch are correlated on purpose, batches are not: the spread of their means gives an
-unbiased standard error, which the spread of the samples would overstate.
+(`owen_sobol`) or, where there are no powers of two, by Mitsuba's `multijitter` (Kensler, "Correlated multi-jittered
+sampling", Pixar technical memo 13-01, 2013). Samples within a batch are correlated on purpose, batches are not: the
+spread of their means gives an unbiased standard error, which the spread of the samples would overstate.
 Sums run over contiguous samples in a fixed order, so that a repetition gives the same bits; no float32 sum runs over
 more than one batch, so that none drifts.
 """
@@ -30,7 +31,7 @@ LANES = 1 << 21
 class Samplers:
     """Random numbers of every lane."""
 
-    strata: OwenSobol
+    strata: OwenSobol | mi.Sampler
     """For what comes first in a path, stratified within the lane's batch."""
     rest: mi.Sampler
     """For what comes after, independent: beyond some dozen dimensions strata gain nothing, and cost a tenth of the
@@ -42,11 +43,20 @@ Integrand = Callable[[Samplers, "mi.Vector2f"], "list[mi.Float]"]
 
 
 def stratified(spp: int, batches: int) -> tuple[int, int, int]:
-    """(repetitions, batches in each, samples per batch) that are used for `spp`, which grows a little where it cannot
-    be shared out evenly."""
+    """(repetitions, batches in each, samples per batch) that are used for `spp`, which may grow a little: batches are
+    equal, and those of `multijitter` full grids of strata."""
     batches = min(batches, spp)
     repetitions = math.ceil(spp / (batches * POINTS))
-    return repetitions, batches, math.ceil(spp / batches / repetitions)
+    least = math.ceil(spp / batches / repetitions)
+    if not _on_grid(least):
+        return repetitions, batches, least
+    return repetitions, batches, mi.load_dict({"type": "multijitter", "sample_count": least}).sample_count()
+
+
+def _on_grid(per_batch: int) -> bool:
+    """Whether `multijitter` serves a batch: it is calmer where there are no powers of two, and nearly sound above 16
+    and at 9, with correlations below 0.01. In other small batches it permutes strata unevenly, see `owen_sobol`."""
+    return per_batch == 9 or (per_batch > 16 and per_batch.bit_count() > 1)
 
 
 def estimate(integrand: Integrand, pixels: np.ndarray, *, width: int, height: int, spp: int, batches: int,
@@ -95,4 +105,9 @@ def _batch_means(integrand: Integrand, pixels: np.ndarray, width: int, height: i
 def _samplers(per_batch: int, lanes: int, seed: int) -> Samplers:
     rest = mi.load_dict({"type": "independent"})
     rest.seed(seed >> 32, lanes)
-    return Samplers(strata=OwenSobol.of_batches(per_batch, lanes, seed), rest=rest)
+    if not _on_grid(per_batch):
+        return Samplers(strata=OwenSobol.of_batches(per_batch, lanes, seed), rest=rest)
+    strata = mi.load_dict({"type": "multijitter", "sample_count": per_batch})
+    strata.set_samples_per_wavefront(per_batch)
+    strata.seed(seed & 0xFFFFFFFF, lanes)
+    return Samplers(strata=strata, rest=rest)

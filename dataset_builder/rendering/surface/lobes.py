@@ -106,24 +106,21 @@ def evaluate(lobes: Lobes, si: mi.SurfaceInteraction3f, wo: mi.Vector3f) -> tupl
 
 
 def scatter(lobes: Lobes, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample2: mi.Point2f) -> Scattered:
-    """A local direction of one of the lobes, picked in proportion to their reflectance. What `sample1` still has of
-    chance after the pick takes the place of sample2.x, which glass alone looks at: pairs (sample1, sample2.y) that are
-    stratified together stratify the directions of each lobe."""
+    """A local direction of one of the lobes, picked in proportion to their reflectance. What is left of the chance
+    in `sample1` replaces sample2.x, except in glass: a stratified pair (sample1, sample2.y) stratifies each lobe."""
     sh_frame = mi.Frame3f(lobes.normal)
     wi = sh_frame.to_local(si.wi)
     coat_share, glass_share = _top_shares(lobes)
     top = coat_share + glass_share
     base_sample = (sample1 - top) / (1 - top) if lobes.top else sample1
-    if lobes.glossy is None:
-        take_glossy = mi.Bool(False)
-        wo = mi.warp.square_to_cosine_hemisphere(mi.Point2f(_unit(base_sample), sample2.y))
-    else:
-        share = _glossy_share(lobes, lobes.glossy)
-        take_glossy = base_sample < share
-        left = dr.select(take_glossy, base_sample / share, (base_sample - share) / (1 - share))
-        within = mi.Point2f(_unit(left), sample2.y)
+    share = mi.Float(0) if lobes.glossy is None else _glossy_share(lobes, lobes.glossy)
+    take_glossy = base_sample < share
+    left = dr.select(take_glossy, base_sample / share, (base_sample - share) / (1 - share))
+    within = mi.Point2f(_unit(left), sample2.y)
+    wo = mi.warp.square_to_cosine_hemisphere(within)
+    if lobes.glossy is not None:
         normal, _ = gloss.facets(lobes.glossy).sample(wi, within)
-        wo = dr.select(take_glossy, mi.reflect(wi, normal), mi.warp.square_to_cosine_hemisphere(within))
+        wo = dr.select(take_glossy, mi.reflect(wi, normal), wo)
     found = Scattered(wo=sh_frame.to_world(wo), valid=mi.Bool(True),
                       component=dr.select(take_glossy, mi.UInt32(GLOSSY), mi.UInt32(DIFFUSE)),
                       kind=dr.select(take_glossy, mi.UInt32(+mi.BSDFFlags.GlossyReflection),
@@ -133,8 +130,7 @@ def scatter(lobes: Lobes, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample
     if lobes.top:
         found.valid = _above(si, found.wo) & (mi.Frame3f.cos_theta(wo) > 0)
     if lobes.coat is not None:
-        within = mi.Point2f(_unit(sample1 / coat_share), sample2.y)
-        _scatter_coat(found, lobes.coat, si, within, sample1 < coat_share)
+        _scatter_coat(found, lobes.coat, si, mi.Point2f(_unit(sample1 / coat_share), sample2.y), sample1 < coat_share)
     if lobes.glass is not None:
         crossing = glass_lobes.scatter(lobes.glass, wi, (sample1 - coat_share) / glass_share, sample2)
         taken = (sample1 >= coat_share) & (sample1 < top)
