@@ -76,7 +76,7 @@ class Surface:
         """See `first_hit.FirstHit`; one look at the textures."""
         lobes = self._lobes(si, active)
         drawn = scattering.scatter(lobes, si, sample1, sample2)
-        wo = dr.select(take_cosine, cosine_direction(lobes.normal, sample2), drawn.wo)
+        wo = dr.select(take_cosine, cosine_direction(lobes.normal, mi.Point2f(sample1, sample2.y)), drawn.wo)
         towards = [Towards(*scattering.evaluate(lobes, si, each), white_lambert(lobes.normal, si, each))
                    for each in given]
         value, pdf = scattering.evaluate(lobes, si, wo)

@@ -126,7 +126,7 @@ def _first_hit(bsdf: mi.BSDF, si: mi.SurfaceInteraction3f, given: list[mi.Vector
     if mi.has_flag(bsdf.flags(), mi.BSDFFlags.Delta):
         delta = ~take_cosine & mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
         null = ~take_cosine & mi.has_flag(bs.sampled_type, mi.BSDFFlags.Null)
-    wo = dr.select(take_cosine, cosine_direction(normal, sample2), bs.wo)
+    wo = dr.select(take_cosine, cosine_direction(normal, mi.Point2f(sample1, sample2.y)), bs.wo)
     towards = [Towards(mi.Color3f(value), pdf, white_lambert(normal, si, each))
                for each in given for value, pdf in [bsdf.eval_pdf(ctx, si, each, active)]]
     value, pdf = bsdf.eval_pdf(ctx, si, wo, active)

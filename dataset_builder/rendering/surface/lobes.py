@@ -106,17 +106,20 @@ def evaluate(lobes: Lobes, si: mi.SurfaceInteraction3f, wo: mi.Vector3f) -> tupl
 
 
 def scatter(lobes: Lobes, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample2: mi.Point2f) -> Scattered:
-    """A local direction of one of the lobes, picked in proportion to their reflectance."""
+    """A local direction of one of the lobes, picked in proportion to their reflectance. What is left of the chance
+    in `sample1` replaces sample2.x, except in glass: a stratified pair (sample1, sample2.y) stratifies each lobe."""
     sh_frame = mi.Frame3f(lobes.normal)
     wi = sh_frame.to_local(si.wi)
     coat_share, glass_share = _top_shares(lobes)
     top = coat_share + glass_share
     base_sample = (sample1 - top) / (1 - top) if lobes.top else sample1
-    wo = mi.warp.square_to_cosine_hemisphere(sample2)
-    take_glossy = mi.Bool(False)
+    share = mi.Float(0) if lobes.glossy is None else _glossy_share(lobes, lobes.glossy)
+    take_glossy = base_sample < share
+    left = dr.select(take_glossy, base_sample / share, (base_sample - share) / (1 - share))
+    within = mi.Point2f(_unit(left), sample2.y)
+    wo = mi.warp.square_to_cosine_hemisphere(within)
     if lobes.glossy is not None:
-        take_glossy = base_sample < _glossy_share(lobes, lobes.glossy)
-        normal, _ = gloss.facets(lobes.glossy).sample(wi, sample2)
+        normal, _ = gloss.facets(lobes.glossy).sample(wi, within)
         wo = dr.select(take_glossy, mi.reflect(wi, normal), wo)
     found = Scattered(wo=sh_frame.to_world(wo), valid=mi.Bool(True),
                       component=dr.select(take_glossy, mi.UInt32(GLOSSY), mi.UInt32(DIFFUSE)),
@@ -127,12 +130,17 @@ def scatter(lobes: Lobes, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample
     if lobes.top:
         found.valid = _above(si, found.wo) & (mi.Frame3f.cos_theta(wo) > 0)
     if lobes.coat is not None:
-        _scatter_coat(found, lobes.coat, si, sample2, sample1 < coat_share)
+        _scatter_coat(found, lobes.coat, si, mi.Point2f(_unit(sample1 / coat_share), sample2.y), sample1 < coat_share)
     if lobes.glass is not None:
         crossing = glass_lobes.scatter(lobes.glass, wi, (sample1 - coat_share) / glass_share, sample2)
         taken = (sample1 >= coat_share) & (sample1 < top)
         _scatter_glass(found, lobes.glass, crossing, sh_frame, si, glass_share, taken)
     return found
+
+
+def _unit(sample: mi.Float) -> mi.Float:
+    """Clipped to [0, 1), where rounding or another lobe's pick left it."""
+    return dr.clip(sample, 0, dr.one_minus_epsilon(mi.Float))
 
 
 def sample(lobes: Lobes, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample2: mi.Point2f,

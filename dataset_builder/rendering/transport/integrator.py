@@ -87,9 +87,8 @@ def trace(scene: mi.Scene, sampler: mi.Sampler, rest: mi.Sampler, ray: mi.Ray3f,
 
     # Sample an emitter, for both: I += f cos w L_e T / p, S += cos / pi w L_e T / p
     ds, em_weight = sample_emitter(world, si, sampler.next_2d(active_next), active_next)
-    take_cosine = world.take_cosine(sampler, active_next)
-    hit = first_hit(si.bsdf(ray), si, [si.to_local(ds.d)], take_cosine, sampler.next_1d(active_next),
-                    sampler.next_2d(active_next), active_next)
+    take_cosine, sample1, sample2 = choice_of_lobe(world, sampler, active_next)
+    hit = first_hit(si.bsdf(ray), si, [si.to_local(ds.d)], take_cosine, sample1, sample2, active_next)
     light = hit.towards[0]
     mis = dr.select(ds.delta, 1, balance(ds.pdf, mixture_pdf(light.pdf, light.cosine, world.cosine_share)))
     direct = dr.select(active_next & (ds.pdf != 0), em_weight * mis, 0)
@@ -114,8 +113,19 @@ def trace(scene: mi.Scene, sampler: mi.Sampler, rest: mi.Sampler, ray: mi.Ray3f,
                       valid=active & si.is_valid())
 
 
+def choice_of_lobe(world: World, sampler: mi.Sampler, active: mi.Bool) -> tuple[mi.Bool, mi.Float, mi.Point2f]:
+    """Whether to take the cosine lobe, and three uniform numbers of which (sample1, sample2.y) are a stratified pair:
+    the first picks among lobes, and what is left of its chance is the direction's, see `lobes.scatter`."""
+    pair, spare, share = sampler.next_2d(active), sampler.next_1d(active), world.cosine_share
+    if share in (0, 1):
+        return mi.Bool(world.shading), pair.x, mi.Point2f(spare, pair.y)
+    take_cosine = pair.x < share
+    sample1 = dr.select(take_cosine, pair.x / share, (pair.x - share) / (1 - share))
+    return take_cosine, dr.minimum(sample1, dr.one_minus_epsilon(mi.Float)), mi.Point2f(spare, pair.y)
+
+
 def scattered(world: World, si: mi.SurfaceInteraction3f, hit: FirstHit,
-               by_bsdf: mi.Bool) -> tuple[mi.Color3f, mi.Color3f, PathStart]:
+              by_bsdf: mi.Bool) -> tuple[mi.Color3f, mi.Color3f, PathStart]:
     """Weights for I and S of what arrives from the scattered direction, and the ray that looks there: f cos / p and
     cos / (pi p), p the mixture, or f cos / p of the delta lobe alone for I, and 0 for S."""
     pdf = mixture_pdf(hit.pdf, hit.cosine, world.cosine_share)

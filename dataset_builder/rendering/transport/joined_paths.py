@@ -17,7 +17,7 @@ import mitsuba as mi
 
 from dataset_builder.rendering.surface.first_hit import emission, first_hit, mixture_pdf
 from dataset_builder.rendering.surface.later_hit import vertex_hit
-from dataset_builder.rendering.transport.integrator import Radiometry, scattered
+from dataset_builder.rendering.transport.integrator import Radiometry, choice_of_lobe, scattered
 from dataset_builder.rendering.transport.joined_rest import Later, rest
 from dataset_builder.rendering.transport.lamps import Lamps
 from dataset_builder.rendering.transport.light_sampling import World, balance, emitter_pdf, same_side, sample_emitter
@@ -76,8 +76,7 @@ def trace_joined(world: World, light: LightSide, sampler: mi.Sampler, free: mi.S
 
     # What is asked of the first surface: an emitter sample, a light vertex, and a scattered direction
     ds, em_weight = sample_emitter(world, si, sampler.next_2d(active), active)
-    take_cosine = world.take_cosine(sampler, active)
-    sample1, sample2 = sampler.next_1d(active), sampler.next_2d(active)
+    take_cosine, sample1, sample2 = choice_of_lobe(world, sampler, active)
     joint = choose(world, light.table, group, si, free.next_1d(active), sampler.next_1d(active), trust1, CANDIDATES[0],
                    active)
     hit = first_hit(si.bsdf(ray), si, [si.to_local(ds.d), si.to_local(joint.toward)], take_cosine, sample1, sample2,

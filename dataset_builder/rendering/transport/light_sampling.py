@@ -53,12 +53,6 @@ class World:
         self.cosine_share = COSINE_SHARE if self.image and self.shading else float(self.shading)
         """Probability of the cosine lobe at the first hit: where paths serve one of the two alone, its own lobe."""
 
-    def take_cosine(self, sampler: mi.Sampler, active: mi.Bool) -> mi.Bool:
-        """Whether to scatter by the cosine lobe at the first hit."""
-        if self.cosine_share in (0, 1):
-            return mi.Bool(self.shading)
-        return sampler.next_1d(active) < self.cosine_share
-
 
 def _probability(scene: mi.Scene, emitter: mi.Emitter) -> mi.Float:
     """With which a light sample is one of an emitter."""
