@@ -42,7 +42,7 @@ def joined_integrand(view: ViewSensor, opened: OpenScene, max_depth: int, causti
     traced = frozenset(name.removesuffix("_squared") for name in wanted)
     sensor, camera = view.sensor(), camera_of(view)
     longest, roulette = (dr.opaque(mi.UInt32, depth) for depth in (max_depth, view.render.rr_depth))
-    lamps = cache(lambda paths: lamps_of(opened.scene, paths))
+    lamps = cache(lambda paths: lamps_of(opened.scene, paths, opened.body.casters if caustics else None))
     share = dr.opaque(mi.Float, lamp_share(opened.illumination) if opened.illumination else 0.0)
 
     def shared(groups: Groups) -> tuple[Integrand, Elsewhere | None]:
