@@ -50,10 +50,11 @@ def radiance_sampler(view: ViewSensor, opened: OpenScene, max_depth: int, transp
     return sample
 
 
-def radiance(view: ViewSensor, opened: OpenScene, pixels: np.ndarray, *, max_depth: int, spp: int,
-             seed: int) -> Estimate:
-    """What `radiance_sampler` samples, at a fixed spp."""
-    return radiance_sampler(view, opened, max_depth)(pixels, spp, view.render.batches, seed)
+def radiance(view: ViewSensor, opened: OpenScene, pixels: np.ndarray, *, max_depth: int, spp: int, seed: int,
+             transport: Transport = "camera") -> Estimate:
+    """What `radiance_sampler` samples with caustics, at a fixed spp."""
+    sample = radiance_sampler(view, opened, max_depth, transport, caustics=True)
+    return sample(pixels, spp, view.render.batches, seed)
 
 
 def first_hit(view: ViewSensor, opened: OpenScene, pixels: np.ndarray, spp: int, batches: int, seed: int) -> Estimate:
