@@ -72,9 +72,10 @@ def radiance_sampler(view: ViewSensor, opened: OpenScene, max_depth: int, transp
 
 
 def radiance(view: ViewSensor, opened: OpenScene, pixels: np.ndarray, *, max_depth: int, spp: int, seed: int,
-             wanted: frozenset[str] = frozenset(RADIANCE)) -> Estimate:
-    """What `radiance_sampler` samples, at a fixed spp."""
-    return radiance_sampler(view, opened, max_depth, wanted=wanted)(pixels, spp, view.render.batches, seed)
+             transport: Transport = "camera", wanted: frozenset[str] = frozenset(RADIANCE)) -> Estimate:
+    """What `radiance_sampler` samples with caustics, at a fixed spp."""
+    sample = radiance_sampler(view, opened, max_depth, transport, caustics=True, wanted=wanted)
+    return sample(pixels, spp, view.render.batches, seed)
 
 
 def first_hit(view: ViewSensor, opened: OpenScene, pixels: np.ndarray, spp: int, batches: int, seed: int) -> Estimate:

@@ -6,7 +6,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from dataset_builder.assets.asset import disperses
+from dataset_builder.assets.asset import disperses, ripples
 from dataset_builder.label.example_plan import Decision, Transport
 from dataset_builder.label.scene_plan import FogPlan, LightPlan
 from dataset_builder.light_kinds import LIGHT_KINDS
@@ -73,6 +73,10 @@ RULES = (
         bars=True, holds=lambda light: any(disperses(use.material) for use in light.materials),
         why=lambda light: "light paths have no wavelength of their own for the dispersive glass of " + names(
             [use.name for use in light.materials if disperses(use.material)])),
+    TransportRule(
+        bars=True, holds=lambda light: any(ripples(use.material) for use in light.materials),
+        why=lambda light: "light that crosses a normal map on glass goes another way from the lamp than from the "
+                          "camera: " + names([use.name for use in light.materials if ripples(use.material)])),
     TransportRule(
         bars=False, holds=lambda light: light.share < LAMPS_LEAD,
         why=lambda light: f"lamps have {light.share:.0%} of the direct light at the object, less than "
