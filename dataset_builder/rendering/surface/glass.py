@@ -46,7 +46,8 @@ class Glass:
     spreads: mi.Bool
     """Whether these differ."""
     lone_channel: mi.Float
-    """The colour channel that a path is left with, as `light_sampling.lone_channel` counts, or 0."""
+    """The colour channel that a path is left with, as `light_sampling.lone_channel` counts, or 0. Rough glass takes no
+    notice: its density is the mean over all channels, whatever came before."""
 
 
 @dataclass
@@ -73,9 +74,11 @@ def glass_of(*, weight: mi.Float, base: mi.Color3f, roughness: mi.Float, ior: mi
     alpha = dr.square(roughness)
     channels = [ior] if abbe is None else [_cauchy(ior, abbe, step) for step in ABBE_STEPS]
     indices = tuple(dr.select(thin, ior, dr.select(outside, index, dr.rcp(index))) for index in channels)
-    return Glass(weight=weight, tint=dr.select(thin, base, dr.sqrt(base)), indices=indices, thin=thin,
-                 smooth=(alpha < MIN_ALPHA) | (~thin & (ior - 1 < MIN_BEND)), alpha=dr.maximum(alpha, MIN_ALPHA),
-                 spreads=mi.Bool(False) if abbe is None else ~thin & (abbe > 0) & (ior > 1), lone_channel=lone_channel)
+    smooth = (alpha < MIN_ALPHA) | (~thin & (ior - 1 < MIN_BEND))
+    return Glass(weight=weight, tint=dr.select(thin, base, dr.sqrt(base)), indices=indices, thin=thin, smooth=smooth,
+                 alpha=dr.maximum(alpha, MIN_ALPHA),
+                 spreads=mi.Bool(False) if abbe is None else ~thin & (abbe > 0) & (ior > 1),
+                 lone_channel=dr.select(smooth, lone_channel, 0))
 
 
 def evaluate(glass: Glass, wi: mi.Vector3f, wo: mi.Vector3f, reflected: mi.Bool) -> tuple[mi.Color3f, mi.Float]:

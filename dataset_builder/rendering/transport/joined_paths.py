@@ -20,7 +20,15 @@ from dataset_builder.rendering.surface.later_hit import vertex_hit
 from dataset_builder.rendering.transport.integrator import Radiometry, choice_of_lobe, scattered
 from dataset_builder.rendering.transport.joined_rest import Later, rest
 from dataset_builder.rendering.transport.lamps import Lamps
-from dataset_builder.rendering.transport.light_sampling import World, balance, emitter_pdf, same_side, sample_emitter
+from dataset_builder.rendering.transport.light_sampling import (
+    World,
+    balance,
+    emitter_pdf,
+    lone_channel,
+    of_channel,
+    same_side,
+    sample_emitter,
+)
 from dataset_builder.rendering.transport.links import LinkTable, arrive, choose
 from dataset_builder.rendering.transport.path_tracer import PathStart
 from dataset_builder.rendering.transport.sight import first_met
@@ -133,10 +141,14 @@ def _second(world: World, light: LightSide, free: mi.Sampler, group: mi.UInt32, 
             trust1: mi.Float, trust2: mi.Float, active: mi.Bool) -> tuple[mi.Color3f, Later, mi.Bool]:
     """(radiance that arrives from up to the second hit, where the path goes on, whether it does)."""
     ray = start.point.spawn_ray(start.direction)
+    if world.dispersion:
+        ray.time = start.lone_channel
     found, later, on, passed = _at_second(world, light, free, group, start, ray, h0, trust1, trust2, active)
     if world.straight:
         while passed:
             ray = mi.Ray3f(later.origin, later.direction)
+            if world.dispersion:
+                ray.time = lone_channel(later.weight)
             more, then, on_then, passed_then = _at_second(world, light, free, group, start, ray, h0, trust1, trust2,
                                                           passed)
             found += dr.select(passed, later.weight * more, 0)
@@ -196,6 +208,8 @@ def _at_second(world: World, light: LightSide, free: mi.Sampler, group: mi.UInt3
     passed = active_next & hit.passed
     on = active_next & extends & ~hit.passed & (dr.max(hit.weight) != 0) & (free.next_1d(active_next) < survival)
     weight = dr.select(hit.passed, hit.weight, hit.weight * dr.rcp(survival))
+    if world.dispersion:
+        weight *= of_channel(start.lone_channel)
     later = Later(origin=onward.o, direction=onward.d, point=si.p, pdf=hit.pdf, delta=hit.delta, depth=start.depth + 1,
                   weight=weight, links=h0 + h1, trust=trust2, worth=worth)
     return found, later, on, passed

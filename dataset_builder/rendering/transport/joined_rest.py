@@ -15,7 +15,14 @@ import mitsuba as mi
 from dataset_builder.rendering.surface.first_hit import emission
 from dataset_builder.rendering.surface.later_hit import vertex_hit
 from dataset_builder.rendering.transport.lamps import Lamps
-from dataset_builder.rendering.transport.light_sampling import World, emitter_pdf, same_side, sample_emitter
+from dataset_builder.rendering.transport.light_sampling import (
+    World,
+    emitter_pdf,
+    lone_channel,
+    of_channel,
+    same_side,
+    sample_emitter,
+)
 from dataset_builder.rendering.transport.weights import edge, light_sample, link, met_by_chance
 
 MAX_SURVIVAL = 0.95
@@ -56,6 +63,9 @@ def rest(world: World, lamps: Lamps, left: Callable[[mi.Float], mi.Float], sampl
     ray = mi.Ray3f(start.origin, start.direction)   # Current ray
     L = mi.Color3f(0)                               # Radiance found so far
     throughput = mi.Color3f(1)                      # Product of f cos / p since the start
+    if world.dispersion:
+        ray.time = lone_channel(start.weight)
+        throughput = of_channel(ray.time)
     eta = mi.Float(1)                               # Product of relative indices of refraction since the start
     depth = mi.UInt32(start.depth)                  # Edges of the path, without the current ray
     active = mi.Bool(True)                          # Active lanes
@@ -100,6 +110,8 @@ def rest(world: World, lamps: Lamps, left: Callable[[mi.Float], mi.Float], sampl
         throughput *= dr.select(active_next, hit.weight, 0)
         eta *= hit.eta
         ray = si.spawn_ray(direction)
+        if world.dispersion:
+            ray.time = lone_channel(throughput)
 
         # What the next vertex needs to know of this one, which a passed pane or gap is not
         passed = hit.passed

@@ -188,6 +188,11 @@ def lone_channel(throughput: mi.Color3f) -> mi.Float:
     return dr.select(blue & ~red & ~green, 3, found)
 
 
+def of_channel(channel: mi.Float) -> mi.Color3f:
+    """1 in the channel that `lone_channel` found, 0 in the others; 1 in all where it found none."""
+    return mi.Color3f(*(dr.select((channel == 0) | (channel == 1 + each), mi.Float(1), 0) for each in range(3)))
+
+
 def balance(pdf: mi.Float, other: mi.Float) -> mi.Float:
     """Balance heuristic p / (p + q), and 1 where the other technique cannot make the sample (Veach 1997, equation
     9.8)."""

@@ -22,6 +22,7 @@ from dataset_builder.rendering.transport.light_sampling import (
     balance,
     emitter_pdf,
     lone_channel,
+    of_channel,
     sample_emitter,
     sample_free_flight,
 )
@@ -74,10 +75,10 @@ def incident_radiance(world: World, sampler: mi.Sampler, start: PathStart, activ
 
     # Loop state
     ray = start.point.spawn_ray(start.direction)   # Current ray, in units of the local frame
-    if world.dispersion:
-        ray.time = start.lone_channel
     L = mi.Color3f(0)                              # Radiance found so far, in units of the lights
     throughput = mi.Color3f(1)                     # Path throughput: product of f cos / p since the start
+    if world.dispersion:
+        ray.time, throughput = start.lone_channel, of_channel(start.lone_channel)
     eta = mi.Float(1)                              # Product of relative indices of refraction since the start
     depth = mi.UInt32(start.depth)                 # Edges of the path, the current ray included
     active = mi.Bool(active)                       # Active lanes
