@@ -17,7 +17,6 @@ from dataset_builder.label.example_plan import Feature
 from dataset_builder.rendering.buffers import owned
 from dataset_builder.rendering.surface import lobes as scattering
 from dataset_builder.rendering.surface.first_hit import (
-    COSINE_SHARE,
     FirstHit,
     Towards,
     cosine_direction,
@@ -32,6 +31,8 @@ from dataset_builder.rendering.surface.reflectance import interpolated, split_su
 from dataset_builder.rendering.surface.sheen import sheen_table
 
 PLUGIN = "threedf_surface"
+PLAIN_SHARE = 0.1
+"""Probability of a cosine lobe about the geometric normal for light that a surface sends on."""
 FEATURES = frozenset(get_args(Feature)) - {"fog"}
 """Everything a surface can be compiled with."""
 
@@ -99,21 +100,19 @@ class Surface:
                      active: mi.Bool) -> LightBounce:
         """See `later_hit.light_bounce`; one look at the textures from each side of the path."""
         lobes = self._lobes(si, active, whole=False)
-        maps, take_upright = "maps" in self.features, mi.Bool(False)
-        if maps:
-            take_upright = sample1 < COSINE_SHARE
-            sample1 = dr.select(take_upright, 0, (sample1 - COSINE_SHARE) / (1 - COSINE_SHARE))
+        # A cosine lobe about the geometric normal for a share of directions: where shading normals lie another way, few
+        # of the BSDF's find what a path from the camera would see, or none
+        outward = si.to_local(si.n)
+        outward = mi.Normal3f(dr.mulsign(outward, dr.dot(outward, si.wi)))
+        plain = sample1 < PLAIN_SHARE
+        sample1 = dr.select(plain, 0, (sample1 - PLAIN_SHARE) / (1 - PLAIN_SHARE))
         bs, drawn = scattering.sample(lobes, si, sample1, sample2, active)
-        pdf = bs.pdf
-        if maps:
-            # Where a map tilts the normal out of sight of one end of the path, but not of the other
-            bs.wo = dr.select(take_upright, scattering.upright(si, mi.warp.square_to_cosine_hemisphere(sample2)), bs.wo)
-            bs.sampled_type = dr.select(take_upright, mi.UInt32(+mi.BSDFFlags.DiffuseReflection), bs.sampled_type)
-            drawn, valid = drawn / (1 - COSINE_SHARE), take_upright | (pdf > 0)
-            pdf = mixture_pdf(scattering.evaluate(lobes, si, bs.wo)[1],
-                              white_lambert(mi.Normal3f(scattering.upright(si, mi.Vector3f(0, 0, 1))), si, bs.wo),
-                              COSINE_SHARE)
-            pdf = dr.select(valid, pdf, 0)
+        valid = plain | (bs.pdf > 0)
+        bs.wo = dr.select(plain, cosine_direction(outward, sample2), bs.wo)
+        bs.sampled_type = dr.select(plain, mi.UInt32(+mi.BSDFFlags.DiffuseReflection), bs.sampled_type)
+        cosine = dr.maximum(dr.dot(outward, bs.wo), 0) * dr.inv_pi
+        pdf = mixture_pdf(scattering.evaluate(lobes, si, bs.wo)[1], cosine, PLAIN_SHARE)
+        pdf, drawn = dr.select(valid, pdf, 0), drawn / (1 - PLAIN_SHARE)
         seen = seen_from(si, bs.wo)
         there = self._lobes(seen, active, whole=False)
         if lobes.glass is not None and there.glass is not None:
