@@ -7,7 +7,7 @@ only if nothing of another scene is about: bodies are kept as bare arrays, and a
 from __future__ import annotations
 
 import gc
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
@@ -17,7 +17,7 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 
-from dataset_builder.label.scene_plan import CameraPlan, IlluminationPlan
+from dataset_builder.label.scene_plan import CameraPlan, IlluminationPlan, PortalPlan
 from dataset_builder.planning.effects.caustics_told import gathers
 from dataset_builder.rendering.buffers import owned
 from dataset_builder.rendering.scene.emitters import emitters
@@ -26,6 +26,7 @@ from dataset_builder.rendering.scene.triangle_soup import Soup
 from dataset_builder.rendering.surface.bsdf import FEATURES, PLUGIN, Surface
 from dataset_builder.rendering.surface.material_table import MaterialTable, Textures, VertexColours
 from dataset_builder.rendering.transport.fog import Fog
+from dataset_builder.rendering.transport.portals import Portals, portals_of
 
 MOST_CASTERS = 16
 """Spheres that light paths are aimed at."""
@@ -57,6 +58,8 @@ class OpenScene:
     """Its lights, in the frame of the scene; None for none."""
     fog: Fog | None = None
     """None for clear air."""
+    portals: Portals | None = None
+    """What samples of its dome go through; None where they go all round."""
 
     @property
     def features(self) -> frozenset[str]:
@@ -105,10 +108,11 @@ def _unseen(soup: Soup) -> Soup:
 
 @contextmanager
 def open_scene(body: Body, illumination: IlluminationPlan | None, fog: Fog | None = None,
-               image_root: Path | None = None) -> Iterator[OpenScene]:
+               image_root: Path | None = None, portals: Sequence[PortalPlan] = ()) -> Iterator[OpenScene]:
     """A scene of one body under an illumination, or without any light. Nothing of it may be kept.
 
-    image_root: folder that images of lights are found below.
+    image_root: folder that images of lights are found below. portals: openings that light gets in through, in the
+    frame of the body.
 
     Garbage is not collected meanwhile: an object that died during tracing would renumber those that are called.
     """
@@ -121,7 +125,8 @@ def open_scene(body: Body, illumination: IlluminationPlan | None, fog: Fog | Non
     try:
         # Loading in parallel would number the objects anew each time.
         scene = mi.load_dict({"type": "scene", **_tight(), "body": shape, **lights}, parallel=False)
-        yield OpenScene(scene=scene, body=body, shape=shape, illumination=illumination, fog=fog)
+        yield OpenScene(scene=scene, body=body, shape=shape, illumination=illumination, fog=fog,
+                        portals=portals_of(portals, illumination))
     finally:
         del lights
         if collecting:

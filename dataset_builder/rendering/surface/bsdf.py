@@ -16,8 +16,15 @@ import mitsuba as mi
 from dataset_builder.label.example_plan import Feature
 from dataset_builder.rendering.buffers import owned
 from dataset_builder.rendering.surface import lobes as scattering
-from dataset_builder.rendering.surface.first_hit import FirstHit, Towards, cosine_direction, white_lambert
-from dataset_builder.rendering.surface.later_hit import VertexHit, scattered
+from dataset_builder.rendering.surface.first_hit import (
+    COSINE_SHARE,
+    FirstHit,
+    Towards,
+    cosine_direction,
+    mixture_pdf,
+    white_lambert,
+)
+from dataset_builder.rendering.surface.later_hit import LightBounce, VertexHit, bounced, scattered, seen_from
 from dataset_builder.rendering.surface.layering import Reflectances, lobes_of
 from dataset_builder.rendering.surface.lobes import Lobes
 from dataset_builder.rendering.surface.material_table import MaterialTable, look_up
@@ -69,7 +76,7 @@ class Surface:
         """See `first_hit.FirstHit`; one look at the textures."""
         lobes = self._lobes(si, active)
         drawn = scattering.scatter(lobes, si, sample1, sample2)
-        wo = dr.select(take_cosine, cosine_direction(lobes.normal, sample2), drawn.wo)
+        wo = dr.select(take_cosine, cosine_direction(lobes.normal, mi.Point2f(sample1, sample2.y)), drawn.wo)
         towards = [Towards(*scattering.evaluate(lobes, si, each), white_lambert(lobes.normal, si, each))
                    for each in given]
         value, pdf = scattering.evaluate(lobes, si, wo)
@@ -87,6 +94,32 @@ class Surface:
         lobes = self._lobes(si, active, whole=False)
         return scattered([scattering.evaluate(lobes, si, each) for each in given],
                          *scattering.sample(lobes, si, sample1, sample2, active))
+
+    def light_bounce(self, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample2: mi.Point2f,
+                     active: mi.Bool) -> LightBounce:
+        """See `later_hit.light_bounce`; one look at the textures from each side of the path."""
+        lobes = self._lobes(si, active, whole=False)
+        maps, take_upright = "maps" in self.features, mi.Bool(False)
+        if maps:
+            take_upright = sample1 < COSINE_SHARE
+            sample1 = dr.select(take_upright, 0, (sample1 - COSINE_SHARE) / (1 - COSINE_SHARE))
+        bs, drawn = scattering.sample(lobes, si, sample1, sample2, active)
+        pdf = bs.pdf
+        if maps:
+            # Where a map tilts the normal out of sight of one end of the path, but not of the other
+            bs.wo = dr.select(take_upright, scattering.upright(si, mi.warp.square_to_cosine_hemisphere(sample2)), bs.wo)
+            bs.sampled_type = dr.select(take_upright, mi.UInt32(+mi.BSDFFlags.DiffuseReflection), bs.sampled_type)
+            drawn, valid = drawn / (1 - COSINE_SHARE), take_upright | (pdf > 0)
+            pdf = mixture_pdf(scattering.evaluate(lobes, si, bs.wo)[1],
+                              white_lambert(mi.Normal3f(scattering.upright(si, mi.Vector3f(0, 0, 1))), si, bs.wo),
+                              COSINE_SHARE)
+            pdf = dr.select(valid, pdf, 0)
+        seen = seen_from(si, bs.wo)
+        there = self._lobes(seen, active, whole=False)
+        if lobes.glass is not None and there.glass is not None:
+            # What lies above smooth glass takes of the light by the direction that it is seen from
+            drawn = drawn * dr.select(lobes.glass.weight > 0, there.glass.weight / lobes.glass.weight, 1)
+        return bounced(si, bs, drawn, pdf, *scattering.evaluate(there, seen, si.wi))
 
     def reflectance(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> tuple[mi.Color3f, mi.Color3f, mi.Normal3f]:
         """(D, R, local shading normal) at a surface point."""
