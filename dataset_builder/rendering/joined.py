@@ -24,7 +24,7 @@ from dataset_builder.rendering.transport.links import table_of
 from dataset_builder.rendering.view_sensor import ViewSensor, primary_ray
 from dataset_builder.seeding import derive_seed
 
-SAMPLES_PER_PATH = {False: 24, True: 2}
+SAMPLES_PER_PATH = {False: 24, True: 8}
 """Camera samples of a group for each of its light paths, without caustics and with them."""
 FEWEST, MOST = 5, 9
 """Light paths of a group, as powers of four: full grids of strata, and few sizes."""
