@@ -12,6 +12,7 @@ from dataset_builder.rendering.surface.first_hit import transparency
 from dataset_builder.rendering.transport.fog import Fog
 
 Passes = Callable[["mi.BSDFPtr", "mi.SurfaceInteraction3f", "mi.Bool"], "mi.Color3f"]
+Towards = Callable[["mi.Interaction3f", "mi.Point3f"], "mi.Ray3f"]
 
 
 class World:
@@ -90,13 +91,25 @@ def sample_emitter(world: World, point: mi.Interaction3f, sample: mi.Point2f,
     return ds, weight
 
 
+def to_lamp(point: mi.Interaction3f, end: mi.Point3f) -> mi.Ray3f:
+    """A shadow ray to a point that lies on something, which it leaves out with the last thousandth of the way."""
+    return point.spawn_ray_to(end)
+
+
+def to_its_end(point: mi.Interaction3f, end: mi.Point3f) -> mi.Ray3f:
+    """A shadow ray to a point in free air: a wall is met even where it stands just before the point."""
+    ray = point.spawn_ray_to(end)
+    ray.maxt = dr.norm(end - ray.o)
+    return ray
+
+
 @dr.syntax
-def straight_on(scene: mi.Scene, point: mi.Interaction3f, end: mi.Point3f, passes: Passes,
-                active: mi.Bool) -> mi.Color3f:
+def straight_on(scene: mi.Scene, point: mi.Interaction3f, end: mi.Point3f, passes: Passes, active: mi.Bool,
+                towards: Towards = to_lamp) -> mi.Color3f:
     """Share of light that comes straight from `end` to `point` through whatever stands between; 0 behind what is
-    opaque. passes: what a surface lets through, `transparency` for light."""
+    opaque. passes: what a surface lets through, `transparency` for light. towards: makes shadow rays."""
     # Loop state
-    ray = point.spawn_ray_to(end)     # What is left of the shadow ray
+    ray = towards(point, end)         # What is left of the shadow ray
     transmittance = mi.Color3f(1)    # Share that passes all surfaces so far
     active = mi.Bool(active)         # Active lanes
 
@@ -104,7 +117,7 @@ def straight_on(scene: mi.Scene, point: mi.Interaction3f, end: mi.Point3f, passe
         si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=active)
         met = active & si.is_valid()
         transmittance = dr.select(met, transmittance * passes(si.bsdf(ray), si, met), transmittance)
-        ray = si.spawn_ray_to(end)
+        ray = towards(si, end)
         active = met & (dr.max(transmittance) != 0)
     return transmittance
 
