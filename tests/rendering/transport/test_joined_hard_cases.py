@@ -50,9 +50,9 @@ def test_expectations_are_those_of_camera_paths(soup, lamps, more):
 
 @pytest.mark.parametrize("position", [(0, 0, 9), (1.0, 0.5, -0.4)], ids=("outside", "in a box"))
 def test_nothing_arrives_from_where_nothing_can(position):
-    """But what rounding makes of surfaces in one plane."""
+    """But what rounding makes of surfaces in one plane: a lamp of 9 in the open gives about 1."""
     ours, _ = shots(BALL, light("point", (9.0, 9.0, 9.0), position=position))
-    assert ours.max() < 1e-12
+    assert ours.max() < 1e-3 and ours.mean() < 1e-7
 
 
 def test_a_point_that_touches_a_wall():
