@@ -13,6 +13,7 @@ from dataset_builder.rendering.transport.fog import Fog
 from dataset_builder.rendering.transport.portals import Portals
 
 Passes = Callable[["mi.BSDFPtr", "mi.SurfaceInteraction3f", "mi.Bool"], "mi.Color3f"]
+Towards = Callable[["mi.Interaction3f", "mi.Point3f"], "mi.Ray3f"]
 
 EVERYTHING = frozenset({"image", "shading", "specular", "air"})
 """All that can be wanted of a path."""
@@ -160,13 +161,25 @@ def emitter_pdf(world: World, point: mi.Interaction3f, ds: mi.DirectionSample3f,
     return dr.select(outside, mixed, pdf)
 
 
+def to_lamp(point: mi.Interaction3f, end: mi.Point3f) -> mi.Ray3f:
+    """A shadow ray to a point that lies on something, which it leaves out with the last thousandth of the way."""
+    return point.spawn_ray_to(end)
+
+
+def to_its_end(point: mi.Interaction3f, end: mi.Point3f) -> mi.Ray3f:
+    """A shadow ray to a point in free air: a wall is met even where it stands just before the point."""
+    ray = point.spawn_ray_to(end)
+    ray.maxt = dr.norm(end - ray.o)
+    return ray
+
+
 @dr.syntax
-def straight_on(scene: mi.Scene, point: mi.Interaction3f, end: mi.Point3f, passes: Passes,
-                active: mi.Bool) -> mi.Color3f:
+def straight_on(scene: mi.Scene, point: mi.Interaction3f, end: mi.Point3f, passes: Passes, active: mi.Bool,
+                towards: Towards = to_lamp) -> mi.Color3f:
     """Share of light that comes straight from `end` to `point` through whatever stands between; 0 behind what is
-    opaque. passes: what a surface lets through, `transparency` for light."""
+    opaque. passes: what a surface lets through, `transparency` for light. towards: makes shadow rays."""
     # Loop state
-    ray = point.spawn_ray_to(end)     # What is left of the shadow ray
+    ray = towards(point, end)         # What is left of the shadow ray
     transmittance = mi.Color3f(1)    # Share that passes all surfaces so far
     active = mi.Bool(active)         # Active lanes
 
@@ -174,7 +187,7 @@ def straight_on(scene: mi.Scene, point: mi.Interaction3f, end: mi.Point3f, passe
         si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=active)
         met = active & si.is_valid()
         transmittance = dr.select(met, transmittance * passes(si.bsdf(ray), si, met), transmittance)
-        ray = si.spawn_ray_to(end)
+        ray = towards(si, end)
         active = met & (dr.max(transmittance) != 0)
     return transmittance
 
