@@ -66,7 +66,7 @@ def test_the_plan_has_the_words(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(materials_used, "_facts", lambda _: facts)
     plan = example_plan()
     use = scene_use(plan.room, [PlacedObject(object=plan.target.object, instance=1, position=(0, 0, 0), yaw=0)], Path())
-    decisions = scene_features(use, FogPlan(), (), example_plan().render)[1]
+    decisions = scene_features(use, FogPlan(), example_plan().render)[1]
     told = [(one.choice, one.reason) for one in decisions if one.effect == "mesh file"]
     assert told == [("contains", "train-stool-00: 6 faces"), ("repair", "train-stool-00: 3 welded"),
                     ("shape", "train-stool-00: odd")]

@@ -71,6 +71,8 @@ class _Scene:
     light: dict[str, IlluminationPlan]
     fog: FogPlan
     render: RenderPlan
+    target_area: float
+    """Its surface, square metres."""
 
 
 def plan_effects(*, spec: RenderSpec, room: RoomPlan, shell: Shell, diagonal: float, target: PlacedObject,
@@ -89,7 +91,7 @@ def plan_effects(*, spec: RenderSpec, room: RoomPlan, shell: Shell, diagonal: fl
         return _everything(spec, render, light)
     use = scene_use(room, (target, *furniture), mesh_root)
     scene = _Scene(spec=spec, shell=shell, near=target.position, diagonal=diagonal, use=use, light=light, fog=fog,
-                   render=render)
+                   render=render, target_area=use.area_of(target.object.name))
     planned = [_plan_pass(scene, name) for name in PASSES]
     features, on_surfaces = scene_features(use, fog, render)
     lit = [(each.light, each.entry.transport) for each in planned if each.light and _runs(render, each.light.name)]
@@ -133,7 +135,7 @@ def _plan_pass(scene: _Scene, name: str) -> _Planned:
     kept, on_lights = _lights(scene, name)
     depth, on_depth = _depth(scene, name)
     light = PassLight(name=name, lights=tuple(scene.light[name].lights[index] for index in kept),
-                      materials=_standing(scene, name), fog=scene.fog, depth=depth)
+                      materials=_standing(scene, name), fog=scene.fog, depth=depth, target_area=scene.target_area)
     transport, on_transport = choose(light, scene.spec.transport)
     portals, on_daylight = _daylight(scene, name, kept)
     entry = _entry(name, extent, lights=kept, max_depth=depth, transport=transport, portals=portals,

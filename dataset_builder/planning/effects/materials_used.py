@@ -107,6 +107,8 @@ class MaterialUse:
     """Least and largest share of it that is there, over texels and vertices."""
     coloured: bool = False
     """Whether vertices have colours."""
+    area: float = 0.0
+    """Of the faces that show it, square metres; where they are stretched unevenly, as if evenly to the same volume."""
 
     @property
     def name(self) -> str:
@@ -125,7 +127,7 @@ class _Facts:
 
     materials: tuple[Material, ...]
     figures: tuple[dict[str, Any], ...]
-    """Of each material, fields of `MaterialUse`."""
+    """Of each material, fields of `MaterialUse`; areas in the asset's own frame."""
     smooth: bool
     """Whether normals bend."""
 
@@ -144,6 +146,10 @@ class SceneUse:
     scene: tuple[tuple[str, str], ...] = ()
     """The same of the scene file, one of each word; empty for a room in code."""
 
+    def area_of(self, name: str) -> float:
+        """Surface of a thing, square metres."""
+        return sum(use.area for use in self.materials if use.part == "furniture" and use.owner == name)
+
 
 def told_of(asset: Asset) -> list[tuple[str, str]]:
     """Of a mesh file, pairs of a word and a sentence: what it contains, and where there is something to say, what of
@@ -158,10 +164,12 @@ def _facts(asset: Asset) -> _Facts:
     """The facts of an asset, found once for as long as it is kept."""
     if asset not in _known:
         faces = np.unique(asset.mesh.material).tolist()
+        areas = np.bincount(asset.mesh.material, np.linalg.norm(asset.mesh.area_normals, axis=1) / 2)
         shown = tuple(asset.materials[index] for index in faces)
         alphas, colors = vertex_alphas(asset.mesh.material, asset.mesh.colors), asset.mesh.colors
         figures = tuple(_figures(asset.materials[index], alphas.get(index), (1.0, 1.0, 1.0) if colors is None else
-                                 colors[asset.mesh.material == index, :, :3].max(axis=(0, 1))) for index in faces)
+                                 colors[asset.mesh.material == index, :, :3].max(axis=(0, 1)))
+                        | {"area": float(areas[index])} for index in faces)
         _known[asset] = _Facts(materials=shown, smooth=_is_smooth(asset), figures=figures)
     return _known[asset]
 
@@ -186,16 +194,22 @@ def scene_use(room: RoomPlan, objects: Iterable[PlacedObject], mesh_root: Path) 
     """What a room and the objects in it show. Raises PlanError where a file is not the one that was planned, UserError
     where it cannot be read."""
     around = room_parts(room, mesh_root)
-    placed = [(each.object.name, "furniture", asset_of(each.object, mesh_root)) for each in objects]
-    things = [*((part.name, str(part.part), part.asset) for part in around), *placed]
-    uses = [MaterialUse(owner=owner, part=part, material=material, **figures) for owner, part, asset in things
+    placed = [(each.object.name, "furniture", asset_of(each.object, mesh_root), 1.0) for each in objects]
+    things = [*((part.name, str(part.part), part.asset, _growth(part.world)) for part in around), *placed]
+    uses = [MaterialUse(owner=owner, part=part, material=material, **figures | {"area": figures["area"] * growth})
+            for owner, part, asset, growth in things
             for material, figures in zip(_facts(asset).materials, _facts(asset).figures, strict=True)]
-    smooth = dict.fromkeys(owner for owner, _, asset in things if _facts(asset).smooth)
-    flat = dict.fromkeys(owner for owner, _, asset in things if owner not in smooth)
+    smooth = dict.fromkeys(owner for owner, _, asset, _ in things if _facts(asset).smooth)
+    flat = dict.fromkeys(owner for owner, *_ in things if owner not in smooth)
     return SceneUse(materials=tuple(uses), smooth=tuple(smooth), flat=tuple(flat),
-                    files=tuple((word, f"{owner}: {said}") for owner, _, asset in placed
+                    files=tuple((word, f"{owner}: {said}") for owner, _, asset, _ in placed
                                 for word, said in told_of(asset)),
                     scene=told_of_scene(room, mesh_root))
+
+
+def _growth(world: np.ndarray) -> float:
+    """What areas are multiplied by in the world; exact but for uneven stretches."""
+    return float(abs(np.linalg.det(world[:3, :3])) ** (2 / 3))
 
 
 def told_of_scene(room: RoomPlan, mesh_root: Path) -> tuple[tuple[str, str], ...]:

@@ -6,11 +6,10 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from dataset_builder.assets.asset import disperses, ripples
+from dataset_builder.assets.asset import ripples
 from dataset_builder.label.example_plan import Decision, Transport
 from dataset_builder.label.scene_plan import FogPlan, LightPlan
 from dataset_builder.light_kinds import LIGHT_KINDS
-from dataset_builder.planning.effects.features import names
 from dataset_builder.planning.effects.materials_used import MaterialUse
 
 DIRECT = 2
@@ -35,11 +34,14 @@ class PassLight:
     fog: FogPlan
     depth: int
     """Longest path in edges."""
+    target_area: float
+    """Surface of the target, square metres."""
 
     @property
     def lamps(self) -> tuple[LightPlan, ...]:
-        """Lights that stand in the scene, where light paths start."""
-        return tuple(light for light in self.lights if not LIGHT_KINDS[light.kind].outside)
+        """Lights that stand in the scene and shine, where light paths start."""
+        return tuple(light for light in self.lights
+                     if not LIGHT_KINDS[light.kind].outside and light.weight > 0 and any(light.radiance))
 
     @property
     def share(self) -> float:
@@ -58,21 +60,24 @@ class TransportRule:
     why: Callable[[PassLight], str]
 
 
+def _no_lamp(light: PassLight) -> str:
+    if not light.lights:
+        return "no light reaches the object"
+    if all(LIGHT_KINDS[each.kind].outside for each in light.lights):
+        return f"{kinds(light.lights)} shines from outside alone, and light paths start at lamps in the scene"
+    return "its lamps are dark, and light paths start at them"
+
+
 RULES = (
     TransportRule(
         bars=True, holds=lambda light: light.depth <= DIRECT,
         why=lambda light: f"paths of {light.depth} edges are direct light alone, and there is nothing to join"),
     TransportRule(
         bars=True, holds=lambda light: not light.lamps,
-        why=lambda light: f"{kinds(light.lights)} shines from outside alone, and light paths start at lamps in the "
-                          "scene" if light.lights else "no light reaches the object"),
+        why=lambda light: _no_lamp(light)),
     TransportRule(
         bars=True, holds=lambda light: light.fog.extinction > 0,
         why=lambda light: "fog fills the air, and light paths do not scatter in it"),
-    TransportRule(
-        bars=True, holds=lambda light: any(disperses(use.material) for use in light.materials),
-        why=lambda light: "light paths have no wavelength of their own for the dispersive glass of " + names(
-            [use.name for use in light.materials if disperses(use.material)])),
     TransportRule(
         bars=True, holds=lambda light: any(ripples(use.material) for use in light.materials),
         why=lambda light: "light that crosses a normal map on glass goes another way from the lamp than from the "
@@ -83,7 +88,7 @@ RULES = (
                           f"{LAMPS_LEAD:.0%}, and no light path starts outside"),
 )
 """Where paths start at the camera alone, in the order that they are asked."""
-EVERYTHING = "light paths know neither fog nor dispersion"
+EVERYTHING = "light paths know no fog"
 """What bars joined paths where everything is simulated."""
 
 
@@ -108,7 +113,7 @@ def choose(light: PassLight, asked: str) -> tuple[Transport, Decision]:
 
 
 def choose_for_everything(name: str, asked: str, reason: str) -> tuple[Transport, Decision]:
-    """The transport where every effect is simulated, needed or not: kernels with fog and dispersion have one.
+    """The transport where every effect is simulated, needed or not: kernels with fog have one.
 
     reason: why everything is.
     """

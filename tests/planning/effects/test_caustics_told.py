@@ -1,5 +1,6 @@
 """What is said of caustics: *simulated* where light paths find them and nowhere else, by material and lamp."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from dataset_builder.assets.asset import Material, Texture, range_of
 from dataset_builder.label.scene_plan import FogPlan, LightPlan
 from dataset_builder.light_kinds import LIGHT_KINDS
-from dataset_builder.planning.effects.caustics_told import GATHERS, casters, throws_caustics, told
+from dataset_builder.planning.effects.caustics_told import GATHERS, HALF, LARGE, casters, large, throws_caustics, told
 from dataset_builder.planning.effects.materials_used import MaterialUse
 from dataset_builder.planning.effects.transport_choice import PassLight
 from tests import plans
@@ -23,14 +24,14 @@ def use(name: str = "ware", **surface: Any) -> MaterialUse:
     material = Material(**{"name": name, "base_color": (0.5, 0.5, 0.5)} | surface)
     smoothest, roughest = range_of(material, "roughness")
     return MaterialUse(owner="vase", part="furniture", material=material, scattered=0.5, smoothest=smoothest,
-                       roughest=roughest)
+                       roughest=roughest, area=LARGE)
 
 
 def lit(*surfaces: dict[str, Any], kinds: tuple[str, ...] = ("area",), name: str = "target",
         depth: int = 12) -> PassLight:
     lights: tuple[LightPlan, ...] = tuple(plans.light_plan(kind) for kind in kinds)
     return PassLight(name=name, lights=lights, materials=tuple(use(**each) for each in surfaces), fog=FogPlan(),
-                     depth=depth)
+                     depth=depth, target_area=8.0)
 
 
 def choices(light: PassLight, transport: str) -> list[str]:
@@ -119,3 +120,53 @@ def test_glass_that_is_smooth_in_one_texel_and_rough_in_another_loses_caustics_a
 
 def test_nothing_is_said_where_no_pass_with_light_runs() -> None:
     assert told([]) == []
+
+
+# Small things
+
+SMALL = 0.99 * LARGE
+
+
+def sized(area: float, target_area: float = 8.0, *, kinds: tuple[str, ...] = ("area",), more: tuple[Any, ...] = (),
+          **surface: Any) -> PassLight:
+    """A pass with a caster of an area, `more` of some others."""
+    first = replace(use("chrome", **(surface or CHROME)), area=area)
+    return replace(lit(kinds=kinds), materials=(first, *more), target_area=target_area)
+
+
+@pytest.mark.parametrize(("area", "target_area", "expected"), [
+    (LARGE, 8.0, True), (SMALL, 8.0, False), (0.01, 0.02, True), (0.0099, 0.02, False), (SMALL, 2 * SMALL, True)])
+def test_caustics_are_followed_where_casters_are_large_or_half_of_the_target(area: float, target_area: float,
+                                                                             expected: bool) -> None:
+    assert HALF == 0.5
+    light = sized(area, target_area)
+    assert throws_caustics(light) == bool(large(light)) == expected and casters(light)
+    assert choices(light, "joined")[0] == ("simulated" if expected else "noisy")
+
+
+def test_parts_of_one_thing_gather_light_together() -> None:
+    half = replace(use("tin", **CHROME), area=LARGE / 2)
+    assert large(sized(LARGE / 2, more=(half,)))
+    assert not large(sized(LARGE / 2, more=(replace(half, owner="bowl"),)))
+
+
+@pytest.mark.parametrize("kind", LAMPS)
+@pytest.mark.parametrize(("surface", "smooth"), [(GLASS, True), (CHROME, False)])
+def test_without_light_paths_small_things_are_as_with_camera_paths(kind: str, surface: dict[str, Any],
+                                                                   smooth: bool) -> None:
+    light = sized(SMALL, kinds=(kind,), **surface)
+    assert choices(light, "joined") == choices(light, "camera")
+    assert choices(light, "joined") == ["noisy" if LIGHT_KINDS[kind].extended or not smooth  # type: ignore[index]
+                                        else "left out"]
+    reason, as_camera = (told([(light, transport)])[0].reason for transport in ("joined", "camera"))  # type: ignore
+    assert reason == as_camera.replace(" (target)", "; what is small has no light paths of its own (target)")
+
+
+def test_beside_large_things_small_ones_are_noisy() -> None:
+    light = sized(SMALL, more=(use("ice", **GLASS), replace(use("wall", **CHROME), owner="bowl")))
+    light = replace(light, materials=(replace(light.materials[0], owner="chest"), *light.materials[1:]))
+    found = [(each.choice, each.reason) for each in told([(light, "joined")])]
+    assert found[:2] == [
+        ("simulated", "area light by way of ice of vase, wall of bowl, found from the lamp's side where it falls on "
+                      "diffuse surfaces (target)"),
+        ("noisy", "area light by way of small chrome of chest; few light paths meet it (target)")]

@@ -250,7 +250,7 @@ def test_all_simulates_everything_everywhere(decide: Decide) -> None:
     assert effects.of("rough").lights == (0, 1, 2) and effects.of("source").lights == (0,)
     everything = "everything simulated, as requested"
     assert {decision.reason for decision in effects.decisions} == {
-        everything, f"{everything}; light paths know neither fog nor dispersion"}
+        everything, f"{everything}; light paths know no fog"}
     assert {entry.transport for entry in effects.passes} == {"camera"}
 
 

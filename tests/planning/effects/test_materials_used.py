@@ -1,13 +1,19 @@
 """Bounds on what a material scatters, against the renderer's own table and numbers worked out by hand."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dataset_builder.assets.asset import Material, Texture
+from dataset_builder.assets.asset import Asset, Material, Texture
+from dataset_builder.geometry.mesh import TriangleMesh
+from dataset_builder.planning.effects import materials_used
 from dataset_builder.planning.effects.materials_used import glass_share, mean_schlick, scattered_share
+from dataset_builder.planning.scene.room_parts import RoomPart
 from dataset_builder.rendering.surface.reflectance import cosines, split_sum_table
+from tests.plans import example_plan
 
 SHARES = st.floats(0, 1)
 COSINE = cosines()
@@ -91,3 +97,19 @@ def test_colours_of_vertices_bound_what_a_material_scatters() -> None:
     white = Material(name="vertex colours", base_color=(1, 1, 1), specular=0.0)
     assert scattered_share(white, (0.5, 0.4, 0.3)) == pytest.approx(0.5)
     assert scattered_share(white) == pytest.approx(1)
+
+
+def test_areas_are_those_of_the_faces_that_show_a_material(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A square of side 2 of two materials, once in its own size and once three times as large, mirrored."""
+    mesh = TriangleMesh(positions=np.array([[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 1, 0]]),
+                        faces=np.array([[0, 1, 2], [0, 2, 3]]), uvs=np.zeros((2, 3, 2)), material=np.array([2, 0]))
+    asset = Asset(name="sheet", category="table", mesh=mesh, materials=(material(),) * 3, meta={})
+    large = RoomPart(name="large", part="furniture", asset=asset, instance=3, world=np.diag([-3.0, 3, 3, 1]))
+    monkeypatch.setattr(materials_used, "room_parts", lambda *_: (large,))
+    monkeypatch.setattr(materials_used, "asset_of", lambda *_: asset)
+    plan = example_plan()
+    use = materials_used.scene_use(plan.room, (plan.target,), Path())
+    assert [(each.owner, each.area) for each in use.materials] == [
+        ("large", pytest.approx(9)), ("large", pytest.approx(18)),
+        (plan.target.object.name, pytest.approx(1)), (plan.target.object.name, pytest.approx(2))]
+    assert use.area_of("large") == pytest.approx(27) and use.area_of(plan.target.object.name) == pytest.approx(3)
