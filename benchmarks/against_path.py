@@ -26,7 +26,8 @@ from dataset_builder.rendering.scene.open_scene import body_of, open_scene, sens
 from dataset_builder.rendering.scene.triangle_soup import clean, merge, rough_twin, surroundings
 
 SPP, SIZE, EXAMPLES = 64, 256, (0, 3, 20)
-ASKED = ("render.max_depth=8", "render.rr_depth=5", f"image.width={SIZE}", f"image.height={SIZE}", f"render.spp={SPP}")
+ASKED = ("render.transport=camera", "render.max_depth=8", "render.rr_depth=5", f"image.width={SIZE}",
+         f"image.height={SIZE}", f"render.spp={SPP}")
 PAPER = "layers={i_s: object, d: object, r: object, i_t: object, s_prime: object, mask: object}"
 ONE_PASS, TUPLE = 1.10, 0.7
 PARTS = {"all layers": frozenset(passes.RADIANCE), "the image alone": frozenset({"image"}),

@@ -46,8 +46,8 @@ def test_one_of_them_alone_is_what_it_is_among_all(surface, foggy):
             alone, noise = frame_means(opened, name, frozenset({name}))
             among, noise_among = frame_means(opened, name, frozenset(RADIANCE_CHANNELS))
             assert stats.ttest_ind(alone, among, equal_var=False).pvalue.min() > ALPHA
-            # Its own lobe is better than a mixture: strata are not shared among lobes
-            assert noise < (0.8 if name == "shading" else 1.2) * noise_among
+            # Its own lobe is no worse than a mixture, and better where shading has no use for the surface's lobes
+            assert noise < (0.8 if name == "shading" and surface != "matte" else 1.2) * noise_among
 
 
 def test_what_was_not_asked_for_is_not_there():
