@@ -10,6 +10,7 @@ from dataset_builder.assets.asset import ripples
 from dataset_builder.label.example_plan import Decision, Transport
 from dataset_builder.label.scene_plan import FogPlan, LightPlan
 from dataset_builder.light_kinds import LIGHT_KINDS
+from dataset_builder.planning.effects.features import names
 from dataset_builder.planning.effects.materials_used import MaterialUse
 
 DIRECT = 2
