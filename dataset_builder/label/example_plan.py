@@ -54,7 +54,7 @@ class PassEffects(Model):
     transport: Transport = "camera"
     """By which paths it finds light; passes without light have no use for it."""
     caustics: bool = False
-    """Whether light paths have smooth glass, metal or coats to go to, which gather light."""
+    """Whether many light paths are sent, for what large smooth glass, metal and coats throw on other surfaces."""
     portals: tuple[PortalPlan, ...] = ()
     """Openings that samples of its dome go through; none where they go all round."""
 

@@ -22,7 +22,7 @@ LARGE, HALF = 0.6, 0.5
 """Square metres that gather light on one thing, and their share of the target's surface, from which on caustics are
 followed from the lamps. Handles, legs, stands and frames are smaller: of the embedded furniture, rods of 0.5 m^2 at
 most, which spread light about them. Following it took 1.7 to 2.6 times the time and left 0.85 to 1.2 times the variance
-in eight passes of the mini dataset with such things alone."""
+in seven passes of the mini dataset with such things alone."""
 REFLECTED, REFRACTED = 3, 4
 """Edges from the camera to a surface and on to a lamp by way of a mirror, and in and out of glass."""
 Finding = tuple[str, str]

@@ -158,7 +158,7 @@ def test_without_light_paths_small_things_are_as_with_camera_paths(kind: str, su
     assert choices(light, "joined") == choices(light, "camera")
     assert choices(light, "joined") == ["noisy" if LIGHT_KINDS[kind].extended or not smooth  # type: ignore[index]
                                         else "left out"]
-    reason, as_camera = (told([(light, transport)])[0].reason for transport in ("joined", "camera"))  # type: ignore
+    reason, as_camera = (told([(light, transport)])[0].reason for transport in ("joined", "camera"))  # type: ignore[list-item]
     assert reason == as_camera.replace(" (target)", "; what is small has no light paths of its own (target)")
 
 

@@ -1,5 +1,6 @@
 """Glass obeys Snell, Fresnel, reciprocity and the conservation of energy, and its sampling its density."""
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
@@ -87,6 +88,20 @@ def test_weights_average_to_the_integral_of_the_values(name, cosine):
         part, part_error = mean_and_error(2 * np.pi * np.array(value))
         integral, noise = integral + part, noise + part_error
     assert np.all(np.abs(mean - integral) < 5 * (error + noise) + 1e-4), (mean, integral)
+
+
+@pytest.mark.parametrize("cosine", (0.7, -0.9))
+def test_rough_glass_has_one_density_whatever_channels_are_left(cosine):
+    """The mean over channels: a path that is left with blue brings on average what any path brings in blue."""
+    strong = surface_of(Material(name="strong", base_color=(1, 1, 1), roughness=0.4, transmission=1.0, ior=1.6,
+                                 abbe=3.0))
+    found = []
+    for channel in (0, 3):
+        si = interaction(cosine, SAMPLES)
+        si.time = dr.opaque(mi.Float, channel)
+        found.append(mean_and_error(sampled(strong, si, seed=5 + channel)[1][2]))
+    (mean, error), (alone, noise) = found
+    assert abs(mean - alone) < 4 * np.hypot(error, noise)
 
 
 @pytest.mark.parametrize("name", ROUGH)
