@@ -1,9 +1,11 @@
 """All layers of one geometry under one light in one pass, and the whole tuple, against Mitsuba's own `path`.
 
-Equal spp, pixels, depth and scene, embedded room, 256x256. Bounds: 1.15 for one pass, 0.7 for the tuple against three
-full-frame renders (source light, target light, and the rough mesh under it), scene loading included on both sides.
+Equal spp, pixels, depth and scene, embedded room, 256x256, in seconds of CPU time, which other work on the machine
+disturbs less than it does those of the clock. Bounds: 1.10 for one pass of all layers, by camera paths; 0.7 for the
+tuple against three full-frame renders (source light, target light, and the rough mesh under it), scene loading included
+on both sides. Passes for the image alone and for shading alone, as the tuple takes them, are printed, too.
 Depth 8 and roulette from 5, Mitsuba's own default; `path` with its default sampler, the fastest. The bound on the tuple
-is for the paper's six layers on the object; with i_s and i_t on the frame it is printed, too.
+holds for the paper's six layers on the object and with i_s and i_t on the frame.
 """
 
 import gc
@@ -11,6 +13,7 @@ import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
+from time import process_time
 
 import _common as common
 import mitsuba as mi
@@ -23,9 +26,12 @@ from dataset_builder.rendering.scene.open_scene import body_of, open_scene, sens
 from dataset_builder.rendering.scene.triangle_soup import clean, merge, rough_twin, surroundings
 
 SPP, SIZE, EXAMPLES = 64, 256, (0, 3, 20)
-ASKED = ("render.max_depth=8", "render.rr_depth=5", f"image.width={SIZE}", f"image.height={SIZE}", f"render.spp={SPP}")
+ASKED = ("render.transport=camera", "render.max_depth=8", "render.rr_depth=5", f"image.width={SIZE}",
+         f"image.height={SIZE}", f"render.spp={SPP}")
 PAPER = "layers={i_s: object, d: object, r: object, i_t: object, s_prime: object, mask: object}"
-ONE_PASS, TUPLE = 1.15, 0.7
+ONE_PASS, TUPLE = 1.10, 0.7
+PARTS = {"all layers": frozenset(passes.RADIANCE), "the image alone": frozenset({"image"}),
+         "shading alone": frozenset({"shading"})}
 SPECS = common.MINI.parent
 
 
@@ -37,17 +43,17 @@ def path_render(plan: ExamplePlan) -> Callable[[object], np.ndarray]:
     return lambda opened: np.array(mi.render(opened.scene, integrator=path, sensor=sensor, spp=SPP, seed=1))
 
 
-def one_pass(plan: ExamplePlan) -> tuple[float, float]:
-    """Seconds of our pass and of `path`, the scene being there."""
+def one_pass(plan: ExamplePlan) -> list[float]:
+    """Seconds of our pass for each of PARTS and of `path`, the scene being there."""
     body = body_of(merge([clean(plan.target, SPECS), surroundings(plan, SPECS)]),
                    features=frozenset(plan.effects.features))
     depth = plan.effects.of("target").max_depth
     view, pixels = passes.ViewSensor(camera=plan.camera, render=plan.render), np.arange(SIZE * SIZE)
     render = path_render(plan)
     with open_scene(body, plan.target_light) as opened:
-        ours, theirs = common.best([lambda: passes.radiance(view, opened, pixels, max_depth=depth, spp=SPP, seed=1),
-                                    lambda: render(opened)])
-    return ours, theirs
+        ours = [partial(passes.radiance, view, opened, pixels, max_depth=depth, spp=SPP, seed=1, wanted=wanted)
+                for wanted in PARTS.values()]
+        return common.best([*ours, lambda: render(opened)], clock=process_time)
 
 
 def three_renders(plan: ExamplePlan, root: Path) -> None:
@@ -76,14 +82,17 @@ def main() -> int:
     """Print the ratios; exit code 1 where a bound is broken."""
     common.start()
     mini, paper = ([common.plan(index, *ASKED, *more) for index in EXAMPLES] for more in ((), (PAPER,)))
-    passes = ratio_of([one_pass(plan) for plan in mini])
-    print(f"one pass, image + shading + specular part + errors, over path alone: {passes:.2f}x (bound {ONE_PASS}x)")
+    times = [one_pass(plan) for plan in mini]
+    ratios = [ratio_of([(found[place], found[-1]) for found in times]) for place in range(len(PARTS))]
+    for name, ratio in zip(PARTS, ratios, strict=True):
+        bound = f" (bound {ONE_PASS}x)" if name == "all layers" else ""
+        print(f"one pass, {name}, over path alone: {ratio:.2f}x{bound}")
     tuples = {}
     for name, plans in (("object", paper), ("i_s and i_t on the frame", mini)):
         works = [(partial(whole_tuple, plan), partial(three_renders, plan, SPECS)) for plan in plans]
-        tuples[name] = ratio_of([common.best(pair, 3) for pair in works])
+        tuples[name] = ratio_of([common.best(pair, 3, process_time) for pair in works])
         print(f"whole tuple, {name}, over three path renders: {tuples[name]:.2f}x (bound {TUPLE}x)")
-    return 0 if passes <= ONE_PASS and tuples["object"] <= TUPLE else 1
+    return 0 if ratios[0] <= ONE_PASS and max(tuples.values()) <= TUPLE else 1
 
 
 if __name__ == "__main__":

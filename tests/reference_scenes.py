@@ -36,7 +36,7 @@ def shining(*radiance):
     return {"type": "area", "radiance": {"type": "rgb", "value": list(radiance)}}
 
 
-def traced(scene, view, spp, seed, *, features=(), fog=None, max_depth=8, rr_depth=5):
+def traced(scene, view, spp, seed, *, features=(), fog=None, portals=None, max_depth=8, rr_depth=5):
     """Our layers: name -> (BATCHES, SIZE, SIZE, 3) means of `spp` samples each."""
     lanes = BATCHES * SIZE * SIZE * spp
     sampler = mi.load_dict({"type": "independent"})
@@ -45,7 +45,8 @@ def traced(scene, view, spp, seed, *, features=(), fog=None, max_depth=8, rr_dep
     corner = mi.Vector2f(mi.Float(pixel % SIZE), mi.Float(pixel // SIZE))
     ray, _ = view.sample_ray(0, 0.5, (corner + sampler.next_2d()) / SIZE, mi.Point2f(0.5), True)
     longest, roulette = (dr.opaque(mi.UInt32, depth) for depth in (max_depth, rr_depth))
-    found = trace(scene, sampler, sampler, ray, longest, roulette, features=frozenset(features), fog=fog)
+    found = trace(scene, sampler, sampler, ray, longest, roulette, features=frozenset(features), fog=fog,
+                  portals=portals)
     names = ("image", "shading", "specular", "air")
     parts = {name: getattr(found, name) + dr.zeros(mi.Color3f, lanes) for name in names}
     dr.eval(parts)

@@ -217,6 +217,11 @@ def disperses(material: Material) -> bool:
     return is_solid(material) and material.abbe > 0
 
 
+def ripples(material: Material) -> bool:
+    """Whether a normal map tilts what lets light through."""
+    return _transmits(material) and material.texture is not None and material.texture.normal is not None
+
+
 def _transmits(material: Material) -> bool:
     """Metal lets nothing through. glTF's metallic factor is 1 unless a file says otherwise, so that with a metallic map
     the texels alone tell."""

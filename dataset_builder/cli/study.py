@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
@@ -37,6 +38,8 @@ def add(verbs: common.Verbs) -> None:
     verb = common.add_verb(verbs, "stress", _stress, text)
     verb.add_argument("--only", default="", metavar="PATTERN", help="only cases whose name contains or matches PATTERN")
     verb.add_argument("--size", choices=SIZES, default="full", help="small: fewer pixels, samples and faces")
+    verb.add_argument("--transport", choices=("camera", "joined"), default="camera",
+                      help="joined: cases with a lamp by paths from it joined with the camera's (default: camera)")
     common.add_backend(verb)
     verb.add_argument("--csv", type=Path, metavar="FILE", help="also write the table to this file")
     verb.add_argument("--list", action="store_true", help="print the catalogue as a Markdown table, without running it")
@@ -177,7 +180,7 @@ def _stress(options: argparse.Namespace) -> int:
     console.print(f"backend: {backend.summary}", highlight=False)
     console.print(case_header())
     results: list[CaseResult] = []
-    for result in run_all(cases, SIZES[options.size]):
+    for result in run_all(cases, replace(SIZES[options.size], transport=options.transport)):
         results.append(result)
         show_case(result, console)
     if options.csv:

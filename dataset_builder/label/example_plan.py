@@ -6,7 +6,15 @@ vary between examples (readers freeze them from the first few), there are no nul
 
 from typing import Literal
 
-from dataset_builder.label.scene_plan import CameraPlan, FogPlan, IlluminationPlan, Param, PlacedObject, RoomPlan
+from dataset_builder.label.scene_plan import (
+    CameraPlan,
+    FogPlan,
+    IlluminationPlan,
+    Param,
+    PlacedObject,
+    PortalPlan,
+    RoomPlan,
+)
 from dataset_builder.layers import Extent, Pass
 from dataset_builder.spec.model import Model
 
@@ -47,6 +55,8 @@ class PassEffects(Model):
     """By which paths it finds light; passes without light have no use for it."""
     caustics: bool = False
     """Whether many light paths are sent, for what large smooth glass, metal and coats throw on other surfaces."""
+    portals: tuple[PortalPlan, ...] = ()
+    """Openings that samples of its dome go through; none where they go all round."""
 
 
 class EffectsPlan(Model):

@@ -195,6 +195,18 @@ class LightPlan(Model):
     for lamps and for the source, what gets in for target lights outside. Images count as their mean."""
 
 
+class PortalPlan(Model):
+    """A rectangle that light from outside gets in through, as large as the opening or larger. Its inward normal is
+    `right` x `up`: seen from inside, `right` points right and `up` up."""
+
+    corner: Vector
+    """One of its corners, metres."""
+    right: Vector
+    """Along its first side, as long as that, metres."""
+    up: Vector
+    """Along its second side, square to `right`, as long as that, metres."""
+
+
 class IlluminationPlan(Model):
     """All light of one pass, and what is taken out of its way."""
 

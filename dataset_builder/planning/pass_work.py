@@ -35,7 +35,7 @@ class Rates:
     noise: float = 1.6
     """Relative error at one sample per pixel, typical of layers with light by camera paths; goals of accuracy are
     expected to take (noise / error)^2 samples."""
-    joined_time: float = 1.15
+    joined_time: float = 1.3
     """Times the seconds of a camera path that one joined with light paths takes, these included."""
     joined_noise: float = 0.6
     """Times the noise of camera paths that joined ones have at equal samples."""

@@ -21,10 +21,12 @@ from dataset_builder.rendering.pass_inputs import asked, needed_passes, needs_li
 from dataset_builder.rendering.pass_memory import NO_MEMORY, PassMemory, PassResult
 from dataset_builder.rendering.passes import (
     FIRST_HIT_CHANNELS,
-    RADIANCE_CHANNELS,
     RADIANCE_LAYERS,
+    WANTED,
+    channels_of,
     deviation,
     first_hit_layers,
+    radiance_channels,
 )
 from dataset_builder.rendering.rough_images import overlap, relmse
 from dataset_builder.rendering.sampling.moments import Estimate, quantile, relative, root_mean_square
@@ -85,7 +87,7 @@ def _layers(shared: ViewPasses, plan: ExamplePlan) -> dict[str, np.ndarray]:
 
 def _direct(shared: ViewPasses, plan: ExamplePlan) -> Noisy:
     """S' without light that has bounced, wherever S' was traced, and its standard error."""
-    result, channels = shared.rough_direct(plan), RADIANCE_CHANNELS["shading"]
+    result, channels = shared.rough_direct(plan), radiance_channels("s_prime")
     mean, error = (_image(plan, result.pixels, values[:, channels]) for values in (result.found.mean,
                                                                                    result.found.error))
     return mean, error
@@ -114,7 +116,7 @@ def _values(result: PassResult, name: str, unit: float) -> np.ndarray:
     if not layer.radiometric:
         values = first_hit_layers(result.found)[name.removesuffix("_rough")]
         return values * unit if layer.unit == "m" else values
-    channels = RADIANCE_CHANNELS[RADIANCE_LAYERS[name.removesuffix(ERROR_SUFFIX).removesuffix(RAW_SUFFIX)]]
+    channels = radiance_channels(name.removesuffix(ERROR_SUFFIX).removesuffix(RAW_SUFFIX))
     source = result.found.error if name.endswith(ERROR_SUFFIX) else result.found.mean
     # The specular part is a difference of floats, which rounding may leave a hair below 0
     return np.maximum(source[:, channels], 0) if name == "spec" else source[:, channels]
@@ -142,7 +144,7 @@ def _deviations(shared: ViewPasses, plan: ExamplePlan) -> dict[str, np.ndarray]:
     """How much d and s vary within each pixel, on the object."""
     first, target = shared.first_hit(), shared.target(plan)
     return {"sd_d": _image(plan, first.pixels, deviation(first.found, FIRST_HIT_CHANNELS, "d")),
-            "sd_s": _image(plan, target.pixels, deviation(target.found, RADIANCE_CHANNELS, "shading"))}
+            "sd_s": _image(plan, target.pixels, deviation(target.found, channels_of(WANTED["target"]), "shading"))}
 
 
 def _record(shared: ViewPasses, plan: ExamplePlan, evidence: dict[str, np.ndarray]) -> RenderRecord:
@@ -189,7 +191,7 @@ def _pass_record(shared: ViewPasses, plan: ExamplePlan, name: Pass) -> PassRecor
 def _accuracy(shared: ViewPasses, plan: ExamplePlan, name: str, extent: str) -> LayerAccuracy:
     """How good a layer became: relative errors over its extent and over the object, as `moments.relative` means them,
     and why sampling ended."""
-    result, channels = shared.result(LAYERS[name].render_pass, plan), RADIANCE_CHANNELS[RADIANCE_LAYERS[name]]
+    result, channels = shared.result(LAYERS[name].render_pass, plan), radiance_channels(name)
     figures: dict[str, float] = {}
     for prefix, kind in (("", extent), ("object_", "object")):
         inside = _inside(shared, plan, name, kind)

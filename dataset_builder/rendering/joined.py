@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from math import log2
 
@@ -23,7 +24,7 @@ from dataset_builder.rendering.transport.links import table_of
 from dataset_builder.rendering.view_sensor import ViewSensor, primary_ray
 from dataset_builder.seeding import derive_seed
 
-SAMPLES_PER_PATH = {False: 24, True: 2}
+SAMPLES_PER_PATH = {False: 24, True: 8}
 """Camera samples of a group for each of its light paths, without caustics and with them."""
 FEWEST, MOST = 5, 9
 """Light paths of a group, as powers of four: full grids of strata, and few sizes."""
@@ -34,15 +35,18 @@ def paths_for(samples: int, caustics: bool) -> int:
     return int(4 ** np.clip(round(log2(max(samples, 1) / SAMPLES_PER_PATH[caustics]) / 2), FEWEST, MOST))
 
 
-def joined_integrand(view: ViewSensor, opened: OpenScene, max_depth: int, caustics: bool) -> Shared:
-    """What `radiance_sampler` samples, by joined paths; see `sampling.estimate.Shared`."""
+def joined_integrand(view: ViewSensor, opened: OpenScene, max_depth: int, caustics: bool,
+                     wanted: Sequence[str]) -> Shared:
+    """What `radiance_sampler` samples, by joined paths; see `sampling.estimate.Shared`. wanted: channels in their
+    order."""
+    traced = frozenset(name.removesuffix("_squared") for name in wanted)
     sensor, camera = view.sensor(), camera_of(view)
     longest, roulette = (dr.opaque(mi.UInt32, depth) for depth in (max_depth, view.render.rr_depth))
-    lamps = cache(lambda paths: lamps_of(opened.scene, paths))
+    lamps = cache(lambda paths: lamps_of(opened.scene, paths, opened.body.casters if caustics else None))
     share = dr.opaque(mi.Float, lamp_share(opened.illumination) if opened.illumination else 0.0)
 
     def shared(groups: Groups) -> tuple[Integrand, Elsewhere | None]:
-        world = World(opened.scene, longest, roulette, opened.features, opened.fog)
+        world = World(opened.scene, longest, roulette, opened.features, opened.fog, opened.portals, traced)
         paths = paths_for(groups.samples, caustics)
         vertices = trace_light(world, lamps(paths), sets=groups.count, seed=derive_seed(groups.seed, "light"))
         light = LightSide(lamps(paths), table_of(vertices), mi.ShapePtr(opened.shape), share,
@@ -52,11 +56,10 @@ def joined_integrand(view: ViewSensor, opened: OpenScene, max_depth: int, causti
             ray = primary_ray(sensor, position)
             found = trace_joined(world, light, samplers.strata, samplers.rest, ray, camera.pixel_pdf(ray.d),
                                  samplers.group, derive_seed(samplers.seed, "rest") & 0xFFFFFFFF)
-            return [*found.image, *found.shading, *found.specular, *(found.shading * found.shading)]
+            return [channel for name in wanted for channel in found.channels(name)]
 
         def elsewhere(pixels: np.ndarray, numbers: np.ndarray) -> np.ndarray:
-            found = light_image(world, light, camera, vertices, pixels, numbers)
-            return np.pad(found, ((0, 0), (0, 0), (0, 3)))
+            return light_image(world, light, camera, vertices, pixels, numbers, wanted)
 
         return integrand, elsewhere if caustics else None
 

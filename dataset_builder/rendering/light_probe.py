@@ -36,7 +36,7 @@ def lighting(opened: OpenScene, *, max_depth: int, rr_depth: int, seed: int, at:
     """
     longest, roulette = (dr.opaque(mi.UInt32, depth) for depth in (max_depth, rr_depth))
     point = mi.Point3f(*(dr.opaque(mi.Float, float(value)) for value in at))
-    world = World(opened.scene, longest, roulette, opened.features, opened.fog)
+    world = World(opened.scene, longest, roulette, opened.features, opened.fog, opened.portals)
     # One pixel, whose area is the sphere
     return estimate(_integrand(world, point), np.zeros(1, dtype=np.int64), width=1, height=1, spp=directions,
                     batches=BATCHES, seed=seed)

@@ -93,7 +93,8 @@ def inputs_of(plan: ExamplePlan, name: str, steps: int | None = None) -> Inputs:
     if "emission" in plan.effects.features and name in (*RADIANCE, LIGHTING):
         found["emission"] = sky_radiance(plan)
     if name == LIGHTING:
-        return found | _light(plan, "target") | {"path length": _path_length(plan, "target")}
+        return found | _light(plan, "target") | {"path length": _path_length(plan, "target"),
+                                                 "openings": _openings(plan, "target")}
     found |= {"camera": _plain(plan.camera), "image size": [plan.render.width, plan.render.height]}
     if name == INSTANCE:
         return found
@@ -104,6 +105,7 @@ def inputs_of(plan: ExamplePlan, name: str, steps: int | None = None) -> Inputs:
     if name in RADIANCE:
         found["path length"] = _path_length(plan, name)
         effects = plan.effects.of(name)
+        found["openings"] = _openings(plan, name)
         found["transport"] = [effects.transport, effects.caustics]
         if found["pixels"] == "object" or samples["goals"]:
             samples["object"] = _object_pixels(plan, name)
@@ -133,6 +135,11 @@ def _object_pixels(plan: ExamplePlan, name: str) -> dict[str, Any]:
 
 def _path_length(plan: ExamplePlan, name: str) -> list[int]:
     return [plan.effects.of(name).max_depth, plan.render.rr_depth]
+
+
+def _openings(plan: ExamplePlan, name: str) -> list[Inputs]:
+    """What samples of the dome go through in a pass."""
+    return [_plain(portal) for portal in plan.effects.of(name).portals]
 
 
 def _light(plan: ExamplePlan, name: str) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import mitsuba as mi
 import numpy as np
 
 from dataset_builder.label.example_plan import Transport
+from dataset_builder.layers import LAYERS
 from dataset_builder.planning.scene.arrangement import TARGET_INSTANCE
 from dataset_builder.rendering.joined import joined_integrand
 from dataset_builder.rendering.sampling.adaptive import Sample
@@ -20,40 +21,61 @@ from dataset_builder.rendering.transport.integrator import trace
 from dataset_builder.rendering.transport.sight import first_surface
 from dataset_builder.rendering.view_sensor import CENTRE, ViewSensor, primary_ray
 
-RADIANCE_CHANNELS = {"image": slice(0, 3), "shading": slice(3, 6), "specular": slice(6, 9),
-                     "shading_squared": slice(9, 12), "air": slice(12, 15)}
+RADIANCE = ("image", "shading", "specular", "shading_squared", "air")
+"""All that a radiance pass can find, three channels each, in their order."""
+WANTED: Mapping[str, frozenset[str]] = {"source": frozenset({"image"}), "target": frozenset(RADIANCE),
+                                        "rough": frozenset({"shading"})}
+"""What each radiance pass is run for, by its layers and by the gates, which check the target pass as a whole. It is the
+same for all examples: what a pass found can be shared without asking what for."""
 RADIANCE_LAYERS = {"i_s": "image", "i_t": "image", "s": "shading", "s_prime": "shading", "spec": "specular",
                    "air": "air"}
 """Channels of a radiance pass that a layer takes."""
 FIRST_HIT_CHANNELS = {"mask": slice(0, 1), "d": slice(1, 4), "r": slice(4, 7), "normal": slice(7, 10),
                       "depth": slice(10, 11), "met": slice(11, 12), "d_squared": slice(12, 15)}
 
+
+def channels_of(wanted: frozenset[str]) -> Mapping[str, slice]:
+    """Where the channels are of what is wanted of a radiance pass; of nothing else."""
+    there = [name for name in RADIANCE if name in wanted]
+    return {name: slice(3 * place, 3 * place + 3) for place, name in enumerate(there)}
+
+
+RADIANCE_CHANNELS = channels_of(frozenset(RADIANCE))
+"""Those of a pass that is run for everything."""
+
+
+def radiance_channels(layer: str) -> slice:
+    """Channels that a layer takes of its pass. Raises KeyError where the pass is not run for it."""
+    return channels_of(WANTED[LAYERS[layer].render_pass])[RADIANCE_LAYERS[layer]]
+
+
 def radiance_sampler(view: ViewSensor, opened: OpenScene, max_depth: int, transport: Transport = "camera",
-                     caustics: bool = False) -> Sample:
-    """Sampler of image, shading, specular part, squared shading and air; channels as `RADIANCE_CHANNELS` cuts them."""
+                     caustics: bool = False, wanted: frozenset[str] = frozenset(RADIANCE)) -> Sample:
+    """Sampler of what is `wanted` of RADIANCE, channels as `channels_of` cuts them; nothing else is computed."""
+    names = [name for name in RADIANCE if name in wanted and (name != "air" or opened.fog)]
     if transport == "joined":
-        shared = joined_integrand(view, opened, max_depth, caustics)
-        return lambda pixels, spp, batches, seed: view.estimate_shared(
-            shared, pixels, spp, batches, seed).padded(RADIANCE_CHANNELS["air"].stop)
-    sensor = view.sensor()
+        shared = joined_integrand(view, opened, max_depth, caustics, names)
+        return lambda pixels, spp, batches, seed: view.estimate_shared(shared, pixels, spp, batches,
+                                                                       seed).padded(3 * len(wanted))
+    sensor, traced = view.sensor(), frozenset(name.removesuffix("_squared") for name in wanted)
     longest, roulette = (dr.opaque(mi.UInt32, depth) for depth in (max_depth, view.render.rr_depth))
 
     def integrand(samplers: Samplers, position: mi.Vector2f) -> list[mi.Float]:
         found = trace(opened.scene, samplers.strata, samplers.rest, primary_ray(sensor, position), longest, roulette,
-                      features=opened.features, fog=opened.fog)
-        channels = [*found.image, *found.shading, *found.specular, *(found.shading * found.shading)]
-        return [*channels, *found.air] if opened.fog else channels
+                      features=opened.features, fog=opened.fog, portals=opened.portals, wanted=traced)
+        return [channel for name in names for channel in found.channels(name)]
 
     def sample(pixels: np.ndarray, spp: int, batches: int, seed: int) -> Estimate:
-        return view.estimate(integrand, pixels, spp, batches, seed).padded(RADIANCE_CHANNELS["air"].stop)
+        return view.estimate(integrand, pixels, spp, batches, seed).padded(3 * len(wanted))
 
     return sample
 
 
-def radiance(view: ViewSensor, opened: OpenScene, pixels: np.ndarray, *, max_depth: int, spp: int,
-             seed: int) -> Estimate:
-    """What `radiance_sampler` samples, at a fixed spp."""
-    return radiance_sampler(view, opened, max_depth)(pixels, spp, view.render.batches, seed)
+def radiance(view: ViewSensor, opened: OpenScene, pixels: np.ndarray, *, max_depth: int, spp: int, seed: int,
+             transport: Transport = "camera", wanted: frozenset[str] = frozenset(RADIANCE)) -> Estimate:
+    """What `radiance_sampler` samples with caustics, at a fixed spp."""
+    sample = radiance_sampler(view, opened, max_depth, transport, caustics=True, wanted=wanted)
+    return sample(pixels, spp, view.render.batches, seed)
 
 
 def first_hit(view: ViewSensor, opened: OpenScene, pixels: np.ndarray, spp: int, batches: int, seed: int) -> Estimate:

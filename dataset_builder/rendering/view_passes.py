@@ -32,7 +32,7 @@ from dataset_builder.rendering.pass_inputs import (
     steps_of,
 )
 from dataset_builder.rendering.pass_memory import NO_MEMORY, PassFound, PassMemory, PassResult
-from dataset_builder.rendering.passes import FIRST_HIT_CHANNELS, RADIANCE_CHANNELS, RADIANCE_LAYERS, ViewSensor
+from dataset_builder.rendering.passes import FIRST_HIT_CHANNELS, WANTED, ViewSensor, radiance_channels
 from dataset_builder.rendering.sampling.adaptive import Goal, Sample, Sampled, more_samples, refine
 from dataset_builder.rendering.sampling.moments import Estimate
 from dataset_builder.rendering.scene.open_scene import OpenScene
@@ -132,7 +132,8 @@ class ViewPasses:
         rough, depth = self.rough(plan), min(DIRECT_DEPTH, plan.effects.of("rough").max_depth)
 
         def sampler() -> Sample:
-            direct, spp = passes.radiance_sampler(self.view, self._rough(plan), depth), ceil(rough.found.spp.mean())
+            direct = passes.radiance_sampler(self.view, self._rough(plan), depth, wanted=WANTED["rough"])
+            spp = ceil(rough.found.spp.mean())
             return lambda pixels, _, batches, seed: direct(pixels, spp, batches, seed)
 
         return self._once((DIRECT, str(plan.light), plan.rough.model_dump_json()), plan,
@@ -158,7 +159,7 @@ class ViewPasses:
         def sampler() -> Sample:
             effects = plan.effects.of(key[0])
             return passes.radiance_sampler(self.view, opened(), effects.max_depth, effects.transport,
-                                           effects.caustics)
+                                           effects.caustics, WANTED[key[0]])
 
         return self._once(key, plan, covered, sampler, *seed)
 
@@ -230,7 +231,7 @@ class ViewPasses:
         """A layer's goal on the pixels of its own extent."""
         extent = dict(self._render.layers).get(goal.layer, "object")
         inside = np.isin(pixels, covered) if extent == "object" else np.ones(len(pixels), dtype=bool)
-        return Goal(layer=goal.layer, channels=RADIANCE_CHANNELS[RADIANCE_LAYERS[goal.layer]], inside=inside,
+        return Goal(layer=goal.layer, channels=radiance_channels(goal.layer), inside=inside,
                     error=goal.error, seconds=goal.seconds, cap=goal.cap)
 
     def _finished(self, name: str, found: PassFound) -> PassResult:

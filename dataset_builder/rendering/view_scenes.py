@@ -10,7 +10,7 @@ import numpy as np
 
 from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.label.example_plan import ExamplePlan, RoughPlan
-from dataset_builder.label.scene_plan import IlluminationPlan
+from dataset_builder.label.scene_plan import IlluminationPlan, PortalPlan
 from dataset_builder.layers import Pass
 from dataset_builder.planning.scene.box_shell import BoxShell
 from dataset_builder.rendering.pass_inputs import sky_radiance
@@ -118,30 +118,32 @@ class ViewScenes:
 
     def dark(self) -> OpenScene:
         """The 3DM without light."""
-        return self._opened("dark", lambda: self._clean_body, None)
+        return self._opened("dark", lambda: self._clean_body)
 
     def source(self) -> OpenScene:
         """The 3DM under the source illumination, with what blocks it out of the way."""
-        return self._opened("source", lambda: self._open_body, self._light(self.plan, "source"))
+        return self._opened("source", lambda: self._open_body, *self._light(self.plan, "source"))
 
     def target(self, plan: ExamplePlan) -> OpenScene:
         """The 3DM under the target illumination of a plan."""
-        return self._opened(("target", plan.light), lambda: self._clean_body, self._light(plan, "target"))
+        return self._opened(("target", plan.light), lambda: self._clean_body, *self._light(plan, "target"))
 
     def surroundings(self, plan: ExamplePlan) -> OpenScene:
         """What is about the target object, which is hidden, under the target illumination of a plan."""
-        return self._opened(("surroundings", plan.light), lambda: self._empty_body, self._light(plan, "target"))
+        return self._opened(("surroundings", plan.light), lambda: self._empty_body, *self._light(plan, "target"))
 
     def rough(self, plan: ExamplePlan, lit: bool = True) -> OpenScene:
         """The R3DM of a plan under its target illumination, or without light where nothing needs it."""
-        light = self._light(plan, "rough") if lit else None
-        return self._opened(("rough", plan.rough, plan.light), lambda: self._rough_body(plan.rough), light)
+        light = self._light(plan, "rough") if lit else ()
+        return self._opened(("rough", plan.rough, plan.light), lambda: self._rough_body(plan.rough), *light)
 
-    def _light(self, plan: ExamplePlan, render_pass: Pass) -> IlluminationPlan:
-        """The lights that a pass simulates, in the frame."""
+    def _light(self, plan: ExamplePlan, render_pass: Pass) -> tuple[IlluminationPlan, tuple[PortalPlan, ...]]:
+        """The lights that a pass simulates and the openings that they get in through, in the frame."""
         light = plan.source_light if render_pass == "source" else plan.target_light
-        kept = tuple(light.lights[index] for index in plan.effects.of(render_pass).lights)
-        return self.local_frame.illumination(light.model_copy(update={"lights": kept}))
+        effects = plan.effects.of(render_pass)
+        kept = tuple(light.lights[index] for index in effects.lights)
+        return (self.local_frame.illumination(light.model_copy(update={"lights": kept})),
+                tuple(map(self.local_frame.portal, effects.portals)))
 
     @cached_property
     def _fog(self) -> Fog | None:
@@ -155,10 +157,12 @@ class ViewScenes:
             low, high = bounds([self.clean_object.corners, self._room.corners, np.array(self.view.camera.position)])
         return Fog(fog.extinction, fog.albedo, fog.anisotropy, low.tolist(), high.tolist())
 
-    def _opened(self, key: object, body: Callable[[], Body], light: IlluminationPlan | None) -> OpenScene:
+    def _opened(self, key: object, body: Callable[[], Body], light: IlluminationPlan | None = None,
+                portals: Sequence[PortalPlan] = ()) -> OpenScene:
         if self._open is None or self._open[0] != key:
             self.close()
-            self._open = key, self._scene.enter_context(open_scene(body(), light, self._fog, self.mesh_root))
+            self._open = key, self._scene.enter_context(
+                open_scene(body(), light, self._fog, self.mesh_root, portals))
         return self._open[1]
 
 

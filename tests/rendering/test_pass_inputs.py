@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from dataset_builder.label.example_plan import ExamplePlan, GoalPlan, RoughStep, SppPart
-from dataset_builder.label.scene_plan import MaterialChange, Param
+from dataset_builder.label.scene_plan import MaterialChange, Param, PortalPlan
 from dataset_builder.label.scene_source import SceneThingPlan
 from dataset_builder.rendering.pass_inputs import (
     DIRECT,
@@ -56,6 +56,17 @@ def of_passes(**values: object) -> Edit:
     return within("effects", passes=tuple(entry.model_copy(update=values) for entry in effects_plan().passes))
 
 
+def opened(*names: str) -> Edit:
+    """Let samples of the dome go through a window in some passes."""
+    window = PortalPlan(corner=(0, 2, 1), right=(1, 0, 0), up=(0, 0, 1))
+
+    def edit(whole: ExamplePlan) -> ExamplePlan:
+        passes = tuple(each.model_copy(update={"portals": (window,)}) if each.name in names else each
+                       for each in whole.effects.passes)
+        return whole.model_copy(update={"effects": whole.effects.model_copy(update={"passes": passes})})
+    return edit
+
+
 EDITS: dict[str, tuple[Edit, set[str]]] = {
     "key, index, view, notes": (within("", key="00000099", index=99, view="train/000077", notes=("x",)), set()),
     "names": (within("target.object", name="other", category="other", licence="other"), set()),
@@ -102,6 +113,8 @@ EDITS: dict[str, tuple[Edit, set[str]]] = {
     "seed": (within("render", seed="4711"), set(PASSES)),
     "transport": (of_passes(transport="joined"), LIT),
     "whether anything throws caustics": (of_passes(caustics=True), LIT),
+    "openings of the target pass": (opened("target"), {"target", "lighting"}),
+    "openings of the rough pass": (opened("rough"), {"rough"}),
     "features": (within("effects", features=("textures",)), set(PASSES)),
 }
 

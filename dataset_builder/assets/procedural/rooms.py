@@ -71,6 +71,21 @@ def make_panes(*, width: float, depth: float, height: float, windows: int, skirt
                  meta={"licence": "CC0-1.0", "source": "procedural"})
 
 
+def window_holes(*, width: float, depth: float, height: float, windows: int, skirting: float) -> list[np.ndarray]:
+    """Where the windows of a room end outside: of each a (3, 3) corner, and its sides to the right and upwards as they
+    are seen from inside, metres. The numbers are those of `make_room`."""
+    return [_hole(*_wall_size(index, width, depth)[:2], height, skirting, turn)
+            for index, (_, turn) in enumerate(SIDES[:windows])]
+
+
+def _hole(length: float, distance: float, height: float, skirting: float, turn: float) -> np.ndarray:
+    """The hole in a wall's outer face, as if in +Y, then turned."""
+    (left, right), (low, high) = _opening(length, height, skirting)
+    c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
+    hole = np.array([(left, distance + THICKNESS, low), (right - left, 0, 0), (0, 0, high - low)])
+    return np.asarray(hole @ np.array([(c, s, 0), (-s, c, 0), (0, 0, 1.0)]))
+
+
 def _pane(length: float, distance: float, height: float, skirting: float, turn: float) -> TriangleMesh:
     """The sheet of a wall's window, made as if in +Y, then turned; coordinates in metres."""
     (left, right), (low, high) = _opening(length, height, skirting)

@@ -7,7 +7,7 @@ caustics take about twice the time, so they are sent only where something large 
 
 from collections.abc import Sequence
 
-from dataset_builder.assets.asset import is_solid, range_of
+from dataset_builder.assets.asset import Material, is_solid, range_of
 from dataset_builder.label.example_plan import Decision, Transport
 from dataset_builder.light_kinds import LIGHT_KINDS
 from dataset_builder.planning.effects.features import names
@@ -31,7 +31,7 @@ Finding = tuple[str, str]
 
 def casters(light: PassLight) -> tuple[MaterialUse, ...]:
     """What gathers light in a pass, and is within reach of its paths."""
-    return tuple(use for use in light.materials if _gathers(use) and _edges(use) <= light.depth)
+    return tuple(use for use in light.materials if gathers(use.material) and _edges(use) <= light.depth)
 
 
 def large(light: PassLight) -> tuple[MaterialUse, ...]:
@@ -58,12 +58,11 @@ def told(passes: Sequence[tuple[PassLight, Transport]]) -> list[Decision]:
             for (choice, reason), found in where.items()]
 
 
-def _gathers(use: MaterialUse) -> bool:
-    """Panes only pass light on."""
-    material = use.material
+def gathers(material: Material) -> bool:
+    """Whether a material gathers light; panes only pass it on."""
     coated = range_of(material, "coat")[1] > MOSTLY and range_of(material, "coat_roughness")[0] <= GATHERS
     bulk = is_solid(material) or range_of(material, "metallic")[1] > MOSTLY
-    return coated or (bulk and use.smoothest <= GATHERS)
+    return coated or (bulk and range_of(material, "roughness")[0] <= GATHERS)
 
 
 def _lose(uses: Sequence[MaterialUse]) -> list[MaterialUse]:
@@ -81,7 +80,7 @@ def _edges(use: MaterialUse) -> int:
 
 
 def _findings(light: PassLight, transport: Transport) -> list[Finding]:
-    gathering = [use for use in light.materials if _gathers(use)]
+    gathering = [use for use in light.materials if gathers(use.material)]
     if not gathering:
         return [("none", "no smooth solid glass and no polished metal or coat is in the scene")]
     found, wanted = casters(light), large(light)

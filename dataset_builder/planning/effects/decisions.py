@@ -3,15 +3,17 @@
 Every decision has a reason in words. Nothing here draws, renders or looks at pixels; `docs/effects.md` has the rules.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
 
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.label.example_plan import Decision, EffectsPlan, Feature, PassEffects, RenderPlan
-from dataset_builder.label.scene_plan import FogPlan, IlluminationPlan, PlacedObject, RoomPlan, Vector
+from dataset_builder.label.scene_plan import FogPlan, IlluminationPlan, PlacedObject, PortalPlan, RoomPlan, Vector
 from dataset_builder.layers import EVERYWHERE, LAYERS, PASSES, Extent
 from dataset_builder.planning.effects.caustics_told import throws_caustics, told
+from dataset_builder.planning.effects.daylight_choice import daylight
 from dataset_builder.planning.effects.features import scene_features
 from dataset_builder.planning.effects.materials_used import MaterialUse, SceneUse, scene_use
 from dataset_builder.planning.effects.reach import MAX_DEPTH, path_depth, reaching, said
@@ -135,10 +137,11 @@ def _plan_pass(scene: _Scene, name: str) -> _Planned:
     light = PassLight(name=name, lights=tuple(scene.light[name].lights[index] for index in kept),
                       materials=_standing(scene, name), fog=scene.fog, depth=depth, target_area=scene.target_area)
     transport, on_transport = choose(light, scene.spec.transport)
-    entry = _entry(name, extent, lights=kept, max_depth=depth, transport=transport,
+    portals, on_daylight = _daylight(scene, name, kept)
+    entry = _entry(name, extent, lights=kept, max_depth=depth, transport=transport, portals=portals,
                    caustics=transport == "joined" and throws_caustics(light))
-    return _Planned(entry=entry, light=light,
-                    decisions=(on_pass, on_lights, on_depth, on_transport) if runs else (on_pass,))
+    decisions = (on_pass, on_lights, on_depth, *on_daylight, on_transport) if runs else (on_pass,)
+    return _Planned(entry=entry, light=light, decisions=decisions)
 
 
 def _entry(name: str, extent: str, **more: Any) -> PassEffects:
@@ -193,6 +196,11 @@ def _lights(scene: _Scene, name: str) -> tuple[tuple[int, ...], Decision]:
     kept = tuple(index for index, each in enumerate(found) if each.kept)
     return kept, Decision(effect=f"lights of {name}", choice=f"{len(kept)} of {len(lights)}",
                           reason=said(lights, found) or "there are none")
+
+
+def _daylight(scene: _Scene, name: str, kept: Sequence[int]) -> tuple[tuple[PortalPlan, ...], list[Decision]]:
+    light = scene.light[name]
+    return daylight(name, [light.lights[index] for index in kept], scene.shell, light.open, scene.near)
 
 
 def _require_light(shell: Shell, near: Vector, light: dict[str, IlluminationPlan], render: RenderPlan,

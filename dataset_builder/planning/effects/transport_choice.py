@@ -6,9 +6,11 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from dataset_builder.assets.asset import ripples
 from dataset_builder.label.example_plan import Decision, Transport
 from dataset_builder.label.scene_plan import FogPlan, LightPlan
 from dataset_builder.light_kinds import LIGHT_KINDS
+from dataset_builder.planning.effects.features import names
 from dataset_builder.planning.effects.materials_used import MaterialUse
 
 DIRECT = 2
@@ -77,6 +79,10 @@ RULES = (
     TransportRule(
         bars=True, holds=lambda light: light.fog.extinction > 0,
         why=lambda light: "fog fills the air, and light paths do not scatter in it"),
+    TransportRule(
+        bars=True, holds=lambda light: any(ripples(use.material) for use in light.materials),
+        why=lambda light: "light that crosses a normal map on glass goes another way from the lamp than from the "
+                          "camera: " + names([use.name for use in light.materials if ripples(use.material)])),
     TransportRule(
         bars=False, holds=lambda light: light.share < LAMPS_LEAD,
         why=lambda light: f"lamps have {light.share:.0%} of the direct light at the object, less than "

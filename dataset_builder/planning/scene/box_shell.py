@@ -1,14 +1,16 @@
 """The space of a procedural room: a box about the origin with four walls, answered by formulas."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import hypot
 
 import numpy as np
 
-from dataset_builder.label.scene_plan import LightPlan, RoomPlan
+from dataset_builder.assets.procedural.rooms import window_holes
+from dataset_builder.label.scene_plan import LightPlan, PortalPlan, RoomPlan
 from dataset_builder.light_kinds import LIGHT_KINDS
 from dataset_builder.planning.scene.footprints import WALL_GAP, Box, Footprint, Pose, footprint, standing
-from dataset_builder.planning.scene.shell import PARTS, Reach
+from dataset_builder.planning.scene.shell import PARTS, Openings, Reach
 
 WALLS = ((0.0, 1.0, 0.0), (-1.0, 0.0, 90.0), (1.0, 0.0, -90.0), (0.0, -1.0, 180.0))
 """Outward x and y of a wall, and the yaw of furniture whose back is to it."""
@@ -102,3 +104,22 @@ class BoxShell:
         if not open_to:
             return Reach(kept=False, why=f"does not shine on a wall with one of the {len(sides)} {panes}windows")
         return Reach(kept=True, why=f"enters through {open_to} {panes}window{'s' if open_to > 1 else ''}")
+
+    def openings(self, opened: Sequence[str], near: np.ndarray) -> Openings:
+        """The windows, where walls end outside, and the whole of a ceiling that is not there."""
+        if "walls" in opened:
+            return Openings(portals=(), why="the walls are removed")
+        holes = window_holes(width=self.room.width, depth=self.room.depth, height=self.room.height,
+                             windows=self.room.windows, skirting=self.room.skirting)
+        said = [f"{self.room.windows} window{'s' if self.room.windows > 1 else ''}"] * bool(holes)
+        if not self.room.ceiling or "ceiling" in opened:
+            low, high = self.extent
+            # Seen from inside, so that right x up points down
+            holes.append(np.array([(high[0], low[1], high[2]), (low[0] - high[0], 0, 0), (0, high[1] - low[1], 0)]))
+            said.append("the open top")
+        return Openings(portals=tuple(map(_portal, holes)), why=" and ".join(said) or "there is no opening")
+
+
+def _portal(hole: np.ndarray) -> PortalPlan:
+    corner, right, up = ((float(x), float(y), float(z)) for x, y, z in hole)
+    return PortalPlan(corner=corner, right=right, up=up)

@@ -13,7 +13,8 @@ from dataset_builder.planning.scene.box_shell import BoxShell
 from dataset_builder.planning.scene.footprints import WALL_GAP, Box, Footprint, Pose, footprint, standing
 from dataset_builder.planning.scene.free_floor import HEAD_ROOM, FreeFloor
 from dataset_builder.planning.scene.mesh_space import Content, MeshSpace, space_of
-from dataset_builder.planning.scene.shell import PARTS, Geometry, Reach, Shell
+from dataset_builder.planning.scene.opening_search import openings_of
+from dataset_builder.planning.scene.shell import PARTS, Geometry, Openings, Reach, Shell
 from dataset_builder.planning.scene.storeys import MIN_FLOOR, STEP
 from dataset_builder.planning.scene.ways_out import BOUNCES, WaysOut, ways_out
 
@@ -23,6 +24,8 @@ UNEVEN = 0.03
 """Metres by which a wall may lie further back behind some part of what stands at it."""
 AWAY = 1e-3
 """Metres beyond WALL_GAP that things stand from a wall, more than rays are off by."""
+LINES = 1 << 13
+"""Paths that openings are found from."""
 LATTICE, MOST_ACROSS = 0.1, 24
 """Metres between the points of a footprint that have floor under them, and points along a side at most."""
 
@@ -166,6 +169,21 @@ class MeshShell:
         how = "see it" if parallel else "lead out"
         return Reach(kept=found.found > 0, why=f"{found.found} of {found.paths} paths from beside the object, with at "
                      f"most {BOUNCES} bounces, {how}")
+
+
+    def openings(self, opened: Sequence[str], near: np.ndarray) -> Openings:
+        """See `opening_search`."""
+        if there := [part for part in opened if part in self.parts]:
+            verb = "is" if there == ["ceiling"] else "are"
+            return Openings(portals=(), why=f"the {' and '.join(there)} {verb} removed")
+        return _openings(self.space, tuple(map(float, near)))
+
+
+@lru_cache(maxsize=256)
+def _openings(space: MeshSpace, near: tuple[float, ...]) -> Openings:
+    lines, others = (ways_out(space.everything, np.array(near), None, paths=LINES, seed=seed).leaving
+                     for seed in (1, 2))
+    return openings_of(space.hiding.building or space.hiding.contents, lines, others)
 
 
 @lru_cache(maxsize=1024)

@@ -1,11 +1,12 @@
 """What planning asks of the space that a target stands in, whatever it is made of."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
-from dataset_builder.label.scene_plan import LightPlan
+from dataset_builder.label.scene_plan import LightPlan, PortalPlan
 from dataset_builder.planning.scene.footprints import Box, Footprint, Pose
 
 PARTS = ("floor", "walls", "ceiling")
@@ -27,6 +28,16 @@ class Reach:
 
     kept: bool
     why: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Openings:
+    """What light from outside comes in through."""
+
+    portals: tuple[PortalPlan, ...]
+    """Rectangles that cover all of it; none where rectangles do not."""
+    why: str
+    """Where they are, or why there are none."""
 
 
 class Shell(Protocol):
@@ -85,3 +96,7 @@ class Shell(Protocol):
 
     def lets_in(self, light: LightPlan, near: np.ndarray) -> Reach:
         """Whether a light from outside gets to a target that stands at `near`, with nothing taken away."""
+
+    def openings(self, opened: Sequence[str], near: np.ndarray) -> Openings:
+        """What light from outside comes in through to a target that stands at `near`, with the parts `opened` taken
+        away."""

@@ -22,7 +22,7 @@ Stop = Literal["spp", "error", "cap", "time"]
 """Why sampling of a layer ended: it had a fixed spp, or one of the three ends of a goal."""
 
 BATCH_SIZES = (4, 16, 64, 256, 1024)
-"""Samples per batch in later iterations: each size is a kernel of its own."""
+"""Samples per batch in later iterations: powers of two, which share a kernel."""
 
 GROWTH = 8.0
 """After an iteration, a pixel has at most this many times the samples it had: errors are noisy themselves."""

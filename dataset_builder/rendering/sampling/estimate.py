@@ -1,8 +1,9 @@
 """Monte Carlo means and standard errors on a list of pixels.
 
-A pixel's samples are split into independent batches, each stratified by Mitsuba's `multijitter` (Kensler, "Correlated
-multi-jittered sampling", Pixar technical memo 13-01, 2013). Samples within a batch are correlated on purpose, batches
-are not: the spread of their means gives an unbiased standard error, which the spread of the samples would overstate.
+A pixel's samples are split into independent batches, each stratified by a scrambled Sobol sequence of its own
+(`owen_sobol`) or, where there are no powers of two, by Mitsuba's `multijitter` (Kensler, "Correlated multi-jittered
+sampling", Pixar technical memo 13-01, 2013). Samples within a batch are correlated on purpose, batches are not: the
+spread of their means gives an unbiased standard error, which the spread of the samples would overstate.
 Sums run over contiguous samples in a fixed order, so that a repetition gives the same bits; no float32 sum runs over
 more than one batch, so that none drifts.
 """
@@ -12,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -19,20 +21,18 @@ import numpy as np
 
 from dataset_builder.rendering.buffers import owned
 from dataset_builder.rendering.sampling.moments import Estimate, of_batches, pooled
+from dataset_builder.rendering.sampling.owen_sobol import POINTS, OwenSobol
 from dataset_builder.seeding import derive_seed
 
 LANES = 1 << 21
 """Samples traced at once: bounds memory, and keeps the device busy."""
-
-MAX_BATCH = 1 << 10
-"""Samples in a batch at most; more are taken in repetitions."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Samplers:
     """Random numbers of every lane."""
 
-    strata: mi.Sampler
+    strata: OwenSobol | mi.Sampler
     """For what comes first in a path, stratified within the lane's batch."""
     rest: mi.Sampler
     """For what comes after, independent: beyond some dozen dimensions strata gain nothing, and cost a tenth of the
@@ -72,13 +72,20 @@ from elsewhere, if anything."""
 
 
 def stratified(spp: int, batches: int) -> tuple[int, int, int]:
-    """(repetitions, batches in each, samples per batch) that are used for `spp`: a batch is a full grid of strata, so
-    spp may grow a little."""
+    """(repetitions, batches in each, samples per batch) that are used for `spp`, which may grow a little: batches are
+    equal, and those of `multijitter` full grids of strata."""
     batches = min(batches, spp)
-    repetitions = math.ceil(spp / (batches * MAX_BATCH))
-    sampler = mi.load_dict({"type": "multijitter",
-                            "sample_count": max(1, math.ceil(spp / batches / repetitions))})
-    return repetitions, batches, sampler.sample_count()
+    repetitions = math.ceil(spp / (batches * POINTS))
+    least = math.ceil(spp / batches / repetitions)
+    if not _on_grid(least):
+        return repetitions, batches, least
+    return repetitions, batches, mi.load_dict({"type": "multijitter", "sample_count": least}).sample_count()
+
+
+def _on_grid(per_batch: int) -> bool:
+    """Whether `multijitter` serves a batch: it is calmer where there are no powers of two, and nearly sound above 16
+    and at 9, with correlations below 0.01. In other small batches it permutes strata unevenly, see `owen_sobol`."""
+    return per_batch == 9 or (per_batch > 16 and per_batch.bit_count() > 1)
 
 
 def estimate(integrand: Integrand, pixels: np.ndarray, *, width: int, height: int, spp: int, batches: int,
@@ -153,9 +160,11 @@ def _batch_means(integrand: Integrand, pixels: np.ndarray, times: np.ndarray, wi
 
 
 def _samplers(per_batch: int, lanes: int, seed: int, group: mi.UInt32) -> Samplers:
-    strata = mi.load_dict({"type": "multijitter", "sample_count": per_batch})
-    strata.set_samples_per_wavefront(per_batch)
-    strata.seed(seed & 0xFFFFFFFF, lanes)
     rest = mi.load_dict({"type": "independent"})
     rest.seed(seed >> 32, lanes)
+    strata: Any = OwenSobol.of_batches(per_batch, lanes, seed)
+    if _on_grid(per_batch):
+        strata = mi.load_dict({"type": "multijitter", "sample_count": per_batch})
+        strata.set_samples_per_wavefront(per_batch)
+        strata.seed(seed & 0xFFFFFFFF, lanes)
     return Samplers(strata=strata, rest=rest, group=group, seed=derive_seed(seed, "later"))

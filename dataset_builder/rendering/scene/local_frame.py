@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dataset_builder.label.scene_plan import CameraPlan, FogPlan, IlluminationPlan, LightPlan, Vector
+from dataset_builder.label.scene_plan import CameraPlan, FogPlan, IlluminationPlan, LightPlan, PortalPlan, Vector
 from dataset_builder.light_kinds import LENGTHS, LIGHT_KINDS
 from dataset_builder.rendering.scene.triangle_soup import Soup
 
@@ -54,6 +54,11 @@ class LocalFrame:
     def illumination(self, illumination: IlluminationPlan) -> IlluminationPlan:
         """The lights, in this frame: they send the same radiance to the same surfaces."""
         return illumination.model_copy(update={"lights": tuple(map(self._light, illumination.lights))})
+
+    def portal(self, portal: PortalPlan) -> PortalPlan:
+        """The opening, in this frame."""
+        right, up = (_vector(np.array(side) / self.unit) for side in (portal.right, portal.up))
+        return PortalPlan(corner=self._point(portal.corner), right=right, up=up)
 
     def fog(self, fog: FogPlan) -> FogPlan:
         """The medium, in this frame: extinction is per unit."""

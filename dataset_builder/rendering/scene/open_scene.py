@@ -7,7 +7,7 @@ only if nothing of another scene is about: bodies are kept as bare arrays, and a
 from __future__ import annotations
 
 import gc
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
@@ -17,7 +17,8 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 
-from dataset_builder.label.scene_plan import CameraPlan, IlluminationPlan
+from dataset_builder.label.scene_plan import CameraPlan, IlluminationPlan, PortalPlan
+from dataset_builder.planning.effects.caustics_told import gathers
 from dataset_builder.rendering.buffers import owned
 from dataset_builder.rendering.scene.emitters import emitters
 from dataset_builder.rendering.scene.shapes import Triangles, mesh_of, upload
@@ -25,6 +26,10 @@ from dataset_builder.rendering.scene.triangle_soup import Soup
 from dataset_builder.rendering.surface.bsdf import FEATURES, PLUGIN, Surface
 from dataset_builder.rendering.surface.material_table import MaterialTable, Textures, VertexColours
 from dataset_builder.rendering.transport.fog import Fog
+from dataset_builder.rendering.transport.portals import Portals, portals_of
+
+MOST_CASTERS = 16
+"""Spheres that light paths are aimed at."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,6 +42,8 @@ class Body:
     """Value in the `instance` layer of each face."""
     features: frozenset[str] | None = None
     """What its kernels can do, see `example_plan.Feature`; None is everything."""
+    casters: np.ndarray
+    """(K, 4) spheres about what gathers light, see `casters_of`."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -51,6 +58,8 @@ class OpenScene:
     """Its lights, in the frame of the scene; None for none."""
     fog: Fog | None = None
     """None for clear air."""
+    portals: Portals | None = None
+    """What samples of its dome go through; None where they go all round."""
 
     @property
     def features(self) -> frozenset[str]:
@@ -61,6 +70,7 @@ class OpenScene:
 def body_of(soup: Soup, textures: Textures | None = None, features: frozenset[str] | None = None) -> Body:
     """Upload a soup; `textures` are its materials where they are on the device already. Raises PlanError for materials
     and colours that no surface can have."""
+    casters = casters_of(soup)
     if not len(soup.corners):
         soup = _unseen(soup)
     triangles = upload(soup.corners, soup.normals, soup.uvs)
@@ -69,7 +79,25 @@ def body_of(soup: Soup, textures: Textures | None = None, features: frozenset[st
                 materials=MaterialTable(textures=textures or Textures.upload(soup.materials),
                                         face_material=owned(mi.UInt32, soup.material.astype(np.uint32)),
                                         vertices=vertices),
-                instance=owned(mi.UInt32, soup.instance.astype(np.uint32)), features=features)
+                instance=owned(mi.UInt32, soup.instance.astype(np.uint32)), features=features,
+                casters=casters)
+
+
+def casters_of(soup: Soup) -> np.ndarray:
+    """(K, 4) centre and radius of spheres about the faces whose material gathers light into caustics: one for each
+    instance that has any, and of many only the `MOST_CASTERS` largest."""
+    gathering = np.array([gathers(material) for material in soup.materials], dtype=bool)
+    faces = gathering[soup.material] if gathering.any() else np.zeros(len(soup.material), dtype=bool)
+    points, instance = soup.corners[faces].astype(np.float64), soup.instance[faces]
+    each = [_sphere(points[instance == number].reshape(-1, 3)) for number in np.unique(instance)]
+    spheres = np.array(each).reshape(-1, 4)
+    return spheres[np.argsort(-spheres[:, 3], kind="stable")[:MOST_CASTERS]]
+
+
+def _sphere(points: np.ndarray) -> np.ndarray:
+    """(4,) centre of the box about points (N, 3), and their largest distance from it."""
+    centre = (points.min(axis=0) + points.max(axis=0)) / 2
+    return np.append(centre, np.linalg.norm(points - centre, axis=1).max())
 
 
 def _unseen(soup: Soup) -> Soup:
@@ -80,10 +108,11 @@ def _unseen(soup: Soup) -> Soup:
 
 @contextmanager
 def open_scene(body: Body, illumination: IlluminationPlan | None, fog: Fog | None = None,
-               image_root: Path | None = None) -> Iterator[OpenScene]:
+               image_root: Path | None = None, portals: Sequence[PortalPlan] = ()) -> Iterator[OpenScene]:
     """A scene of one body under an illumination, or without any light. Nothing of it may be kept.
 
-    image_root: folder that images of lights are found below.
+    image_root: folder that images of lights are found below. portals: openings that light gets in through, in the
+    frame of the body.
 
     Garbage is not collected meanwhile: an object that died during tracing would renumber those that are called.
     """
@@ -96,7 +125,8 @@ def open_scene(body: Body, illumination: IlluminationPlan | None, fog: Fog | Non
     try:
         # Loading in parallel would number the objects anew each time.
         scene = mi.load_dict({"type": "scene", **_tight(), "body": shape, **lights}, parallel=False)
-        yield OpenScene(scene=scene, body=body, shape=shape, illumination=illumination, fog=fog)
+        yield OpenScene(scene=scene, body=body, shape=shape, illumination=illumination, fog=fog,
+                        portals=portals_of(portals, illumination))
     finally:
         del lights
         if collecting:

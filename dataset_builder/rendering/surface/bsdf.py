@@ -16,8 +16,14 @@ import mitsuba as mi
 from dataset_builder.label.example_plan import Feature
 from dataset_builder.rendering.buffers import owned
 from dataset_builder.rendering.surface import lobes as scattering
-from dataset_builder.rendering.surface.first_hit import FirstHit, Towards, cosine_direction, white_lambert
-from dataset_builder.rendering.surface.later_hit import VertexHit, scattered
+from dataset_builder.rendering.surface.first_hit import (
+    FirstHit,
+    Towards,
+    cosine_direction,
+    mixture_pdf,
+    white_lambert,
+)
+from dataset_builder.rendering.surface.later_hit import LightBounce, VertexHit, bounced, scattered, seen_from
 from dataset_builder.rendering.surface.layering import Reflectances, lobes_of
 from dataset_builder.rendering.surface.lobes import Lobes
 from dataset_builder.rendering.surface.material_table import MaterialTable, look_up
@@ -25,6 +31,8 @@ from dataset_builder.rendering.surface.reflectance import interpolated, split_su
 from dataset_builder.rendering.surface.sheen import sheen_table
 
 PLUGIN = "threedf_surface"
+PLAIN_SHARE = 0.1
+"""Probability of a cosine lobe about the geometric normal for light that a surface sends on."""
 FEATURES = frozenset(get_args(Feature)) - {"fog"}
 """Everything a surface can be compiled with."""
 
@@ -69,7 +77,7 @@ class Surface:
         """See `first_hit.FirstHit`; one look at the textures."""
         lobes = self._lobes(si, active)
         drawn = scattering.scatter(lobes, si, sample1, sample2)
-        wo = dr.select(take_cosine, cosine_direction(lobes.normal, sample2), drawn.wo)
+        wo = dr.select(take_cosine, cosine_direction(lobes.normal, mi.Point2f(sample1, sample2.y)), drawn.wo)
         towards = [Towards(*scattering.evaluate(lobes, si, each), white_lambert(lobes.normal, si, each))
                    for each in given]
         value, pdf = scattering.evaluate(lobes, si, wo)
@@ -87,6 +95,30 @@ class Surface:
         lobes = self._lobes(si, active, whole=False)
         return scattered([scattering.evaluate(lobes, si, each) for each in given],
                          *scattering.sample(lobes, si, sample1, sample2, active))
+
+    def light_bounce(self, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample2: mi.Point2f,
+                     active: mi.Bool) -> LightBounce:
+        """See `later_hit.light_bounce`; one look at the textures from each side of the path."""
+        lobes = self._lobes(si, active, whole=False)
+        # A cosine lobe about the geometric normal for a share of directions: where shading normals lie another way, few
+        # of the BSDF's find what a path from the camera would see, or none
+        outward = si.to_local(si.n)
+        outward = mi.Normal3f(dr.mulsign(outward, dr.dot(outward, si.wi)))
+        plain = sample1 < PLAIN_SHARE
+        sample1 = dr.select(plain, 0, (sample1 - PLAIN_SHARE) / (1 - PLAIN_SHARE))
+        bs, drawn = scattering.sample(lobes, si, sample1, sample2, active)
+        valid = plain | (bs.pdf > 0)
+        bs.wo = dr.select(plain, cosine_direction(outward, sample2), bs.wo)
+        bs.sampled_type = dr.select(plain, mi.UInt32(+mi.BSDFFlags.DiffuseReflection), bs.sampled_type)
+        cosine = dr.maximum(dr.dot(outward, bs.wo), 0) * dr.inv_pi
+        pdf = mixture_pdf(scattering.evaluate(lobes, si, bs.wo)[1], cosine, PLAIN_SHARE)
+        pdf, drawn = dr.select(valid, pdf, 0), drawn / (1 - PLAIN_SHARE)
+        seen = seen_from(si, bs.wo)
+        there = self._lobes(seen, active, whole=False)
+        if lobes.glass is not None and there.glass is not None:
+            # What lies above smooth glass takes of the light by the direction that it is seen from
+            drawn = drawn * dr.select(lobes.glass.weight > 0, there.glass.weight / lobes.glass.weight, 1)
+        return bounced(si, bs, drawn, pdf, *scattering.evaluate(there, seen, si.wi))
 
     def reflectance(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> tuple[mi.Color3f, mi.Color3f, mi.Normal3f]:
         """(D, R, local shading normal) at a surface point."""

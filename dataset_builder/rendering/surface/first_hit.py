@@ -12,7 +12,8 @@ import drjit as dr
 import mitsuba as mi
 
 COSINE_SHARE = 0.25
-"""Probability of the cosine lobe for the scattered direction; the rest goes to the BSDF."""
+"""Probability of the cosine lobe for a scattered direction that serves both image and shading; the rest goes to the
+BSDF."""
 
 
 @dataclass
@@ -65,9 +66,12 @@ def cosine_direction(normal: mi.Normal3f, sample: mi.Point2f) -> mi.Vector3f:
     return mi.Frame3f(normal).to_world(mi.warp.square_to_cosine_hemisphere(sample))
 
 
-def mixture_pdf(pdf: mi.Float, cosine: mi.Float) -> mi.Float:
-    """Density of the scattered direction: BSDF and cosine lobe, so that it is positive on the whole hemisphere."""
-    return dr.lerp(pdf, cosine, COSINE_SHARE)
+def mixture_pdf(pdf: mi.Float, cosine: mi.Float, share: float) -> mi.Float:
+    """Density of the scattered direction: the BSDF's and, for a share of them, a cosine lobe's, so that it is positive
+    on the whole hemisphere. A share of 0 or 1 leaves no trace of the other in a kernel."""
+    if share in (0, 1):
+        return cosine if share else pdf
+    return dr.lerp(pdf, cosine, share)
 
 
 def first_hit(bsdf: mi.BSDFPtr, si: mi.SurfaceInteraction3f, given: list[mi.Vector3f], take_cosine: mi.Bool,
@@ -122,7 +126,7 @@ def _first_hit(bsdf: mi.BSDF, si: mi.SurfaceInteraction3f, given: list[mi.Vector
     if mi.has_flag(bsdf.flags(), mi.BSDFFlags.Delta):
         delta = ~take_cosine & mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
         null = ~take_cosine & mi.has_flag(bs.sampled_type, mi.BSDFFlags.Null)
-    wo = dr.select(take_cosine, cosine_direction(normal, sample2), bs.wo)
+    wo = dr.select(take_cosine, cosine_direction(normal, mi.Point2f(sample1, sample2.y)), bs.wo)
     towards = [Towards(mi.Color3f(value), pdf, white_lambert(normal, si, each))
                for each in given for value, pdf in [bsdf.eval_pdf(ctx, si, each, active)]]
     value, pdf = bsdf.eval_pdf(ctx, si, wo, active)

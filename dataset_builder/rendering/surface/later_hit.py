@@ -68,27 +68,34 @@ def light_bounce(bsdf: mi.BSDFPtr, si: mi.SurfaceInteraction3f, sample1: mi.Floa
     return dr.dispatch(bsdf, _light_bounce, si, sample1, sample2, active)
 
 
-def bounce(bsdf: mi.BSDF, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample2: mi.Point2f,
-           active: mi.Bool) -> LightBounce:
-    """`light_bounce` of one BSDF, by Mitsuba's interface."""
-    ctx = mi.BSDFContext()
-    bs, drawn = bsdf.sample(ctx, si, sample1, sample2, active)
-    seen = mi.SurfaceInteraction3f(si)
-    seen.wi = bs.wo
-    value, pdf = bsdf.eval_pdf(ctx, seen, si.wi, active)
+def bounced(si: mi.SurfaceInteraction3f, bs: mi.BSDFSample3f, drawn: mi.Color3f, pdf: mi.Float, value: mi.Color3f,
+            pdf_back: mi.Float) -> LightBounce:
+    """`LightBounce` of a direction drawn as for a path that comes from si.wi: `bs` and its weight `drawn`. pdf: p of
+    it. value, pdf_back: f cos and density towards si.wi of a path that comes from there."""
     delta, passed = (mi.has_flag(bs.sampled_type, flag) for flag in (mi.BSDFFlags.Delta, mi.BSDFFlags.Null))
     cos_there, cos_back = (dr.abs(dr.dot(si.n, si.to_world(each))) for each in (bs.wo, si.wi))
     foreshortened = dr.select(cos_back > 0, cos_there / cos_back, 0)
     tilt = dr.abs(mi.Frame3f.cos_theta(si.wi)) / dr.abs(mi.Frame3f.cos_theta(bs.wo))
-    weight = dr.select(bs.pdf > 0, value * (foreshortened / bs.pdf), 0)
+    weight = dr.select(pdf > 0, value * (foreshortened / pdf), 0)
     weight = dr.select(delta, drawn * (dr.square(bs.eta) * foreshortened * tilt), weight)
-    return LightBounce(wo=bs.wo, weight=dr.select(passed, drawn, weight), pdf=dr.select(delta | passed, 0, pdf),
+    return LightBounce(wo=bs.wo, weight=dr.select(passed, drawn, weight), pdf=dr.select(delta | passed, 0, pdf_back),
                        delta=delta & ~passed, passed=passed)
+
+
+def seen_from(si: mi.SurfaceInteraction3f, wi: mi.Vector3f) -> mi.SurfaceInteraction3f:
+    """The same point of a surface, seen from another local direction."""
+    seen = mi.SurfaceInteraction3f(si)
+    seen.wi = wi
+    return seen
 
 
 def _light_bounce(bsdf: mi.BSDF, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample2: mi.Point2f,
                   active: mi.Bool) -> LightBounce:
-    return bounce(bsdf, si, sample1, sample2, active)
+    if hasattr(bsdf, "light_bounce"):
+        return bsdf.light_bounce(si, sample1, sample2, active)
+    bs, drawn = bsdf.sample(mi.BSDFContext(), si, sample1, sample2, active)
+    back = bsdf.eval_pdf(mi.BSDFContext(), seen_from(si, bs.wo), si.wi, active)
+    return bounced(si, bs, drawn, bs.pdf, *back)
 
 
 def _vertex_hit(bsdf: mi.BSDF, si: mi.SurfaceInteraction3f, given: list[mi.Vector3f], sample1: mi.Float,

@@ -106,17 +106,20 @@ def evaluate(lobes: Lobes, si: mi.SurfaceInteraction3f, wo: mi.Vector3f) -> tupl
 
 
 def scatter(lobes: Lobes, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample2: mi.Point2f) -> Scattered:
-    """A local direction of one of the lobes, picked in proportion to their reflectance."""
+    """A local direction of one of the lobes, picked in proportion to their reflectance. What is left of the chance
+    in `sample1` replaces sample2.x, except in glass: a stratified pair (sample1, sample2.y) stratifies each lobe."""
     sh_frame = mi.Frame3f(lobes.normal)
     wi = sh_frame.to_local(si.wi)
     coat_share, glass_share = _top_shares(lobes)
     top = coat_share + glass_share
     base_sample = (sample1 - top) / (1 - top) if lobes.top else sample1
-    wo = mi.warp.square_to_cosine_hemisphere(sample2)
-    take_glossy = mi.Bool(False)
+    share = mi.Float(0) if lobes.glossy is None else _glossy_share(lobes, lobes.glossy)
+    take_glossy = base_sample < share
+    left = dr.select(take_glossy, base_sample / share, (base_sample - share) / (1 - share))
+    within = mi.Point2f(_unit(left), sample2.y)
+    wo = mi.warp.square_to_cosine_hemisphere(within)
     if lobes.glossy is not None:
-        take_glossy = base_sample < _glossy_share(lobes, lobes.glossy)
-        normal, _ = gloss.facets(lobes.glossy).sample(wi, sample2)
+        normal, _ = gloss.facets(lobes.glossy).sample(wi, within)
         wo = dr.select(take_glossy, mi.reflect(wi, normal), wo)
     found = Scattered(wo=sh_frame.to_world(wo), valid=mi.Bool(True),
                       component=dr.select(take_glossy, mi.UInt32(GLOSSY), mi.UInt32(DIFFUSE)),
@@ -127,12 +130,17 @@ def scatter(lobes: Lobes, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample
     if lobes.top:
         found.valid = _above(si, found.wo) & (mi.Frame3f.cos_theta(wo) > 0)
     if lobes.coat is not None:
-        _scatter_coat(found, lobes.coat, si, sample2, sample1 < coat_share)
+        _scatter_coat(found, lobes.coat, si, mi.Point2f(_unit(sample1 / coat_share), sample2.y), sample1 < coat_share)
     if lobes.glass is not None:
         crossing = glass_lobes.scatter(lobes.glass, wi, (sample1 - coat_share) / glass_share, sample2)
         taken = (sample1 >= coat_share) & (sample1 < top)
         _scatter_glass(found, lobes.glass, crossing, sh_frame, si, glass_share, taken)
     return found
+
+
+def _unit(sample: mi.Float) -> mi.Float:
+    """Clipped to [0, 1), where rounding or another lobe's pick left it."""
+    return dr.clip(sample, 0, dr.one_minus_epsilon(mi.Float))
 
 
 def sample(lobes: Lobes, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample2: mi.Point2f,
@@ -169,7 +177,7 @@ def _add_top(lobes: Lobes, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, above: 
     coat_share, glass_share = _top_shares(lobes)
     pdf = pdf * (1 - coat_share - glass_share)
     if lobes.coat is not None:
-        wi_up, wo_up = _upright(si, si.wi), _upright(si, wo)
+        wi_up, wo_up = upright(si, si.wi), upright(si, wo)
         coat, coat_pdf = gloss.evaluate(lobes.coat, wi_up, wo_up, dr.normalize(wi_up + wo_up))
         value += dr.select(above, coat, 0)
         pdf += dr.select(above, coat_share * coat_pdf, 0)
@@ -182,10 +190,10 @@ def _add_top(lobes: Lobes, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, above: 
 
 def _scatter_coat(found: Scattered, coat: GgxLobe, si: mi.SurfaceInteraction3f, sample2: mi.Point2f,
                   taken: mi.Bool) -> None:
-    wi = _upright(si, si.wi)
+    wi = upright(si, si.wi)
     normal, _ = gloss.facets(coat).sample(wi, sample2)
     mirrored = mi.reflect(wi, normal)
-    found.wo = dr.select(taken, _upright(si, mirrored), found.wo)
+    found.wo = dr.select(taken, upright(si, mirrored), found.wo)
     found.valid = dr.select(taken, mi.Frame3f.cos_theta(mirrored) > 0, found.valid)
     found.component = dr.select(taken, mi.UInt32(GLOSSY), found.component)
     found.kind = dr.select(taken, mi.UInt32(+mi.BSDFFlags.GlossyReflection), found.kind)
@@ -237,6 +245,6 @@ def _above(si: mi.SurfaceInteraction3f, wo: mi.Vector3f) -> mi.Bool:
     return mi.Frame3f.cos_theta(si.wi) * mi.Frame3f.cos_theta(wo) > 0
 
 
-def _upright(si: mi.SurfaceInteraction3f, direction: mi.Vector3f) -> mi.Vector3f:
+def upright(si: mi.SurfaceInteraction3f, direction: mi.Vector3f) -> mi.Vector3f:
     """A local direction as seen from the viewer's side of the untilted surface, and back."""
     return mi.Vector3f(direction.x, direction.y, dr.mulsign(direction.z, mi.Frame3f.cos_theta(si.wi)))

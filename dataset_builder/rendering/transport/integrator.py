@@ -7,7 +7,8 @@ At the first surface point x the rendering equation (Kajiya, "The rendering equa
 for the BSDF f and for a white Lambertian surface; every other surface keeps its material. Emitter samples and scattered
 directions serve both, weighted by f cos / p for I and by cos / (pi p) for S, with p a mixture of the BSDF's density and
 a cosine lobe, so that S is well sampled on mirrors too. Directions of delta lobes, which clear glass has, serve I
-alone. L_i is found by an ordinary path tracer with multiple importance sampling; see `path_tracer.incident_radiance`.
+alone. Where only one of I and S is wanted, p is the BSDF's density alone, or the cosine lobe. L_i is found by an
+ordinary path tracer with multiple importance sampling; see `path_tracer.incident_radiance`.
 
 `trace` is the estimator; `LightingIntegrator` wraps it as the plugin `threedf_lighting`, so that `mi.render` gives the
 image; `sampling.estimate` calls it on lists of pixels.
@@ -21,10 +22,18 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from dataset_builder.rendering.surface.first_hit import COSINE_SHARE, FirstHit, emission, first_hit, mixture_pdf
+from dataset_builder.rendering.surface.first_hit import FirstHit, emission, first_hit, mixture_pdf
 from dataset_builder.rendering.transport.fog import Fog
-from dataset_builder.rendering.transport.light_sampling import World, balance, in_air, lone_channel, sample_emitter
+from dataset_builder.rendering.transport.light_sampling import (
+    EVERYTHING,
+    World,
+    balance,
+    in_air,
+    lone_channel,
+    sample_emitter,
+)
 from dataset_builder.rendering.transport.path_tracer import PathStart, incident_radiance
+from dataset_builder.rendering.transport.portals import Portals
 from dataset_builder.rendering.transport.sight import first_met
 
 PLUGIN = "threedf_lighting"
@@ -32,7 +41,7 @@ PLUGIN = "threedf_lighting"
 
 @dataclass(frozen=True, kw_only=True)
 class Radiometry:
-    """What one path gives."""
+    """What one path gives; None for what was not wanted."""
 
     image: mi.Color3f
     """Outgoing radiance."""
@@ -45,20 +54,27 @@ class Radiometry:
     valid: mi.Bool
     """Whether there is such a surface."""
 
+    def channels(self, name: str) -> mi.Color3f:
+        """A field by name, or the square of `name` in `name_squared`."""
+        values = getattr(self, name.removesuffix("_squared"))
+        return values * values if name.endswith("_squared") else values
+
 
 def trace(scene: mi.Scene, sampler: mi.Sampler, rest: mi.Sampler, ray: mi.Ray3f, max_depth: mi.UInt32,
           rr_depth: mi.UInt32, active: mi.Bool = True, *, features: frozenset[str] = frozenset(),
-          fog: Fog | None = None) -> Radiometry:
+          fog: Fog | None = None, portals: Portals | None = None, wanted: frozenset[str] = EVERYTHING) -> Radiometry:
     """One path per lane. max_depth and rr_depth as in Mitsuba's `path`: edges of the longest path, start of roulette;
     an edge ends on a surface or where fog scatters, and panes and gaps that a path passes straight end none.
     sampler makes the random numbers up to the first scattering, `rest` those after it; they may be one and the same.
     features: `glass`, `thin`, `dispersion`, `coverage` and `emission` where the scene has them, see
     `example_plan.Feature`; others are not looked at. What the ray meets first is chosen by coverage, and then whole.
+    portals: what samples of the dome go through; None for all round.
+    wanted: fields of the result; what serves none of them is neither drawn nor computed.
 
     `specular` is I minus what the diffuse lobe of the first hit sends and minus `air`, estimated from the same samples,
     so that I = D S + specular + air holds for every single path with D taken at its first hit.
     """
-    world = World(scene, max_depth, rr_depth, features, fog)
+    world = World(scene, max_depth, rr_depth, features, fog, portals, wanted)
     active = mi.Bool(active)
     si, end = first_met(world, ray, sampler, active)
 
@@ -71,11 +87,10 @@ def trace(scene: mi.Scene, sampler: mi.Sampler, rest: mi.Sampler, ray: mi.Ray3f,
 
     # Sample an emitter, for both: I += f cos w L_e T / p, S += cos / pi w L_e T / p
     ds, em_weight = sample_emitter(world, si, sampler.next_2d(active_next), active_next)
-    take_cosine = sampler.next_1d(active_next) < COSINE_SHARE
-    hit = first_hit(si.bsdf(ray), si, [si.to_local(ds.d)], take_cosine, sampler.next_1d(active_next),
-                    sampler.next_2d(active_next), active_next)
+    take_cosine, sample1, sample2 = choice_of_lobe(world, sampler, active_next)
+    hit = first_hit(si.bsdf(ray), si, [si.to_local(ds.d)], take_cosine, sample1, sample2, active_next)
     light = hit.towards[0]
-    mis = dr.select(ds.delta, 1, balance(ds.pdf, mixture_pdf(light.pdf, light.cosine)))
+    mis = dr.select(ds.delta, 1, balance(ds.pdf, mixture_pdf(light.pdf, light.cosine, world.cosine_share)))
     direct = dr.select(active_next & (ds.pdf != 0), em_weight * mis, 0)
     image += light.value * direct
     shading += light.cosine * direct
@@ -90,28 +105,44 @@ def trace(scene: mi.Scene, sampler: mi.Sampler, rest: mi.Sampler, ray: mi.Ray3f,
     specular += (weight_image - hit.diffuse * weight_shading) * L_i
 
     # Fog before the first surface
-    air = mi.Color3f(0) if fog is None else _air(world, fog, sampler, rest, ray, end, image, active)
-    return Radiometry(image=image + air, shading=shading, specular=specular, air=air, valid=active & si.is_valid())
+    air = mi.Color3f(0)
+    if fog is not None and world.image:
+        air = _air(world, fog, sampler, rest, ray, end, image, active)
+    found = {"image": image + air, "shading": shading, "specular": specular, "air": air}
+    return Radiometry(**{name: each if name in wanted else None for name, each in found.items()},
+                      valid=active & si.is_valid())
+
+
+def choice_of_lobe(world: World, sampler: mi.Sampler, active: mi.Bool) -> tuple[mi.Bool, mi.Float, mi.Point2f]:
+    """Whether to take the cosine lobe, and three uniform numbers of which (sample1, sample2.y) are a stratified pair:
+    the first picks among lobes, and what is left of its chance is the direction's, see `lobes.scatter`."""
+    pair, spare, share = sampler.next_2d(active), sampler.next_1d(active), world.cosine_share
+    if share in (0, 1):
+        return mi.Bool(world.shading), pair.x, mi.Point2f(spare, pair.y)
+    take_cosine = pair.x < share
+    sample1 = dr.select(take_cosine, pair.x / share, (pair.x - share) / (1 - share))
+    return take_cosine, dr.minimum(sample1, dr.one_minus_epsilon(mi.Float)), mi.Point2f(spare, pair.y)
 
 
 def scattered(world: World, si: mi.SurfaceInteraction3f, hit: FirstHit,
-               by_bsdf: mi.Bool) -> tuple[mi.Color3f, mi.Color3f, PathStart]:
+              by_bsdf: mi.Bool) -> tuple[mi.Color3f, mi.Color3f, PathStart]:
     """Weights for I and S of what arrives from the scattered direction, and the ray that looks there: f cos / p and
     cos / (pi p), p the mixture, or f cos / p of the delta lobe alone for I, and 0 for S."""
-    pdf = mixture_pdf(hit.pdf, hit.cosine)
+    pdf = mixture_pdf(hit.pdf, hit.cosine, world.cosine_share)
     inverse_pdf = dr.select(pdf > 0, dr.rcp(pdf), 0)
     weight_image, weight_shading = hit.value * inverse_pdf, mi.Color3f(hit.cosine * inverse_pdf)
     delta, depth = mi.Bool(False), mi.UInt32(1)
-    prior_throughput = dr.maximum(dr.max(weight_image), dr.max(weight_shading))
-    if world.glass or world.thin:
+    prior_throughput = dr.maximum(dr.max(weight_image) if world.image else 0,
+                                  dr.max(weight_shading) if world.shading else 0)
+    if world.image and (world.glass or world.thin):
         delta = by_bsdf & hit.delta
-        weight_image = dr.select(delta, hit.delta_weight / (1 - COSINE_SHARE), weight_image)
+        weight_image = dr.select(delta, hit.delta_weight / (1 - world.cosine_share), weight_image)
         weight_shading = dr.select(delta, 0, weight_shading)
         # Radiance is thinner in glass, and thickens again where it leaves: no reason to end the path
         transmitted = mi.Frame3f.cos_theta(si.wi) * mi.Frame3f.cos_theta(hit.wo) < 0
         prior_throughput = dr.select(delta | transmitted, 1, prior_throughput)
-    if world.thin:
-        depth = dr.select(delta & hit.null, mi.UInt32(0), depth)
+        if world.thin:
+            depth = dr.select(delta & hit.null, mi.UInt32(0), depth)
     # Where the same path serves S, all of its colours count
     channel = dr.select(delta, lone_channel(weight_image), 0) if world.dispersion else mi.Float(0)
     return weight_image, weight_shading, PathStart(

@@ -15,14 +15,15 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 
-from dataset_builder.rendering.surface.first_hit import COSINE_SHARE, emission, first_hit, mixture_pdf
+from dataset_builder.rendering.surface.first_hit import emission, first_hit, mixture_pdf
 from dataset_builder.rendering.surface.later_hit import vertex_hit
-from dataset_builder.rendering.transport.integrator import Radiometry, scattered
+from dataset_builder.rendering.transport.integrator import Radiometry, choice_of_lobe, scattered
 from dataset_builder.rendering.transport.joined_rest import Later, rest
 from dataset_builder.rendering.transport.lamps import Lamps
 from dataset_builder.rendering.transport.light_sampling import (
     World,
     balance,
+    emitter_pdf,
     lone_channel,
     of_channel,
     same_side,
@@ -35,11 +36,11 @@ from dataset_builder.rendering.transport.weights import edge, light_sample, link
 
 CANDIDATES = (16, 4)
 """Light vertices that a link at the first and at the second hit chooses among."""
-PAST = 1.5
+PAST = 2.0
 """Survival of a path after its second hit, times what is left to the camera side."""
 LEAST = 0.4
 """Share of a path's light that camera paths are expected to find at least."""
-TRUST = (0.5, 1.0)
+TRUST = (0.5, 2.0)
 """How much links at the first and at the second hit count in the weights."""
 
 
@@ -83,8 +84,7 @@ def trace_joined(world: World, light: LightSide, sampler: mi.Sampler, free: mi.S
 
     # What is asked of the first surface: an emitter sample, a light vertex, and a scattered direction
     ds, em_weight = sample_emitter(world, si, sampler.next_2d(active), active)
-    take_cosine = sampler.next_1d(active) < COSINE_SHARE
-    sample1, sample2 = sampler.next_1d(active), sampler.next_2d(active)
+    take_cosine, sample1, sample2 = choice_of_lobe(world, sampler, active)
     joint = choose(world, light.table, group, si, free.next_1d(active), sampler.next_1d(active), trust1, CANDIDATES[0],
                    active)
     hit = first_hit(si.bsdf(ray), si, [si.to_local(ds.d), si.to_local(joint.toward)], take_cosine, sample1, sample2,
@@ -92,11 +92,11 @@ def trace_joined(world: World, light: LightSide, sampler: mi.Sampler, free: mi.S
     emitter, joined = hit.towards
 
     # Emitter sample: the light has not bounced, so that only the scattered direction could find it, too
-    mis = dr.select(ds.delta, 1, balance(ds.pdf, mixture_pdf(emitter.pdf, emitter.cosine)))
+    mis = dr.select(ds.delta, 1, balance(ds.pdf, mixture_pdf(emitter.pdf, emitter.cosine, world.cosine_share)))
     direct = dr.select(active & (ds.pdf != 0), em_weight * mis, 0)
 
     # Link
-    pdf = mixture_pdf(joined.pdf, joined.cosine)
+    pdf = mixture_pdf(joined.pdf, joined.cosine, world.cosine_share)
     arrived = arrive(world, light.shape, joint, si, trust1, active & (pdf > 0) & (joint.edges + 2 <= world.max_depth))
     # Light paths leave no vertices on lamps
     splats = dr.select(si.emitter(world.scene) == None, light.splats, 0)  # noqa: E711
@@ -110,24 +110,24 @@ def trace_joined(world: World, light: LightSide, sampler: mi.Sampler, free: mi.S
     going = active & ((start.pdf > 0) | start.delta)
     L_i, later, on = _second(world, light, free, group, start, h0, trust1, trust2, going)
 
-    def layer(of_emitter: mi.Color3f, of_link: mi.Color3f, of_direction: mi.Color3f) -> mi.Color3f:
-        return of_emitter * direct + of_link * bounced + of_direction * L_i
-
-    shading = layer(mi.Color3f(emitter.cosine), mi.Color3f(joined.cosine), weight_shading)
-    weight_specular = weight_image - hit.diffuse * weight_shading
-    found = Radiometry(
-        image=L_e + layer(emitter.value, joined.value, weight_image), shading=shading,
-        specular=L_e + layer(emitter.value - hit.diffuse * emitter.cosine, joined.value - hit.diffuse * joined.cosine,
-                             weight_specular),
-        air=mi.Color3f(0), valid=si.is_valid())
+    # Each layer by what of it each technique brings, and what the rest of the path will weigh in it
+    none, diffuse = mi.Color3f(0), hit.diffuse
+    terms = {"image": (L_e, emitter.value, joined.value, weight_image),
+             "shading": (none, mi.Color3f(emitter.cosine), mi.Color3f(joined.cosine), weight_shading),
+             "specular": (L_e, emitter.value - diffuse * emitter.cosine, joined.value - diffuse * joined.cosine,
+                          weight_image - diffuse * weight_shading)}
+    terms = {name: each for name, each in terms.items() if name in world.wanted}
+    found = {name: sent + of_emitter * direct + of_link * bounced + of_direction * L_i
+             for name, (sent, of_emitter, of_link, of_direction) in terms.items()}
+    weights = {name: each[-1] * later.weight for name, each in terms.items()}
 
     # The rest of the path
-    weights = [weight * later.weight for weight in (weight_image, weight_shading, weight_specular)]
-    dr.eval(found, weights, later, on)
+    valid = si.is_valid()
+    dr.eval(found, weights, later, on, valid)
     more = _followed(world, light, later, on, seed)
-    image, shading, specular = (dr.select(on, weight * more, 0) for weight in weights)
-    return Radiometry(image=found.image + image, shading=found.shading + shading, specular=found.specular + specular,
-                      air=found.air, valid=found.valid)
+    whole = {name: each + dr.select(on, weights[name] * more, 0) for name, each in found.items()}
+    return Radiometry(image=whole.get("image"), shading=whole.get("shading"), specular=whole.get("specular"), air=none,
+                      valid=valid)
 
 
 def _link(world: World, r: mi.Float, si: mi.SurfaceInteraction3f, came: mi.Vector3f, goes: mi.Vector3f,
@@ -168,7 +168,7 @@ def _at_second(world: World, light: LightSide, free: mi.Sampler, group: mi.UInt3
 
     # Emission of what the ray meets
     ds = mi.DirectionSample3f(world.scene, si, start.point)
-    em_pdf = world.scene.pdf_emitter_direction(start.point, ds, active & ~start.delta)
+    em_pdf = emitter_pdf(world, start.point, ds, active & ~start.delta)
     mis = dr.select(start.delta, 1, balance(start.pdf, em_pdf))
     found = si.emitter(world.scene).eval(si, active) * mis
     at_vertex = active & si.is_valid()

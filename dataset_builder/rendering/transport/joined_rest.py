@@ -17,6 +17,7 @@ from dataset_builder.rendering.surface.later_hit import vertex_hit
 from dataset_builder.rendering.transport.lamps import Lamps
 from dataset_builder.rendering.transport.light_sampling import (
     World,
+    emitter_pdf,
     lone_channel,
     of_channel,
     same_side,
@@ -25,7 +26,7 @@ from dataset_builder.rendering.transport.light_sampling import (
 from dataset_builder.rendering.transport.weights import edge, light_sample, link, met_by_chance
 
 MAX_SURVIVAL = 0.95
-LATER = 2.0
+LATER = 2.5
 """Survival of a path from its third hit on, times what is left to the camera side."""
 
 
@@ -81,7 +82,7 @@ def rest(world: World, lamps: Lamps, left: Callable[[mi.Float], mi.Float], sampl
 
         # Emission of what the ray meets: L += throughput L_e w
         ds = mi.DirectionSample3f(scene, si, prev_point)
-        em_pdf = scene.pdf_emitter_direction(prev_point, ds, active & ~prev_delta)
+        em_pdf = emitter_pdf(world, prev_point, ds, active & ~prev_delta)
         a = lamps.emitted(prev_point, ds, active & si.is_valid())
         L += throughput * si.emitter(scene).eval(si, active) * met_by_chance(prev_pdf, em_pdf, a, links, prev_delta)
         if world.emission:

@@ -11,6 +11,7 @@ p_0 the density of a pixel's rays per steradian (Veach 1997, section 10.3.2, lig
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import drjit as dr
@@ -24,9 +25,6 @@ from dataset_builder.rendering.transport.joined_paths import LightSide
 from dataset_builder.rendering.transport.light_paths import EDGES, LightVertices
 from dataset_builder.rendering.transport.light_sampling import World, same_side, straight_on
 from dataset_builder.rendering.transport.weights import edge, link, linked
-
-CHANNELS = 9
-"""Image, shading and specular part."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,20 +43,22 @@ class Camera:
 
 
 def light_image(world: World, light: LightSide, camera: Camera, found: LightVertices, pixels: np.ndarray,
-                groups: np.ndarray) -> np.ndarray:
-    """(P, B, 9) what reaches pixels (P,) in each of groups (P, B)."""
+                groups: np.ndarray, wanted: Sequence[str]) -> np.ndarray:
+    """(P, B, 3 N) what reaches pixels (P,) in each of groups (P, B), of the N wanted layers; nothing of squares, which
+    are of camera paths alone, and of air."""
     row, pixel = _seen(camera.pinhole, found, pixels)
     if not len(row):
-        return np.zeros((*groups.shape, CHANNELS))
+        return np.zeros((*groups.shape, 3 * len(wanted)))
     values = [owned(mi.Float, found.values[row, k].astype(np.float32)) for k in range(found.values.shape[1])]
     group = found.path[row] // found.paths
     sent = _sent(world, light, camera, values, owned(mi.UInt32, found.prim[row]), owned(mi.UInt32, group))
     dr.eval(sent)
     frame = camera.pinhole.width * camera.pinhole.height
     place = group.astype(np.int64) * frame + pixel
-    wanted = groups.astype(np.int64) * frame + pixels[:, None]
-    size = found.sets * frame
-    sums = [np.bincount(place, np.array(channel, dtype=np.float64), minlength=size)[wanted] for channel in sent]
+    asked, size = groups.astype(np.int64) * frame + pixels[:, None], found.sets * frame
+    channels = [sent[name][k] if name in sent else None for name in wanted for k in range(3)]
+    sums = [np.zeros(groups.shape) if channel is None else
+            np.bincount(place, np.array(channel, dtype=np.float64), minlength=size)[asked] for channel in channels]
     return np.stack(sums, axis=-1) / found.paths
 
 
@@ -76,7 +76,7 @@ def _seen(pinhole: Pinhole, found: LightVertices, pixels: np.ndarray) -> tuple[n
 
 
 def _sent(world: World, light: LightSide, camera: Camera, values: list[mi.Float], prim: mi.UInt32,
-          group: mi.UInt32) -> list[mi.Float]:
+          group: mi.UInt32) -> dict[str, mi.Color3f]:
     """What each vertex adds to its pixel, weighed, times the number of paths."""
     p, back, flux, uv = (mi.Point3f(*values[0:3]), mi.Vector3f(*values[3:6]), mi.Color3f(*values[6:9]),
                          mi.Point2f(*values[9:11]))
@@ -95,7 +95,7 @@ def _sent(world: World, light: LightSide, camera: Camera, values: list[mi.Float]
     hit = first_hit(si.bsdf(look), si, [si.to_local(back)], mi.Bool(False), mi.Float(0.5), mi.Point2f(0.5), active)
     there = hit.towards[0]
     cos_in, cos_out = dr.abs(dr.dot(si.n, look.d)), dr.abs(dr.dot(si.n, back))
-    pdf = mixture_pdf(there.pdf, there.cosine)
+    pdf = mixture_pdf(there.pdf, there.cosine, world.cosine_share)
     pixel_pdf = camera.pixel_pdf(look.d)
 
     # Its weight: the camera, and the links at the first and the second hit
@@ -104,8 +104,9 @@ def _sent(world: World, light: LightSide, camera: Camera, values: list[mi.Float]
     others = dr.select(pdf > 0, trust1 * g / pdf, 0) + trust2 * g2
     weight = linked(own, h_camera, others) * sight * cos_in * pixel_pdf / (distance_squared * cos_out)
     light_there = dr.select(active & (cos_out > 0), flux * weight, 0)
-    specular = there.value - hit.diffuse * there.cosine
-    return [*(there.value * light_there), *(there.cosine * light_there), *(specular * light_there)]
+    brings = {"image": there.value, "shading": mi.Color3f(there.cosine),
+              "specular": there.value - hit.diffuse * there.cosine}
+    return {name: value * light_there for name, value in brings.items() if name in world.wanted}
 
 
 def _in_sight(world: World, camera: Camera, si: mi.SurfaceInteraction3f) -> mi.Float:

@@ -19,7 +19,7 @@ import numpy as np
 from dataset_builder.rendering.buffers import owned
 from dataset_builder.rendering.surface.first_hit import transparency
 from dataset_builder.rendering.transport.light_paths import LightVertices
-from dataset_builder.rendering.transport.light_sampling import World, straight_on
+from dataset_builder.rendering.transport.light_sampling import World, straight_on, to_its_end
 from dataset_builder.rendering.transport.weights import edge
 
 MIN_COSINE = 0.05
@@ -158,11 +158,6 @@ def arrive(world: World, shape: mi.ShapePtr, joint: Joint, si: mi.SurfaceInterac
            active: mi.Bool) -> Arrived:
     """What the chosen vertex sends to a camera vertex; nothing where something opaque stands between."""
     active = active & (joint.chosen > 0) & (joint.distance_squared > 0)
-    if world.straight:
-        light = straight_on(world.scene, si, joint.p, transparency, active)
-    else:
-        hidden = world.scene.ray_test(si.spawn_ray_to(joint.p), coherent=False, active=active)
-        light = mi.Color3f(dr.select(hidden, 0, 1))
 
     # The surface there, as seen from here
     look = mi.Ray3f(si.p, joint.toward)
@@ -170,6 +165,14 @@ def arrive(world: World, shape: mi.ShapePtr, joint: Joint, si: mi.SurfaceInterac
     found.t, found.prim_uv, found.prim_index, found.shape = dr.sqrt(joint.distance_squared), joint.uv, joint.prim, shape
     found.valid = active
     there = found.compute_surface_interaction(look, mi.RayFlags.All, active)
+
+    # What stands between, up to just before it
+    end = there.spawn_ray(-joint.toward).o
+    if world.straight:
+        light = straight_on(world.scene, si, end, transparency, active, to_its_end)
+    else:
+        hidden = world.scene.ray_test(to_its_end(si, end), coherent=False, active=active)
+        light = mi.Color3f(dr.select(hidden, 0, 1))
     cos_in, cos_out = dr.dot(there.n, joint.toward), dr.dot(there.n, joint.back)
     active &= (dr.abs(cos_out) > 0) & (world.transmits | (cos_in * cos_out < 0))
     cos_in, cos_out = dr.abs(cos_in), dr.abs(cos_out)

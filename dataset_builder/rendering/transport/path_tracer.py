@@ -20,6 +20,7 @@ from dataset_builder.rendering.transport.light_sampling import (
     FreeFlight,
     World,
     balance,
+    emitter_pdf,
     lone_channel,
     of_channel,
     sample_emitter,
@@ -91,7 +92,7 @@ def incident_radiance(world: World, sampler: mi.Sampler, start: PathStart, activ
 
         # Emission of what the ray meets: L += throughput L_e w T
         ds = mi.DirectionSample3f(scene, si, prev_point)
-        em_pdf = scene.pdf_emitter_direction(prev_point, ds, ~prev_delta)
+        em_pdf = emitter_pdf(world, prev_point, ds, ~prev_delta)
         mis = dr.select(prev_delta, 1, balance(prev_pdf, em_pdf))
         L += throughput * si.emitter(scene).eval(si, active) * mis * flight.transmittance
         if world.emission:

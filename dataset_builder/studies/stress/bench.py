@@ -8,8 +8,9 @@ from scipy import stats
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from dataset_builder.geometry.pinhole import Pinhole, unit
-from dataset_builder.label.example_plan import RenderPlan
+from dataset_builder.label.example_plan import RenderPlan, Transport
 from dataset_builder.label.scene_plan import CameraPlan, IlluminationPlan
+from dataset_builder.light_kinds import LIGHT_KINDS
 from dataset_builder.rendering import passes
 from dataset_builder.rendering.scene.local_frame import LocalFrame
 from dataset_builder.rendering.scene.open_scene import body_of, open_scene
@@ -87,7 +88,7 @@ def render(soup: Soup, illumination: IlluminationPlan, shot: Shot, size: Size) -
     with open_scene(body_of(frame.soup(soup)), frame.illumination(illumination)) as opened:
         first = passes.first_hit(view, opened, pixels, size.spp, shot.batches, shot.seed)
         found = passes.radiance(view, opened, np.tile(pixels, replicas), max_depth=shot.max_depth,
-                                spp=shot.spp or size.spp, seed=shot.seed)
+                                spp=shot.spp or size.spp, seed=shot.seed, transport=_transport(illumination, size))
     light = {name: found.mean[:, channels].reshape(replicas, height, width, 3)
              for name, channels in passes.RADIANCE_CHANNELS.items() if name in ("image", "shading", "specular")}
     layers = {name: values.reshape(height, width, -1) for name, values in passes.first_hit_layers(first).items()}
@@ -95,6 +96,11 @@ def render(soup: Soup, illumination: IlluminationPlan, shot: Shot, size: Size) -
     return Picture(**light, mask=layers["mask"][..., 0], depth=layers["depth"][..., 0] * frame.unit, d=layers["d"],
                    r=layers["r"], normal=layers["normal"], facing=_facing(shot.camera, layers["normal"]),
                    same=minimum_filter(filled, size=3, mode="nearest") & _alike(layers["d"]))
+
+
+def _transport(illumination: IlluminationPlan, size: Size) -> Transport:
+    lamps = (light for light in illumination.lights if not LIGHT_KINDS[light.kind].outside)
+    return size.transport if any(light.weight > 0 and any(light.radiance) for light in lamps) else "camera"
 
 
 def _facing(camera: CameraPlan, normal: np.ndarray) -> np.ndarray:

@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from dataset_builder.label.example_plan import Transport
+
 SIGMAS = 4.9
 """Bound on the worst of some thousand standard normal deviates: a correct renderer exceeds it once in a thousand runs
 with other seeds (two-sided tail 9.6e-7 each)."""
@@ -23,6 +25,8 @@ class Size:
     """Of the large mesh."""
     long: int
     """Samples of the long sums."""
+    transport: Transport = "camera"
+    """Of cases that have a lamp in the scene; the others have camera paths."""
 
 
 SIZES = {

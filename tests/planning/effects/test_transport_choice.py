@@ -3,9 +3,10 @@
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import pytest
 
-from dataset_builder.assets.asset import Material
+from dataset_builder.assets.asset import Material, Texture
 from dataset_builder.label.example_plan import EffectsPlan
 from dataset_builder.label.scene_plan import FogPlan, LightPlan
 from dataset_builder.light_kinds import LIGHT_KINDS
@@ -18,6 +19,9 @@ from tests import plans
 
 LAMPS = [name for name, kind in LIGHT_KINDS.items() if not kind.outside]
 OUTSIDE = [name for name, kind in LIGHT_KINDS.items() if kind.outside]
+
+
+RIPPLES = Texture(base_color=np.ones((1, 1, 3), np.float32), normal=np.array([[[0.6, 0.0, 0.8]]], np.float32))
 
 
 def shining(kind: str, weight: float = 1.0) -> LightPlan:
@@ -43,6 +47,7 @@ BARRED = {
     "no light": (lit(lights=()), "no light reaches the object"),
     "fog": (lit(fog=FogPlan(extinction=0.1, albedo=0.9)), "fog fills the air"),
     "dark lamps": (lit(shining("area", 0.0), shining("dome")), "its lamps are dark"),
+    "rippled glass": (lit(materials=(use(), use(transmission=0.5, texture=RIPPLES))), "normal map on glass"),
 }
 UNWISE = lit(shining("area"), shining("dome", 3.0))
 
@@ -73,7 +78,7 @@ def test_every_rule_has_a_case_of_its_own() -> None:
     """`BARRED` and `UNWISE` break one rule each; but nothing shines where there is no light, from lamps neither."""
     broken = [[rule.holds(light) for rule in RULES] for light in (*(light for light, _ in BARRED.values()), UNWISE)]
     by_bars = [[rule for rule, holds in zip(RULES, row, strict=True) if holds and rule.bars] for row in broken]
-    assert [len(row) for row in by_bars] == [1, 1, 1, 1, 1, 0] and broken[-1] == [False] * (len(RULES) - 1) + [True]
+    assert [len(row) for row in by_bars] == [1, 1, 1, 1, 1, 1, 0] and broken[-1] == [False] * (len(RULES) - 1) + [True]
     assert {id(rule) for row in by_bars for rule in row} == {id(rule) for rule in RULES if rule.bars}
     assert not any(rule.holds(lit()) for rule in RULES)
 
@@ -94,6 +99,12 @@ def test_a_request_is_met_where_it_can_be() -> None:
     assert choose(UNWISE, "auto")[0] == "camera"
     for light, _ in BARRED.values():
         assert choose(light, "camera")[1].reason == "as requested"
+
+
+def test_smooth_panes_glass_of_one_index_and_tilted_opaque_surfaces_are_joined() -> None:
+    for clear in (use(transmission=1.0), use(transmission=1.0, abbe=40.0, thin=True), use(abbe=40.0),
+                  use(texture=RIPPLES), use(transmission=1.0, metallic=1.0, texture=RIPPLES)):
+        assert choose(lit(materials=(clear,)), "auto")[0] == "joined"
 
 
 def test_lamps_without_weight_are_no_reason_to_divide_by_nothing() -> None:

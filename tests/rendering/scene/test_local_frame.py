@@ -5,7 +5,7 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from dataset_builder.label.scene_plan import FogPlan
+from dataset_builder.label.scene_plan import FogPlan, PortalPlan
 from dataset_builder.light_kinds import LampName
 from dataset_builder.planning.view.emission import direct_irradiance
 from dataset_builder.rendering.scene.local_frame import LocalFrame
@@ -42,3 +42,10 @@ def test_cameras_look_along_the_same_line_and_fog_takes_the_same_share():
     assert moved.fov == seen.fov and moved.up == seen.up
     assert frame.fog(FogPlan(extinction=0.1)).extinction * np.linalg.norm(way) / 4 == pytest.approx(
         0.1 * np.linalg.norm(way))
+
+
+def test_portals_take_the_same_part_of_the_sky():
+    frame, portal = LocalFrame(origin=(1.0, 2.0, 3.0), unit=0.5), PortalPlan(corner=(1, 4, 3), right=(2, 0, 0),
+                                                                            up=(0, 0, 1))
+    moved = frame.portal(portal)
+    assert moved == PortalPlan(corner=(0, 4, 0), right=(4, 0, 0), up=(0, 0, 2))

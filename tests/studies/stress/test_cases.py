@@ -43,6 +43,17 @@ def test_case(case):
     assert result.passed, f"{case.figure}: {result.figure:g}, at most {case.bound:g}; {'; '.join(result.wrong)}"
 
 
+JOINED = ("light/", "material/closed-white-furnace", "material/metallic-1", "geometry/scaled")
+
+
+@pytest.mark.parametrize("case", [case for case in CASES if case.name.startswith(JOINED)], ids=lambda case: case.name)
+def test_cases_with_lamps_by_joined_paths(case):
+    """`geometry/tiny-and-far` is not among them: rounding a kilometre from the origin sends some light paths another
+    way, and each of them serves many pixels."""
+    result = run(case, replace(SMALL, transport="joined"))
+    assert result.passed, f"{case.figure}: {result.figure:g}, at most {case.bound:g}; {'; '.join(result.wrong)}"
+
+
 def test_the_catalogue_is_a_catalogue():
     assert len(CASES) == len(BY_NAME) >= 50
     assert {name.split("/")[0] for name in BY_NAME} == {"light", "geometry", "mesh", "material", "number", "refused"}
