@@ -36,7 +36,8 @@ def use(**surface: Any) -> MaterialUse:
 
 def lit(*lights: LightPlan, **more: Any) -> PassLight:
     """A pass that no rule keeps from joined paths."""
-    given: dict[str, Any] = {"name": "target", "lights": lights or (shining("area"),), "materials": (use(),), "fog": FogPlan(),
+    given: dict[str, Any] = {"name": "target", "lights": lights or (shining("area"),), "materials": (use(),),
+                             "fog": FogPlan(),
              "depth": 6, "target_area": 1.0}
     return PassLight(**given | more)
 
