@@ -25,9 +25,15 @@ class Reference:
 
         Less what the reference's own noise adds, which half the difference of its halves estimates without bias.
         """
-        weight = 1 / (self.mean**2 + 0.01 * self.mean.mean() ** 2)
-        raw = np.mean((image[self.inside] - self.mean) ** 2 * weight)
-        return float(max(raw - np.mean(self.half_difference**2 * weight), 1e-9))
+        raw = np.mean((image[self.inside] - self.mean) ** 2 * self._weight())
+        return float(max(raw - self.own_error(), 1e-9))
+
+    def own_error(self) -> float:
+        """relMSE that the reference itself may be expected to have."""
+        return float(np.mean(self.half_difference**2 * self._weight()))
+
+    def _weight(self) -> np.ndarray:
+        return 1 / (self.mean**2 + 0.01 * self.mean.mean() ** 2)
 
 
 def common_error(first: Sequence[float], second: Sequence[float]) -> float:

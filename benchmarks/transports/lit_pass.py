@@ -20,6 +20,9 @@ from dataset_builder.spec.load import load_dataset
 LETTERS = {"s": ("source", "image"), "t": ("target", "image"), "r": ("rough", "shading")}
 """Last letter of a case -> its pass, and the channels that are judged."""
 
+HOW = ("transport", "openings", "samples")
+"""Inputs of a pass that say how its means are found, not what they are."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LitPass:
@@ -50,7 +53,7 @@ class LitPass:
     def key(self) -> str:
         """Digest of what its means depend on, whichever paths find them and however many."""
         said = inputs_of(self.plan, self.kind)
-        return digest({name: value for name, value in said.items() if name not in ("transport", "samples")})[:16]
+        return digest({name: value for name, value in said.items() if name not in HOW})[:16]
 
     @contextmanager
     def opened(self) -> Iterator["OpenPass"]:

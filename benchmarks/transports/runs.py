@@ -79,21 +79,10 @@ class Runs:
         """(2 + GROUPS,) means and their standard errors."""
         return self.means.mean(axis=0), self.means.std(axis=0, ddof=1) / np.sqrt(self.number)
 
-    def reference(self) -> Reference:
-        """Even runs and odd ones as two halves."""
+    def reference(self, inside: np.ndarray | None = None) -> Reference:
+        """Even runs and odd ones as two halves. inside: (P,) pixels that count, all by default."""
         even, odd = (self.halves[k] / ((self.number + 1 - k) // 2) for k in (0, 1))
-        return Reference.of(even, odd, np.ones(len(even), dtype=bool))
-
-    def error_at(self, spp: int) -> float:
-        """relMSE that `spp` samples may be expected to have, by the difference of the halves: where light comes rarely
-        but strongly, a few runs at that spp would not tell."""
-        known = self.reference()
-        weight = 1 / (known.mean**2 + 0.01 * known.mean.mean() ** 2)
-        return float(np.mean(known.half_difference**2 * weight)) * self.number * TRUTH_SPP / spp
-
-    def own_error(self) -> float:
-        """relMSE that the mean of all runs may be expected to have."""
-        return self.error_at(self.number * TRUTH_SPP)
+        return Reference.of(even, odd, np.ones(len(even), dtype=bool) if inside is None else inside)
 
 
 def extend(runs: Runs, opened: OpenPass, transport: Transport, spp: int, number: int, seed: int) -> Iterator[Runs]:
