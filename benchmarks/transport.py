@@ -76,7 +76,7 @@ def run_bias(given: argparse.Namespace) -> int:
     for case, opened in cases(given):
         old = truth(case, given.reference or given.bias, given.keep, opened)
         for spp in given.spp:
-            new = Runs(inside=old.inside)
+            new = Runs(pixels=old.pixels, inside=old.inside)
             for _ in extend(new, opened, given.transport, spp, given.bias, seed=1):
                 pass
             found.append(bias(f"{case.name}, {spp} spp", case.lamps, old, new, spp))
