@@ -47,7 +47,7 @@ def bias(case: str, lamps: str, old: Runs, new: Runs, spp: int) -> Bias:
              100 * b_error[0] / b[0] * np.sqrt(new.number))
     return Bias(case=case, lamps=lamps, runs=(old.number, new.number), difference=100 * (b - a) / a,
                 error=100 * np.hypot(a_error, b_error) / a, noise=noise,
-                pixels=((y - x) / np.sqrt(x_variance + y_variance))[lit])
+                pixels=(y - x)[lit] / np.sqrt(x_variance + y_variance)[lit])
 
 
 def print_bias(found: Bias) -> None:

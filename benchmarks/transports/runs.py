@@ -44,6 +44,8 @@ class Regions:
 class Runs:
     """Sums over the runs so far."""
 
+    pixels: np.ndarray
+    """(P,) of the pass."""
     inside: np.ndarray
     """As of `Regions`."""
     means: np.ndarray = field(default_factory=lambda: np.zeros((0, 2 + GROUPS)))
@@ -93,13 +95,15 @@ def extend(runs: Runs, opened: OpenPass, transport: Transport, spp: int, number:
 
 
 def truth(case: LitPass, number: int, folder: Path, opened: OpenPass) -> Runs:
-    """At least `number` runs of camera paths, those that the folder keeps among them; the others are added to it."""
+    """At least `number` runs of camera paths, those that the folder keeps among them, unless they are of other pixels;
+    the others are added to it."""
     path = folder / f"{case.name.replace(' ', '-')}-{case.key()}.npz"
+    runs = None
     if path.exists():
         with np.load(path) as kept:
             runs = Runs(**{entry.name: kept[entry.name] for entry in fields(Runs)})
-    else:
-        runs = Runs(inside=Regions.of(opened).inside)
+    if runs is None or not np.array_equal(runs.pixels, opened.pixels):
+        runs = Runs(pixels=opened.pixels, inside=Regions.of(opened).inside)
     for _ in extend(runs, opened, "camera", TRUTH_SPP, number, seed=0):
         _keep(path, runs)
     return runs

@@ -32,8 +32,8 @@ def runs_of(seed: int, number: int, mean: float, spread: float) -> Runs:
     """Runs of independent normal pixels about (1 + brightness) `mean`."""
     draws, bright = np.random.default_rng(seed), np.linspace(1, 2, PIXELS)[:, None]
     sixths = np.arange(PIXELS) * GROUPS // PIXELS
-    runs = Runs(inside=np.stack([np.ones(PIXELS, dtype=bool), np.arange(PIXELS) < 60,
-                                 *(sixths == group for group in range(GROUPS))], axis=1))
+    inside = [np.ones(PIXELS, dtype=bool), np.arange(PIXELS) < 60, *(sixths == group for group in range(GROUPS))]
+    runs = Runs(pixels=np.arange(PIXELS), inside=np.stack(inside, axis=1))
     for _ in range(number):
         runs.add(mean * bright + spread * draws.standard_normal((PIXELS, 3)))
     return runs
