@@ -36,7 +36,7 @@ from dataset_builder.rendering.transport.weights import edge, light_sample, link
 
 CANDIDATES = (16, 4)
 """Light vertices that a link at the first and at the second hit chooses among."""
-PAST = 2.0
+PAST = 1.5
 """Survival of a path after its second hit, times what is left to the camera side."""
 LEAST = 0.4
 """Share of a path's light that camera paths are expected to find at least."""

@@ -26,7 +26,7 @@ from dataset_builder.rendering.transport.light_sampling import (
 from dataset_builder.rendering.transport.weights import edge, light_sample, link, met_by_chance
 
 MAX_SURVIVAL = 0.95
-LATER = 2.5
+LATER = 2.0
 """Survival of a path from its third hit on, times what is left to the camera side."""
 
 

@@ -51,7 +51,8 @@ def test_the_first_hit_tells_discrete_choices_from_the_others():
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(9, SAMPLES)
     take_cosine = sampler.next_1d() < 0.25
-    hit = surface.first_hit(si, [mi.Vector3f(0, 0, 1)], take_cosine, sampler.next_1d(), sampler.next_2d(), mi.Bool(True))
+    hit = surface.first_hit(si, [mi.Vector3f(0, 0, 1)], take_cosine, sampler.next_1d(), sampler.next_2d(),
+                            mi.Bool(True))
     delta, asked = np.array(hit.delta), ~np.array(take_cosine)
     assert not np.any(delta & ~asked) and np.any(delta & ~np.array(hit.null)) and np.any(np.array(hit.null))
     assert np.all(np.array(hit.pdf)[delta] == 0) and np.all(np.array(hit.value)[:, delta] == 0)
