@@ -71,6 +71,6 @@ def test_every_layer_with_light_finds_its_channels():
 @pytest.mark.parametrize(("wanted", "share"), [({"image"}, 0), ({"image", "specular", "air"}, 0), ({"shading"}, 1),
                                                ({"image", "shading"}, COSINE_SHARE)])
 def test_first_direction_is_drawn_for_what_is_wanted(wanted, share):
-    world = World(None, mi.UInt32(2), mi.UInt32(2), frozenset(), None, frozenset(wanted))
+    world = World(None, mi.UInt32(2), mi.UInt32(2), frozenset(), None, wanted=frozenset(wanted))
     assert world.cosine_share == share
     assert np.allclose(mixture_pdf(mi.Float(2), mi.Float(6), share), 2 + 4 * share)
