@@ -30,8 +30,8 @@ class Size:
 
 
 SIZES = {
-    "small": Size(name="small", side=20, spp=16, replicas=16, faces=200_000, long=1 << 16),
-    "full": Size(name="full", side=40, spp=64, replicas=16, faces=2_000_000, long=1_000_000),
+    "small": Size(name="small", side=20, spp=16, replicas=32, faces=200_000, long=1 << 16),
+    "full": Size(name="full", side=40, spp=64, replicas=32, faces=2_000_000, long=1_000_000),
 }
 
 
