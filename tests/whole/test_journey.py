@@ -75,7 +75,8 @@ def test_sigma_in_yaml(small_dataset: Path, tmp_path: Path) -> None:
      {"render.spp_first_hit"}),
     ("render.max_depth=2", LIT, set(), {"effects.decisions", "effects.passes"}),
     # Target lights are as strong as the source says
-    ("source.dome=2", {"i_s"}, {"i_t", "s", "spec", "s_prime"}, {"source_light.lights", "target_light.lights"}),
+    ("source.dome=2", {"i_s"}, {"i_t", "s", "spec", "s_prime"},
+     {"source_light.lights", "target_light.lights", "effects.decisions"}),
     ("gates.coverage=[0.02, 0.9]", set(), set(), set()),
 ])
 def test_an_override(small_spec: Path, small_dataset: Path, tmp_path: Path, override: str, must: set[str],

@@ -170,7 +170,6 @@ class MeshShell:
         return Reach(kept=found.found > 0, why=f"{found.found} of {found.paths} paths from beside the object, with at "
                      f"most {BOUNCES} bounces, {how}")
 
-
     def openings(self, opened: Sequence[str], near: np.ndarray) -> Openings:
         """See `opening_search`."""
         if there := [part for part in opened if part in self.parts]:

@@ -64,6 +64,8 @@ def openings_of(building: Sequence[Geometry], lines: Lines, others: Lines) -> Op
     """
     if not len(lines.origins):
         return Openings(portals=(), why="no path leads out")
+    if not building:
+        return Openings(portals=(), why="nothing is built about the object")
     turn = _turned(building)
     within, beyond = (Lines(each.origins @ turn.T, each.directions @ turn.T) for each in (lines, others))
     found = _search(np.concatenate([corners.reshape(-1, 3, 3) for corners in corners_of(building)]) @ turn.T, within)
