@@ -46,6 +46,7 @@ def joined_integrand(view: ViewSensor, opened: OpenScene, max_depth: int, causti
     share = dr.opaque(mi.Float, lamp_share(opened.illumination) if opened.illumination else 0.0)
 
     def shared(groups: Groups) -> tuple[Integrand, Elsewhere | None]:
+        """Light paths of the groups, and what is joined with them."""
         world = World(opened.scene, longest, roulette, opened.features, opened.fog, opened.portals, traced)
         paths = paths_for(groups.samples, caustics)
         vertices = trace_light(world, lamps(paths), sets=groups.count, seed=derive_seed(groups.seed, "light"))

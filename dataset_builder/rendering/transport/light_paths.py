@@ -55,6 +55,7 @@ class LightPath:
     camera: mi.Float
     """(H + N) of the path, see `weights`, once its first vertex has scattered."""
     begin: Beginning
+    """Where it left its lamp."""
 
 
 @dataclass
