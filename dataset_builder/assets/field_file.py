@@ -1,0 +1,104 @@
+"""A field as a file: what an object looks like from all sides, the mesh taken from it, and its figures. No pickle."""
+
+import json
+import zipfile
+import zlib
+from dataclasses import dataclass, field, fields
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from dataset_builder.errors import UserError
+from dataset_builder.files import write_atomic
+from dataset_builder.geometry.mesh import TriangleMesh
+from dataset_builder.geometry.splat_cloud import SplatCloud
+from dataset_builder.label.field_record import FieldRecord
+
+FORMAT = 1
+"""Of the file; a reader takes no other."""
+HEADER = "field"
+"""Member with the record and what is no array, as JSON text in bytes."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FieldFile:
+    """One field. Its frame is the object's: metres, Z up, front towards -Y, standing on z = 0 over the origin."""
+
+    record: FieldRecord
+    mesh: TriangleMesh
+    """Taken from the field and cleaned; its colours are what the field shows there, linear, in [0, 1], seen from
+    outside along the normal and divided by `white`."""
+    centre: tuple[float, float, float]
+    """Middle of the ball that the field fills, metres."""
+    radius: float
+    """Of that ball, metres; the grid spans [-1, 1]^3 of it."""
+    white: float = 1.0
+    """Radiance of white paper in the light that the images were taken in, which all radiance of the field belongs
+    to."""
+    grid: np.ndarray | None = None
+    """(R, R, R, C) float32 by z, y, x: raw values of cells, of which the first is density or distance and the next
+    three are colour; None for splats."""
+    splats: SplatCloud | None = None
+    numbers: dict[str, float] = field(default_factory=dict)
+    """What raw values become opacity and colour by; see `rendering.field`."""
+    more: dict[str, np.ndarray] = field(default_factory=dict)
+    """Other arrays that the field is evaluated with, by name: weights, cells that hold something."""
+
+
+def encode(content: FieldFile) -> bytes:
+    """The bytes of a field's file, the same for the same field."""
+    header = {"format": FORMAT, "record": content.record.model_dump(mode="json"), "centre": content.centre,
+              "radius": content.radius, "white": content.white, "numbers": content.numbers,
+              "srgb": content.splats is not None and content.splats.srgb}
+    arrays = {HEADER: np.frombuffer(json.dumps(header, sort_keys=True).encode(), np.uint8),
+              **{f"mesh.{name}": value for name, value in _arrays(content.mesh).items()},
+              **{f"more.{name}": value for name, value in content.more.items()}}
+    if content.grid is not None:
+        arrays["grid"] = content.grid
+    if content.splats is not None:
+        arrays |= {f"splats.{name}": value for name, value in _arrays(content.splats).items()}
+    stream = BytesIO()
+    np.savez_compressed(stream, **arrays)  # type: ignore[arg-type]
+    return stream.getvalue()
+
+
+def write_field(path: Path, content: FieldFile) -> None:
+    """Write a field, whole or not at all. Raises OutputError where it cannot be written."""
+    write_atomic(path, encode(content))
+
+
+def read_field(path: Path) -> FieldFile:
+    """The field of a file. Raises UserError where there is none, or where it is damaged or of another format."""
+    try:
+        # From memory: a damaged archive would leave the file open
+        with np.load(BytesIO(path.read_bytes()), allow_pickle=False) as members:
+            return _decoded(members)
+    except FileNotFoundError:
+        raise UserError(f"{path}: expected a field, found no file") from None
+    except (OSError, ValueError, KeyError, TypeError, EOFError, ValidationError, zipfile.BadZipFile,
+            zlib.error) as error:
+        raise UserError(f"{path}: expected a whole field of format {FORMAT} ({error}); make it again") from error
+
+
+def _arrays(holder: Any) -> dict[str, np.ndarray]:
+    found = {each.name: getattr(holder, each.name) for each in fields(holder)}
+    return {name: value for name, value in found.items() if isinstance(value, np.ndarray)}
+
+
+def _decoded(members: Any) -> FieldFile:
+    header = json.loads(bytes(members[HEADER]))
+    if header["format"] != FORMAT:
+        raise ValueError(f"format {header['format']}")
+
+    def group(name: str) -> dict[str, np.ndarray]:
+        return {key.removeprefix(f"{name}."): members[key] for key in members.files if key.startswith(f"{name}.")}
+
+    splats = group("splats")
+    return FieldFile(record=FieldRecord.model_validate(header["record"]), mesh=TriangleMesh(**group("mesh")),
+                     centre=tuple(header["centre"]), radius=header["radius"], white=header["white"],
+                     grid=members["grid"] if "grid" in members.files else None,
+                     splats=SplatCloud(**splats, srgb=header["srgb"]) if splats else None,
+                     numbers=header["numbers"], more=group("more"))
