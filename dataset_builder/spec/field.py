@@ -66,7 +66,8 @@ class SeenSpec(FieldSpec):
 
     @model_validator(mode="after")
     def _field_asked_for(self) -> "SeenSpec":
-        if self.kind == "mesh" and (extra := sorted(self.model_fields_set - {"kind"})):
+        changed = [name for name, each in type(self).model_fields.items() if getattr(self, name) != each.default]
+        if self.kind == "mesh" and (extra := sorted(changed)):
             raise broken(f"expected `kind: field` beside {', '.join(extra)}, got kind mesh", path=("kind",))
         return self
 
