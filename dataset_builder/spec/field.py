@@ -38,9 +38,9 @@ class FieldSpec(Model):
     """Width and height of these images in pixels."""
     spp: PositiveInt = 64
     """Samples per pixel of these images; a multiple of 4."""
-    resolution: Annotated[int, Field(ge=16, le=512)] = 128
+    resolution: Annotated[int, Field(ge=32, le=512)] = 128
     """Cells along a side of the field's grid."""
-    steps: Annotated[int, Field(ge=1, le=100_000)] = 300
+    steps: Annotated[int, Field(ge=10, le=100_000)] = 300
     """Steps of the fit."""
     gates: FieldGatesSpec = FieldGatesSpec()
     """What it must meet."""
