@@ -25,6 +25,8 @@ from dataset_builder.spread import spaced
 
 OUTLINES = 16
 """Views whose silhouettes the distance follows from."""
+SLANT = 2.0
+"""Clearances along the view that a camera stops before a surface: as much as one that is slanted by 60 degrees asks."""
 HINT = ("make the room larger, take a smaller object or less furniture about it, widen `fov`, narrow "
         "`camera.orbit.elevation`, or widen `camera.coverage` and lower `camera.visibility`")
 
@@ -98,7 +100,7 @@ def _free(arrangement: Arrangement, spec: CameraSpec, directions: np.ndarray) ->
     clear = clearance_of(arrangement, spec)
     room = np.array([arrangement.shell.depth(arrangement.centre, way, clear) for way in directions])
     _, met = arrangement.surfaces.first_hit(arrangement.centre + arrangement.radius * directions, directions)
-    return np.minimum(room, arrangement.radius + met - clear)
+    return np.minimum(room, arrangement.radius + met - SLANT * clear)
 
 
 def orbit_camera(arrangement: Arrangement, orbit: Orbit, spec: CameraSpec, image: ImageSpec, frame: int,
