@@ -38,7 +38,7 @@ def test_a_painted_plane_is_the_same_from_both_sides() -> None:
     assert np.abs(both.here(painted(HERE)) - both.there(painted(THERE))).max() < 4e-3
     assert both.weights.sum(axis=0) == pytest.approx(np.ones(both.pixels.sum()))
     # The check can fail: with the camera elsewhere by half a pixel it is off by more
-    moved = Pinhole(position=THERE.camera.position, target=THERE.camera.target + [0.012, 0.0, 0.0], fov=40.0,
+    moved = Pinhole(position=THERE.camera.position, target=THERE.camera.target + np.array([0.012, 0.0, 0.0]), fov=40.0,
                     width=SIZE, height=SIZE)
     wrong = correspond(HERE, View(camera=moved, depth=THERE.depth, inside=THERE.inside))
     assert np.abs(wrong.here(painted(HERE)) - wrong.there(painted(THERE))).max() > 2e-2
