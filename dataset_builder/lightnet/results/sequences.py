@@ -9,6 +9,7 @@ changes just as the truth does.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from math import exp, log
 from pathlib import Path
 from statistics import fmean
@@ -40,6 +41,11 @@ class ViewSequence:
     """Their places in the sequence."""
     planned: int
     """Views that it was to have."""
+
+    @property
+    def neighbours(self) -> int:
+        """How often one view follows the other without a gap."""
+        return sum(after - before == 1 for before, after in pairwise(self.frames))
 
 
 @dataclass(frozen=True, kw_only=True)
