@@ -15,7 +15,7 @@ from dataset_builder.label.scene_plan import (
     PortalPlan,
     RoomPlan,
 )
-from dataset_builder.layers import Extent, Pass
+from dataset_builder.layers import Extent, Pass, sampled_as
 from dataset_builder.spec.model import Model
 
 
@@ -181,7 +181,7 @@ class RenderPlan(Model):
 
     def parts(self, render_pass: str) -> tuple[int, ...]:
         """The parts of a pass's spp, in order."""
-        name = "first_hit" if render_pass.startswith("first_hit") else render_pass
+        name = "first_hit" if render_pass.startswith("first_hit") else sampled_as(render_pass)
         several = tuple(part.spp for part in self.spp_parts if part.render_pass == name)
         return several or (getattr(self, f"spp_{name}"),)
 

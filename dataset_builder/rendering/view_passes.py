@@ -6,7 +6,7 @@ examples of the view.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 from math import ceil
 from pathlib import Path
@@ -14,7 +14,7 @@ from time import perf_counter
 
 import numpy as np
 
-from dataset_builder.label.example_plan import ExamplePlan, GoalPlan, RenderPlan
+from dataset_builder.label.example_plan import ExamplePlan, RenderPlan
 from dataset_builder.layers import PASSES, Pass
 from dataset_builder.rendering import passes
 from dataset_builder.rendering.light_probe import lighting
@@ -23,23 +23,19 @@ from dataset_builder.rendering.pass_inputs import (
     DIRECT_DEPTH,
     INSTANCE,
     LIGHTING,
-    RADIANCE,
     all_passes,
-    asked,
-    goals_at,
+    lights_rough,
     needed_passes,
     needs_lighting,
     steps_of,
 )
 from dataset_builder.rendering.pass_memory import NO_MEMORY, PassFound, PassMemory, PassResult
-from dataset_builder.rendering.passes import FIRST_HIT_CHANNELS, WANTED, ViewSensor, radiance_channels
-from dataset_builder.rendering.sampling.adaptive import Goal, Sample, Sampled, more_samples, refine
+from dataset_builder.rendering.pass_steps import PassSteps, Pixels
+from dataset_builder.rendering.passes import FIRST_HIT_CHANNELS, WANTED, ViewSensor
+from dataset_builder.rendering.sampling.adaptive import Sample, Sampled
 from dataset_builder.rendering.sampling.moments import Estimate
 from dataset_builder.rendering.scene.open_scene import OpenScene
 from dataset_builder.rendering.view_scenes import ViewScenes
-from dataset_builder.seeding import derive_seed
-
-Pixels = Callable[[], np.ndarray]
 
 
 @dataclass(kw_only=True)
@@ -64,8 +60,8 @@ class ViewPasses:
                 self.instances()
             for render_pass in needed_passes(plan):
                 self.result(render_pass, plan)
-            if DIRECT in all_passes(plan):
-                self.rough_direct(plan)
+                if render_pass == "rough" and DIRECT in all_passes(plan):
+                    self.rough_direct(plan)
             if needs_lighting(plan):
                 self.lighting(plan)
         finally:
@@ -86,7 +82,8 @@ class ViewPasses:
     def result(self, render_pass: Pass, plan: ExamplePlan) -> PassResult:
         """What a pass found that an example of this view needs."""
         return {"first_hit": lambda _: self.first_hit(), "source": lambda _: self.source(), "target": self.target,
-                "rough": self.rough, "first_hit_rough": self.first_hit_rough}[render_pass](plan)
+                "rough": self.rough, "first_hit_rough": self.first_hit_rough, "pbr": self.pbr,
+                "empty": self.empty}[render_pass](plan)
 
     def first_hit(self) -> PassResult:
         """Light-free layers of the 3DM."""
@@ -126,6 +123,17 @@ class ViewPasses:
         return self._lit(("rough", str(plan.light), plan.rough.model_dump_json()), plan, lambda: self._rough(plan),
                          lambda: self.covered_by_either(plan), plan.light, plan.rough.level)
 
+    def pbr(self, plan: ExamplePlan) -> PassResult:
+        """The whole scene with the R3DM in it under one target illumination, by the target pass's random numbers."""
+        return self._lit(("pbr", str(plan.light), plan.rough.model_dump_json()), plan, lambda: self._rough(plan),
+                         lambda: self.covered_by_either(plan), plan.light)
+
+    def empty(self, plan: ExamplePlan) -> PassResult:
+        """The scene without the target object under one target illumination, by the target pass's random numbers: what
+        the object changes nothing of has the same bits, but for light that is found by paths from the lamps."""
+        return self._lit(("empty", str(plan.light)), plan, lambda: self.scenes.surroundings(plan), self.covered,
+                         plan.light)
+
     def rough_direct(self, plan: ExamplePlan) -> PassResult:
         """As `rough`, without light that has bounced: the same pixels, as many samples as that took on average, all of
         them its own."""
@@ -151,7 +159,7 @@ class ViewPasses:
         return self._once((LIGHTING, str(plan.light)), plan, lambda: np.zeros(1, dtype=np.int64), sampler, plan.light)
 
     def _rough(self, plan: ExamplePlan) -> OpenScene:
-        return self.scenes.rough(plan, lit=asked(plan, "rough"))
+        return self.scenes.rough(plan, lit=lights_rough(plan))
 
     def _lit(self, key: tuple[str, ...], plan: ExamplePlan, opened: Callable[[], OpenScene], covered: Pixels,
              *seed: int) -> PassResult:
@@ -187,10 +195,11 @@ class ViewPasses:
         """The result of the pass `key[0]`: what this view has of it, or what is remembered, or both and new samples.
 
         pixels: of the object, unless the pass is planned on the frame; sampler: opens the scene; seed: numbers that the
-        pass's random numbers derive from, besides its name.
+        pass's random numbers derive from, besides the name of what it is sampled as.
         """
         if key not in self._results:
             name = key[0]
+            run = PassSteps(name=name, plan=plan, memory=self.memory, seeds=seed)
             steps, found = self.memory.recall(plan, name)
             if found and steps == steps_of(plan, name):
                 self.recalled.append(name)
@@ -199,46 +208,10 @@ class ViewPasses:
                 traced = found.pixels if found else self._frame() if wide else pixels()
                 start = perf_counter()
                 before = found or PassFound(pixels=traced, sampled=Sampled(halves=(Estimate.empty(),)), facts=facts())
-                found = self._sampled(name, plan, before, steps, sampler, pixels,
-                                      derive_seed(int(self._render.seed), name, *seed))
+                found = run.sampled(before, steps, sampler, pixels)
                 self.spent[name] = self.spent.get(name, 0.0) + perf_counter() - start
-            self._results[key] = self._finished(name, found)
+            self._results[key] = run.finished(found)
         return self._results[key]
-
-    def _sampled(self, name: str, plan: ExamplePlan, found: PassFound, done: int, sampler: Callable[[], Sample],
-                 covered: Pixels, seed: int) -> PassFound:
-        """A pass's steps from number `done` on, each remembered as soon as it is there."""
-        pixels, batches = found.pixels, self._render.batches
-        parts = self._render.parts(name) if name in PASSES else (1,)
-        # Before the scene is opened: one at a time
-        goals = [[self._goal(goal, pixels, covered()) for goal in goals_at(plan, name, step)]
-                 for step in range(steps_of(plan, name))]
-        sample = sampler() if len(pixels) else None
-        for step in range(done, steps_of(plan, name)):
-            known = found.sampled if step else None
-            if sample and goals[step]:
-                found = replace(found, sampled=refine(sample, pixels, self._render.width, first=sum(parts),
-                                                      goals=goals[step], batches=batches, seed=seed, before=known))
-            elif sample:
-                found = replace(found, sampled=more_samples(sample, pixels, known, spp=parts[step], part=step,
-                                                            batches=batches, seed=seed))
-            if name in RADIANCE:
-                found = replace(found, sampled=found.sampled.rounded())
-            self.memory.keep(plan, name, step + 1, found)
-        return found
-
-    def _goal(self, goal: GoalPlan, pixels: np.ndarray, covered: np.ndarray) -> Goal:
-        """A layer's goal on the pixels of its own extent."""
-        extent = dict(self._render.layers).get(goal.layer, "object")
-        inside = np.isin(pixels, covered) if extent == "object" else np.ones(len(pixels), dtype=bool)
-        return Goal(layer=goal.layer, channels=radiance_channels(goal.layer), inside=inside,
-                    error=goal.error, seconds=goal.seconds, cap=goal.cap)
-
-    def _finished(self, name: str, found: PassFound) -> PassResult:
-        sampled, width = found.sampled, self._render.width
-        lit = name in RADIANCE and len(found.pixels)
-        estimate = sampled.estimate(found.pixels, width) if lit else sampled.halves[0]
-        return PassResult(pixels=found.pixels, found=estimate, stopped=sampled.stopped, facts=found.facts)
 
 
 def _with_mask(result: PassResult) -> np.ndarray:

@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, ConfigDict, Field, Tag, model_validator
 
-from dataset_builder.layers import LAYERS, PAPER_LAYERS, Extent
+from dataset_builder.layers import ALIKE, LAYERS, PAPER_LAYERS, Extent
 from dataset_builder.spec.file_scene import ThingQuery
 from dataset_builder.spec.licences import Licence
 from dataset_builder.spec.light import SourceSpec, TargetSpec
@@ -215,6 +215,16 @@ class DatasetSpec(Model):
                     path = ("render", key, name) if key == "accuracy" else ("render", key, "layers")
                     raise broken(f"expected layers that the dataset holds, got {name}", path=path,
                                  known=tuple(self.layers))
+        return self
+
+    @model_validator(mode="after")
+    def _differences_are_smooth(self) -> "DatasetSpec":
+        alike = [name for name in self.layers if LAYERS[name].render_pass in ALIKE]
+        goals = [name for name in self.render.accuracy if name in alike]
+        if goals and len({LAYERS[name].render_pass for name in alike}) > 1:
+            shown = ", ".join(name for name in alike if LAYERS[name].render_pass != LAYERS[goals[0]].render_pass)
+            raise broken(f"expected a fixed spp of {goals[0]}, which shares its random numbers with {shown}, got a goal",
+                         path=("render", "accuracy", goals[0]))
         return self
 
     @model_validator(mode="after")

@@ -11,7 +11,7 @@ from typing import Any, get_args
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.label.example_plan import Decision, EffectsPlan, Feature, PassEffects, RenderPlan
 from dataset_builder.label.scene_plan import FogPlan, IlluminationPlan, PlacedObject, PortalPlan, RoomPlan, Vector
-from dataset_builder.layers import EVERYWHERE, LAYERS, PASSES, Extent
+from dataset_builder.layers import ALIKE, EVERYWHERE, LAYERS, LIT, PASSES, Extent
 from dataset_builder.planning.effects.caustics_told import throws_caustics, told
 from dataset_builder.planning.effects.daylight_choice import daylight
 from dataset_builder.planning.effects.features import scene_features
@@ -32,7 +32,6 @@ REPEATS = 2
 """Independent renders of such an example as the dataset asks: their products hold the bias without the noise."""
 MASKS = {"3dm": ("mask",), "r3dm": ("mask", "mask_rough")}
 """By geometry: where a layer of extent `object` lives is where any of these is above 0."""
-LIT = ("source", "target", "rough")
 
 
 def guides_of(name: str) -> tuple[str, ...]:
@@ -85,7 +84,7 @@ def plan_effects(*, spec: RenderSpec, room: RoomPlan, shell: Shell, diagonal: fl
     them. Raises PlanError where a mesh file is not the one that was planned, and where no light of a pass that runs can
     reach the object.
     """
-    light = {"source": source_light, "target": target_light, "rough": target_light}
+    light: dict[str, IlluminationPlan] = {name: source_light if name == "source" else target_light for name in LIT}
     _require_light(shell, target.position, light, render, where)
     if spec.effects == "all":
         return _everything(spec, render, light)
@@ -157,8 +156,8 @@ def _asked(render: RenderPlan, name: str) -> dict[str, str]:
 
 def _runs(render: RenderPlan, name: str) -> bool:
     """The first pass always runs: it finds the object's pixels; the rough one finds those of S'."""
-    needed = name == "first_hit" or (name == "first_hit_rough" and bool(_asked(render, "rough")))
-    return needed or bool(_asked(render, name))
+    rough = name == "first_hit_rough" and bool(_asked(render, "rough") or _asked(render, "pbr"))
+    return name == "first_hit" or rough or bool(_asked(render, name))
 
 
 def _extent(render: RenderPlan, name: str) -> tuple[str, str]:
@@ -171,6 +170,8 @@ def _extent(render: RenderPlan, name: str) -> tuple[str, str]:
               if extent == "frame" and layer not in EVERYWHERE and LAYERS[layer].render_pass == name]
     if guides:
         return "frame", f"guides what is denoised on the whole frame: {', '.join(guides)}"
+    if asked and name in ALIKE[1:] and _runs(render, ALIKE[0]) and _extent(render, ALIKE[0])[0] == "frame":
+        return "frame", "as the pass target, whose random numbers it shares pixel by pixel"
     if asked:
         return "object", f"requested on the object only: {', '.join(asked)}"
     why = "none of its layers is requested"
