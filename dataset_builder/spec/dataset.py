@@ -222,9 +222,9 @@ class DatasetSpec(Model):
         alike = [name for name in self.layers if LAYERS[name].render_pass in ALIKE]
         goals = [name for name in self.render.accuracy if name in alike]
         if goals and len({LAYERS[name].render_pass for name in alike}) > 1:
-            shown = ", ".join(name for name in alike if LAYERS[name].render_pass != LAYERS[goals[0]].render_pass)
-            raise broken(f"expected a fixed spp of {goals[0]}, which shares its random numbers with {shown}, got a goal",
-                         path=("render", "accuracy", goals[0]))
+            others = ", ".join(name for name in alike if LAYERS[name].render_pass != LAYERS[goals[0]].render_pass)
+            raise broken(f"expected a fixed spp, since {goals[0]} shares its random numbers with {others}, got a goal "
+                         "(set render.spp.target instead)", path=("render", "accuracy", goals[0]))
         return self
 
     @model_validator(mode="after")

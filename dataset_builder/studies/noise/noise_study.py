@@ -25,7 +25,8 @@ NO_PASSES = ("plan", "encode", "denoise")
 MEANINGS = {
     "first_hit": "light-free layers", "source": "I_s", "target": "I_t", "rough": "S'",
     "first_hit_rough": "where the rough mesh is seen", "lighting": "spherical harmonics of the target light",
-    "instance": "instances", "rough_direct": "S' without bounced light, for denoising",
+    "instance": "instances", "empty": "the scene without the object", "pbr": "the scene with the rough mesh in it",
+    "rough_direct": "S' without bounced light, for denoising",
 }
 
 
