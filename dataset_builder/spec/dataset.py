@@ -219,7 +219,7 @@ class DatasetSpec(Model):
 
     @model_validator(mode="after")
     def _differences_are_smooth(self) -> "DatasetSpec":
-        alike = [name for name in self.layers if LAYERS[name].render_pass in ALIKE]
+        alike = [name for name in self.layers if LAYERS[name].render_pass in ALIKE and not name.endswith("_se")]
         goals = [name for name in self.render.accuracy if name in alike]
         if goals and len({LAYERS[name].render_pass for name in alike}) > 1:
             others = ", ".join(name for name in alike if LAYERS[name].render_pass != LAYERS[goals[0]].render_pass)
