@@ -26,7 +26,7 @@ def ball(radius: float = 0.4, rings: int = 12) -> TriangleMesh:
         faces += [face for k in range(n) for face in ((upper + k, lower + k, lower + (k + 1) % n),
                                                       (upper + k, lower + (k + 1) % n, upper + (k + 1) % n))]
     faces += [(last - n + k, last, last - n + (k + 1) % n) for k in range(n)]
-    return coloured(radius * (np.array(points) + [0, 0, 1]), np.array(faces))
+    return coloured(radius * (np.array(points) + np.array([0, 0, 1])), np.array(faces))
 
 
 def coloured(positions: np.ndarray, faces: np.ndarray) -> TriangleMesh:

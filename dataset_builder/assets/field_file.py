@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from dataset_builder.errors import UserError
+from dataset_builder.errors import Problem, UserError
 from dataset_builder.files import write_atomic
 from dataset_builder.geometry.mesh import TriangleMesh
 from dataset_builder.geometry.splat_cloud import SplatCloud
@@ -19,6 +19,8 @@ from dataset_builder.label.field_record import FieldRecord
 
 FORMAT = 1
 """Of the file; a reader takes no other."""
+ZIP = b"PK\x03\x04"
+"""What such a file starts with; NumPy takes everything else for a pickle."""
 HEADER = "field"
 """Member with the record and what is no array, as JSON text in bytes."""
 
@@ -72,15 +74,22 @@ def write_field(path: Path, content: FieldFile) -> None:
 
 def read_field(path: Path) -> FieldFile:
     """The field of a file. Raises UserError where there is none, or where it is damaged or of another format."""
+    def refused(rule: str, hint: str = "") -> UserError:
+        return UserError([Problem(where=str(path), path="", rule=rule, hint=hint)])
+
     try:
         # From memory: a damaged archive would leave the file open
-        with np.load(BytesIO(path.read_bytes()), allow_pickle=False) as members:
+        data = path.read_bytes()
+        if not data.startswith(ZIP):
+            raise zipfile.BadZipFile("it is no zip archive")
+        with np.load(BytesIO(data), allow_pickle=False) as members:
             return _decoded(members)
     except FileNotFoundError:
-        raise UserError(f"{path}: expected a field, found no file") from None
+        raise refused("expected a field, found no file") from None
     except (OSError, ValueError, KeyError, TypeError, EOFError, ValidationError, zipfile.BadZipFile,
             zlib.error) as error:
-        raise UserError(f"{path}: expected a whole field of format {FORMAT} ({error}); make it again") from error
+        raise refused(f"expected a whole field of format {FORMAT}, got one that cannot be read: {error}",
+                      "make it again") from error
 
 
 def _arrays(holder: Any) -> dict[str, np.ndarray]:

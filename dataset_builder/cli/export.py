@@ -17,7 +17,7 @@ def add(verbs: common.Verbs) -> None:
     verb.add_argument("--meshes", type=Path, default=Path(), metavar="DIR",
                       help="folder of the dataset's spec, where mesh files and images are looked for (default: here)")
     verb.add_argument("--fields", type=Path, metavar="DIR",
-                      help="folder of the fields that rough meshes were taken from (default: .build/fields of the dataset)")
+                      help="folder of the fields that rough meshes were taken from (default: the dataset's own)")
 
 
 def _export(options: argparse.Namespace) -> int:

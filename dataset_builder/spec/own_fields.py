@@ -42,13 +42,15 @@ def check_own_targets(dataset: DatasetSpec, document: Document,
         yield document.problem(("layers",), rule, "there are " + ", ".join(
             name for name in TO_HAVE if not name.endswith(("_se", "_raw"))) + ", and their standard errors")
     if dataset.layers.get("i_s") == "frame":
-        yield document.problem(("layers", "i_s"), f"expected object, since {who} is a field, seen alone, got frame")
+        rule = f"expected object, since {who} is a field, seen alone, got frame"
+        yield document.problem(("layers", "i_s"), rule)
     if "i_s" in dataset.render.denoise.layers:
         yield document.problem(("render", "denoise", "layers"), f"expected no i_s, which is the image of {who}")
     for number, split in enumerate(dataset.splits):
         if owners[split.name] and (count := len(split.levels(dataset.rough))) > 1:
-            yield document.problem(("rough",), f"expected one level, since the rough mesh of {owners[split.name][0]} is its "
-                                   f"own, got {count} levels, which would be equal")
+            rule = (f"expected one level, since the rough mesh of {owners[split.name][0]} is its own, got {count} "
+                    "levels, which would be equal")
+            yield document.problem(("rough",), rule)
         for index, key in enumerate(split.objects.source):
             if is_field(objects.get(key)) and objects[key].materials:
                 rule = (f"expected no `materials` of {key} as a target, since its image would not follow, got "

@@ -44,7 +44,8 @@ def read(source: SceneSource, root: Path, max_texture: int) -> SceneModel:
         else:
             scene = _flat_scene(_model(path, source, max_texture), path, source, world_from_file)
         if not scene.things:
-            refuse(path, "expected things with triangles, got none", "; ".join(scene.faults[:3]) or splat_hint(scene.left_out))
+            refuse(path, "expected things with triangles, got none",
+                   "; ".join(scene.faults[:3]) or splat_hint(scene.left_out))
         things, decided = classified(scene.things, source)
     return replace(scene, things=things, left_out=(*scene.left_out, *decided))
 

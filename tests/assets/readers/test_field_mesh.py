@@ -30,7 +30,8 @@ def test_the_mesh_of_a_field_is_where_the_field_is(tmp_path: Path) -> None:
 def test_a_field_that_would_have_to_be_moved_is_refused(tmp_path: Path, moved: tuple[float, float, float]) -> None:
     path = write_ball(tmp_path / "a.npz", moved=moved)
     off = next(f"{step:g}" for step in moved if step)
-    with pytest.raises(UserError, match=rf"stands on z = 0 over the origin, got one that is off by .*{off}.* m \(scale, "):
+    told = rf"stands on z = 0 over the origin, got one that is off by .*{off}.* m \(scale, turn"
+    with pytest.raises(UserError, match=told):
         load(path)
 
 
