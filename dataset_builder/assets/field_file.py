@@ -27,7 +27,11 @@ HEADER = "field"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FieldFile:
-    """One field. Its frame is the object's: metres, Z up, front towards -Y, standing on z = 0 over the origin."""
+    """One field. Its frame is the object's: metres, Z up, front towards -Y, standing on z = 0 over the origin, where
+    `assets.mesh_file.stand` would not move its mesh.
+
+    Raises UserError for numbers that no field has.
+    """
 
     record: FieldRecord
     mesh: TriangleMesh
@@ -48,6 +52,17 @@ class FieldFile:
     """What raw values become opacity and colour by; see `rendering.field`."""
     more: dict[str, np.ndarray] = field(default_factory=dict)
     """Other arrays that the field is evaluated with, by name: weights, cells that hold something."""
+
+    def __post_init__(self) -> None:
+        figures = {"radius": self.radius, "white": self.white}
+        for name, value in figures.items():
+            if not 0 < value < float("inf"):
+                raise UserError(f"field: {name}: expected a number above 0, got {value}")
+        if not np.isfinite(self.centre).all():
+            raise UserError(f"field: centre: expected finite numbers, got {self.centre}")
+        colors = self.mesh.colors
+        if colors is not None and not ((colors >= 0) & (colors <= 1)).all():
+            raise UserError("field: mesh: expected colours in [0, 1], got others")
 
 
 def encode(content: FieldFile) -> bytes:
@@ -86,7 +101,7 @@ def read_field(path: Path) -> FieldFile:
             return _decoded(members)
     except FileNotFoundError:
         raise refused("expected a field, found no file") from None
-    except (OSError, ValueError, KeyError, TypeError, EOFError, ValidationError, zipfile.BadZipFile,
+    except (OSError, ValueError, KeyError, TypeError, EOFError, UserError, ValidationError, zipfile.BadZipFile,
             zlib.error) as error:
         raise refused(f"expected a whole field of format {FORMAT}, got one that cannot be read: {error}",
                       "make it again") from error
