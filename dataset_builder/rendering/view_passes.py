@@ -93,7 +93,7 @@ class ViewPasses(SampledPasses):
 
         return self._once(("first_hit_rough", str(plan.light), plan.rough.model_dump_json()), plan,
                           lambda: self.scenes.window(self.scenes.rough_object(plan.rough)), sampler, plan.rough.level,
-                          facts=lambda: self.scenes.twin(plan.rough).roughness.model_dump())
+                          facts=lambda: dict(self.scenes.twin(plan.rough).figures))
 
     def instances(self) -> PassResult:
         """Instance at every pixel's centre."""
