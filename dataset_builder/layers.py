@@ -6,13 +6,17 @@ The definitions are in `docs/layers.md`; the identifiers are the same in specs, 
 from dataclasses import dataclass, replace
 from typing import Literal
 
-Geometry = Literal["3dm", "r3dm"]
+Geometry = Literal["3dm", "r3dm", "field"]
 Extent = Literal["object", "frame"]
-Pass = Literal["source", "target", "rough", "first_hit", "first_hit_rough"]
-PASSES: tuple[Pass, ...] = ("first_hit", "source", "target", "first_hit_rough", "rough")
+Pass = Literal["source", "target", "rough", "first_hit", "first_hit_rough", "source_clean"]
+PASSES: tuple[Pass, ...] = ("first_hit", "source", "source_clean", "target", "first_hit_rough", "rough")
 """In the order that they run and plans tell of them; records keep that of `Pass`."""
-EVERYWHERE = ("mask", "mask_rough", "instance")
+EVERYWHERE = ("mask", "mask_rough", "mask_field", "instance")
 """Layers that say by themselves where the object is, so that their extent is no matter."""
+
+
+INF = float("inf")
+RADIANCE = "W/(m^2 sr), scene-referred linear Rec.709"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,7 +28,7 @@ class Layer:
     symbol: str
     """The paper's."""
     geometry: Geometry
-    """Which mesh of the target object it shows."""
+    """Which mesh of the target object it shows; `field` is what `i_s` shows, whatever that is."""
     render_pass: Pass
     """The pass that makes it."""
     channels: int
@@ -40,11 +44,8 @@ class Layer:
     @property
     def radiometric(self) -> bool:
         """True where the value needs light, so that it has Monte Carlo noise and a standard error."""
-        return self.render_pass in ("source", "target", "rough")
+        return self.render_pass in ("source", "source_clean", "target", "rough") and self.unit == RADIANCE
 
-
-INF = float("inf")
-RADIANCE = "W/(m^2 sr), scene-referred linear Rec.709"
 
 _TABLE = (
     Layer(name="i_s", symbol="I_s", geometry="3dm", render_pass="source", channels=3, low=0, high=INF, unit=RADIANCE,

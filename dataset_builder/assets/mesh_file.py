@@ -13,7 +13,7 @@ from dataset_builder.assets.asset import Asset, Material
 from dataset_builder.assets.even_colours import with_even_colours
 from dataset_builder.assets.file_model import GREY, ROUGHNESS, FileModel, FilePart, refuse
 from dataset_builder.assets.image_maps import ImageFile, check_image
-from dataset_builder.assets.readers import gltf, obj, off, ply, stl, usd
+from dataset_builder.assets.readers import field_mesh, gltf, obj, off, ply, stl, usd
 from dataset_builder.assets.repair_text import pieces_text, repair_notes, repair_text
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.geometry.mesh import TriangleMesh, concatenate, transform
@@ -21,13 +21,13 @@ from dataset_builder.geometry.repair import repair
 from dataset_builder.geometry.shape_faults import shape_faults
 from dataset_builder.geometry.support import NEAR, near_support
 from dataset_builder.spec.file_reference import FileReference
-from dataset_builder.spec.mesh_source import broken_suffix_rule, references
+from dataset_builder.spec.mesh_source import FIELD_SUFFIX, broken_suffix_rule, references
 from dataset_builder.spec.problems import name_alike
 from dataset_builder.spec.usd_references import USD_SUFFIXES
 
 READERS: dict[str, Callable[[Path, int], FileModel]] = {
     ".glb": gltf.read, ".gltf": gltf.read, ".obj": obj.read, ".off": off.read, ".ply": ply.read, ".stl": stl.read,
-    **dict.fromkeys(USD_SUFFIXES, usd.read)}
+    FIELD_SUFFIX: field_mesh.read, **dict.fromkeys(USD_SUFFIXES, usd.read)}
 """What reads a file by its suffix: functions of its path and the longest side of a texture."""
 RAISED = 1e-4
 """Metres that a sheet lies above what it stands on; in one plane, half of its pixels would be the floor's."""

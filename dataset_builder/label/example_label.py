@@ -8,6 +8,7 @@ from typing import Literal
 from pydantic import ConfigDict
 
 from dataset_builder.label.example_plan import ExamplePlan
+from dataset_builder.label.field_record import FieldRecord
 from dataset_builder.label.roughness_record import RoughnessRecord
 from dataset_builder.label.scene_plan import Vector
 from dataset_builder.layers import Pass
@@ -92,6 +93,9 @@ class RenderRecord(Model):
     """Radius of the sphere about the 3DM's bounding box, metres; 0 where there is no rough mesh."""
     roughness: tuple[RoughnessRecord, ...] = ()
     """One of the rough mesh, where there is one."""
+    field: tuple[FieldRecord, ...] = ()
+    """Figures of the field that `i_s` shows, where it shows one, then of the one that the R3DM is taken from, where
+    that is another."""
     lighting_sh: tuple[Vector, ...] = ()
     """Nine coefficients of the light that arrives at the object, red, green and blue each, W/m^2/sr; see
     [layers](layers.md#light-about-the-object). 0 where no layer needs the target light."""

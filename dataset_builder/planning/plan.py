@@ -7,11 +7,13 @@ from functools import cached_property, partial
 
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.label.example_plan import ExamplePlan, GoalPlan, RenderPlan, SppPart
+from dataset_builder.label.field_plan import FieldPlan
 from dataset_builder.label.scene_plan import IlluminationPlan, ObjectPlan
 from dataset_builder.layers import LAYERS, Extent
 from dataset_builder.planning.catalogue import ExampleRef, PairRef, ViewRef, examples
 from dataset_builder.planning.effects.decisions import plan_effects
-from dataset_builder.planning.rough_plan import rough_notes, rough_plan
+from dataset_builder.planning.field_recipe import field_plan, in_world
+from dataset_builder.planning.rough_plan import rough_notes, rough_of_field, rough_plan
 from dataset_builder.planning.scene.arrangement import Arrangement, arrange
 from dataset_builder.planning.scene.assets_of_plan import asset_of
 from dataset_builder.planning.scene.contents import ScenePlan, SplitContents, contents, place_of
@@ -25,6 +27,7 @@ from dataset_builder.planning.view.scene_cameras import own_camera
 from dataset_builder.planning.view.scene_lights import check_lights_differ, scene_light
 from dataset_builder.seeding import derive_seed, rng
 from dataset_builder.spec.dataset import DatasetSpec
+from dataset_builder.spec.field import FieldSpec
 from dataset_builder.spec.render import SppSpec
 from dataset_builder.spec.resolve import LoadedSpec
 
@@ -43,6 +46,8 @@ class ViewPlan:
     arrangement: Arrangement
     view: PlannedCamera
     source: IlluminationPlan
+    field: FieldPlan
+    """What `i_s` shows in place of the 3DM."""
 
 
 class Planner:
@@ -50,6 +55,7 @@ class Planner:
 
     def __init__(self, loaded: LoadedSpec):
         self.loaded = loaded
+        self._splits = {split.name: split for split in loaded.dataset.splits}
         self._arrangements = Recent[Arrangement](4, KEPT_BYTES, _bytes_of)
         self._views = Recent[ViewPlan](4, KEPT_BYTES, lambda view: _bytes_of(view.arrangement))
         self._lights = Recent[tuple[IlluminationPlan, str]](64)
@@ -100,8 +106,11 @@ class Planner:
                                   ref.camera, where)
             else:
                 view = place_camera(arrangement, spec.camera, spec.image, rng(spec.seed, *ref.path, "camera"), where)
-        source = source_light(spec.source, partial(rng, spec.seed, *ref.path, "source"), root)
-        return ViewPlan(arrangement=arrangement, view=view, source=source)
+        seen, target = self._splits[ref.pair.split].source, arrangement.target
+        field = field_plan(spec, seen if seen.image else None, ref.pair, target.object, root)
+        source = (in_world(field.light, target.yaw, spec.source.open) if field.light.lights else
+                  source_light(spec.source, partial(rng, spec.seed, *ref.path, "source"), root))
+        return ViewPlan(arrangement=arrangement, view=view, source=source, field=field)
 
     def light(self, ref: ViewRef, number: int) -> tuple[IlluminationPlan, str]:
         """Target light `number` of a view and its note. Raises PlanError where none lights the target as asked."""
@@ -127,19 +136,23 @@ class Planner:
         light, note = self.light(ref.view, ref.light)
         arrangement = shared.arrangement
         render = render_plan(spec, ref.view, from_file=arrangement.room.kind != "procedural")
-        fog = self._scene(ref.view.pair).fog
+        fog, levels = self._scene(ref.view.pair).fog, self._splits[ref.view.pair.split].levels(spec.rough)
         effects = plan_effects(spec=spec.render, room=arrangement.room, shell=arrangement.shell,
                                diagonal=arrangement.diagonal(shared.view.camera.position),
                                target=arrangement.target, furniture=arrangement.furniture,
                                source_light=shared.source, target_light=light, fog=fog, render=render,
-                               mesh_root=self.loaded.path.parent, where=_where(ref.view, arrangement))
+                               mesh_root=self.loaded.path.parent, where=_where(ref.view, arrangement),
+                               field=shared.field, taken=any(isinstance(level, FieldSpec) for level in levels))
         clean = asset_of(arrangement.target.object, self.loaded.path.parent).mesh
-        rough = rough_plan(spec, ref, clean)
+        level = levels[ref.level]
+        taken = field_plan(spec, level if isinstance(level, FieldSpec) else None, ref.view.pair,
+                           arrangement.target.object, self.loaded.path.parent)
+        rough = rough_of_field(spec, ref, taken) if taken.kind != "none" else rough_plan(spec, ref, level, clean)
         return ExamplePlan(
             schema_version=SCHEMA_VERSION, key=ref.key, index=ref.index, split=ref.view.pair.split, view=ref.view.name,
             light=ref.light, room=arrangement.room, target=arrangement.target, furniture=arrangement.furniture,
             camera=shared.view.camera, source_light=shared.source, target_light=light,
-            rough=rough, fog=fog, render=render, effects=effects,
+            rough=rough, fog=fog, field=shared.field, render=render, effects=effects,
             notes=(*arrangement.notes, shared.view.note, note, *rough_notes(rough, clean)))
 
 

@@ -10,7 +10,8 @@ from typing import Any
 
 from dataset_builder.digest import digest
 from dataset_builder.label.example_plan import ExamplePlan, GoalPlan
-from dataset_builder.label.scene_plan import IlluminationPlan, PlacedObject, RoomPlan
+from dataset_builder.label.field_plan import FieldPlan
+from dataset_builder.label.scene_plan import IlluminationPlan, ObjectPlan, PlacedObject, RoomPlan
 from dataset_builder.label.scene_source import SceneSource
 from dataset_builder.layers import LAYERS, PASSES, Pass
 from dataset_builder.planning.effects.decisions import has_direct
@@ -23,7 +24,7 @@ without light that has bounced."""
 DIRECT_DEPTH = 2
 """Edges of the longest path of `DIRECT`: from the camera to the object, and on to a light."""
 
-RADIANCE = ("source", "target", "rough")
+RADIANCE = ("source", "source_clean", "target", "rough")
 RUNS = (*PASSES, INSTANCE, LIGHTING, DIRECT)
 """Everything that is rendered as a pass of its own."""
 
@@ -100,6 +101,10 @@ def inputs_of(plan: ExamplePlan, name: str, steps: int | None = None) -> Inputs:
         return found
     samples = _samples(plan, name, steps_of(plan, name) if steps is None else steps)
     found |= {"pixels": plan.effects.of(name).extent, "samples": samples}
+    if name == "source" and plan.field.kind != "none":
+        # Seen alone: nothing of the room, its light or its passes matters
+        return {key: found[key] for key in ("pass", "seed", "object", "camera", "image size", "samples")} | {
+            "field": _plain(plan.field), "sky": sky_radiance(plan)}
     if name.endswith("rough"):
         found["rough mesh"] = _plain(plan.rough)
     if name in RADIANCE:
@@ -112,6 +117,11 @@ def inputs_of(plan: ExamplePlan, name: str, steps: int | None = None) -> Inputs:
     if name in RADIANCE or (name == "first_hit_rough" and asked(plan, "rough")):
         found |= _light(plan, name if name in RADIANCE else "rough")
     return found
+
+
+def field_inputs(target: ObjectPlan, field: FieldPlan) -> Inputs:
+    """What a field of an object depends on."""
+    return {"pass": "field", "object": _object(target), "field": _plain(field)}
 
 
 def key_of(inputs: Inputs, made_by: dict[str, str]) -> str:
@@ -144,7 +154,7 @@ def _openings(plan: ExamplePlan, name: str) -> list[Inputs]:
 
 def _light(plan: ExamplePlan, name: str) -> dict[str, Any]:
     """The lights that a pass simulates, and what is taken out of their way."""
-    source = name == "source"
+    source = name.startswith("source")
     light: IlluminationPlan = plan.source_light if source else plan.target_light
     lights = [_plain(light.lights[index]) for index in plan.effects.of(name).lights]
     found = {"lights": lights, "open": list(light.open)}
@@ -153,8 +163,12 @@ def _light(plan: ExamplePlan, name: str) -> dict[str, Any]:
 
 def _placed(placed: PlacedObject) -> dict[str, Any]:
     """What stands where; a file counts by its content, not by its path."""
-    path = frozenset({"source"} if placed.object.kind != "procedural" else ())
-    return {**_plain(placed), "object": _plain(placed.object, path) | {"scene": _source(placed.object.scene)}}
+    return {**_plain(placed), "object": _object(placed.object)}
+
+
+def _object(plan: ObjectPlan) -> Inputs:
+    path = frozenset({"source"} if plan.kind != "procedural" else ())
+    return _plain(plan, path) | {"scene": _source(plan.scene)}
 
 
 def _room(room: RoomPlan) -> dict[str, Any]:

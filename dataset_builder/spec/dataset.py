@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, ConfigDict, Field, Tag, model_validator
 
 from dataset_builder.layers import LAYERS, PAPER_LAYERS, Extent
+from dataset_builder.spec.field import SeenSpec, require_seen
 from dataset_builder.spec.file_scene import ThingQuery
 from dataset_builder.spec.licences import Licence
 from dataset_builder.spec.light import SourceSpec, TargetSpec
@@ -20,7 +21,7 @@ from dataset_builder.spec.numbers import (
     within,
 )
 from dataset_builder.spec.render import ImageSpec, RenderSpec
-from dataset_builder.spec.rough import RoughSpec
+from dataset_builder.spec.rough import Level, RoughSpec
 
 
 def _clearance(value: Any) -> str | None:
@@ -127,6 +128,12 @@ class SplitSpec(Model):
     """Cameras per pair."""
     lights: Count = 1
     """Target lights per view."""
+    source: SeenSpec = SeenSpec()
+    """What `i_s` shows, and where rough meshes come from: the clean mesh, or a neural field of each object."""
+
+    def levels(self, rough: RoughSpec) -> tuple[Level, ...]:
+        """What rough meshes are made by, one example each: the dataset's levels, or the split's own field."""
+        return (self.source,) if self.source.mesh else rough.levels
 
     @model_validator(mode="after")
     def _enough_pairs(self) -> "SplitSpec":
@@ -200,9 +207,10 @@ class DatasetSpec(Model):
 
     @model_validator(mode="after")
     def _few_enough_examples(self) -> "DatasetSpec":
-        counts = [split.lights * split.views * (split.objects.count * split.scenes.count if split.pairs == "all"
-                                                else split.pairs) for split in self.splits]
-        if (total := sum(counts) * len(self.rough.levels)) > MOST_EXAMPLES:
+        counts = [len(split.levels(self.rough)) * split.lights * split.views * (
+            split.objects.count * split.scenes.count if split.pairs == "all" else split.pairs)
+            for split in self.splits]
+        if (total := sum(counts)) > MOST_EXAMPLES:
             raise broken(f"expected at most {MOST_EXAMPLES} examples of all splits together, got {total}",
                          path=("splits",))
         return self
@@ -215,6 +223,11 @@ class DatasetSpec(Model):
                     path = ("render", key, name) if key == "accuracy" else ("render", key, "layers")
                     raise broken(f"expected layers that the dataset holds, got {name}", path=path,
                                  known=tuple(self.layers))
+        return self
+
+    @model_validator(mode="after")
+    def _fields_are_seen_alone(self) -> "DatasetSpec":
+        require_seen({split.name: split.source for split in self.splits}, self.layers, self.render.denoise.layers)
         return self
 
     @model_validator(mode="after")

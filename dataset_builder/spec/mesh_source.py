@@ -15,9 +15,12 @@ from dataset_builder.spec.ply_references import ply_references
 from dataset_builder.spec.problems import shown
 from dataset_builder.spec.usd_references import USD_SUFFIXES, usd_references
 
+FIELD_SUFFIX = ".npz"
+"""Of fields, whose meshes are read as any mesh is."""
 REFERENCES: dict[str, Callable[[Path], Iterable[FileReference]]] = {
     ".glb": gltf_references, ".gltf": gltf_references, ".obj": obj_references, ".off": lambda path: (),
-    ".ply": ply_references, ".stl": lambda path: (), **dict.fromkeys(USD_SUFFIXES, usd_references)}
+    ".ply": ply_references, ".stl": lambda path: (), FIELD_SUFFIX: lambda path: (),
+    **dict.fromkeys(USD_SUFFIXES, usd_references)}
 """What finds the files that a mesh file names, by its suffix."""
 MESH_SUFFIXES = tuple(REFERENCES)
 OTHER_FORMATS = {

@@ -31,6 +31,11 @@ class ImageSpec(Model):
     """Pixels."""
 
 
+def spp_of(render_pass: str) -> str:
+    """Whose spp a pass takes: light-free passes share one, and so do both ways to `i_s`."""
+    return "first_hit" if render_pass.startswith("first_hit") else render_pass.removesuffix("_clean")
+
+
 def _one_or_many(value: Any) -> str:
     return "|many" if isinstance(value, list | tuple) else "|one"
 
@@ -67,7 +72,7 @@ class SppSpec(Model):
 
     def parts(self, render_pass: str) -> tuple[int, ...]:
         """The parts that the samples of a pass are taken in, one or more."""
-        spp = getattr(self, render_pass)
+        spp = getattr(self, spp_of(render_pass))
         return spp if isinstance(spp, tuple) else (spp,)
 
     def total(self, render_pass: str) -> int:

@@ -27,6 +27,8 @@ from dataset_builder.planning.scene.recent import Recent
 from dataset_builder.planning.scene.room_parts import RoomPart, room_parts
 from dataset_builder.seeding import rng
 
+MATT = Material(name="field", base_color=(1.0, 1.0, 1.0), specular=0.0)
+"""Of meshes from fields, whose vertices have the colours."""
 KEPT_BASES, KEPT_MAPS = 16, 8
 KEPT_ROOMS, KEPT_BYTES = 16, 1 << 29
 NARROW = {"normals": np.float32, "uvs": np.float32, "material": np.int32, "instance": np.int32, "part": np.int8}
@@ -177,6 +179,15 @@ def rough_twin(placed: PlacedObject, plan: RoughPlan, mesh_root: Path) -> RoughT
     mesh, normals = rough.mesh, corner_normals(rough.mesh, creases=rough.creases)
     soup = soup_of(mesh, normals, asset.materials, world_from_object(placed), placed.instance)
     return RoughTwin(soup=soup, roughness=measure_roughness(mesh, asset.mesh, rng(int(plan.seed), "roughness")))
+
+
+def field_twin(placed: PlacedObject, plan: RoughPlan, mesh_root: Path, mesh: TriangleMesh | None) -> RoughTwin:
+    """The R3DM of a placed object that is taken from a field: matt, in the colours that the field shows. mesh: the
+    field's, in the object's frame; None where the object is a field itself, and its mesh the R3DM."""
+    asset = asset_of(placed.object, mesh_root)
+    rough, materials = (mesh, (MATT,)) if mesh is not None else (asset.mesh, asset.materials)
+    soup = soup_of(rough, corner_normals(rough), materials, world_from_object(placed), placed.instance)
+    return RoughTwin(soup=soup, roughness=measure_roughness(rough, asset.mesh, rng(int(plan.seed), "roughness")))
 
 
 @lru_cache(maxsize=KEPT_BASES)
