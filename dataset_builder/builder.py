@@ -100,7 +100,7 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
     chosen = _chosen(planner.examples, only)
     check_images(loaded)
     probe(planner)
-    made_by = versions(job.backend, denoise)
+    made_by = versions(job.backend, loaded.dataset)
     if not folder.exists():
         # Refused before anything is made
         _require_space(folder, loaded.dataset, len(chosen))

@@ -49,7 +49,7 @@ Take = Callable[[int], np.ndarray]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FieldCameras:
+class StudioCameras:
     """Where the images of a field are taken from: those that it is fitted to, then those that it is measured on."""
 
     cameras: tuple[Pinhole, ...]
@@ -60,7 +60,7 @@ class FieldCameras:
     """Of the sphere about that point through the farthest of the object, metres."""
 
     @classmethod
-    def of(cls, target: ObjectPlan, field: FieldPlan, mesh_root: Path) -> FieldCameras:
+    def of(cls, target: ObjectPlan, field: FieldPlan, mesh_root: Path) -> StudioCameras:
         """The cameras of a plan."""
         mesh = asset_of(target, mesh_root).mesh
         centre, radius = mesh.bounds.mean(axis=0), bounding_radius(mesh)
@@ -97,7 +97,7 @@ def white_of(field: FieldPlan) -> float:
 
 
 @contextmanager
-def studio(target: ObjectPlan, field: FieldPlan, cameras: FieldCameras, mesh_root: Path) -> Iterator[Take]:
+def studio(target: ObjectPlan, field: FieldPlan, cameras: StudioCameras, mesh_root: Path) -> Iterator[Take]:
     """What takes the images of a field, one at a time; `backend.activate` must have run in this process.
 
     Each image has random numbers of its own, so that any of them can be taken alone. Raises PlanError as
