@@ -6,12 +6,12 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from dataset_builder.engine.made_by import pass_versions, plan_digest, versions
+from dataset_builder.engine.made_by import plan_digest, versions
 from dataset_builder.engine.unit import BuildJob
 from dataset_builder.errors import PlanError, ShardError
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.planning.plan import Planner
-from dataset_builder.rendering.pass_inputs import Inputs, all_passes, inputs_of, key_of
+from dataset_builder.rendering.pass_inputs import Inputs, all_passes, inputs_of
 from dataset_builder.shards.folder import Claim, require_ours
 from dataset_builder.shards.published_examples import PublishedExamples
 from dataset_builder.shards.reader import open_dataset

@@ -52,18 +52,21 @@ class NeededFields:
     @classmethod
     def of(cls, needs: Mapping[ExampleRef, Sequence[FieldNeed]], shelf: FieldShelf) -> "NeededFields":
         """Those of needs, whose keys are the shelf's."""
-        known = {need: shelf.key(_task(need)) for need in dict.fromkeys(need for each in needs.values() for need in each)}
+        distinct = dict.fromkeys(need for each in needs.values() for need in each)
+        known = {need: shelf.key(_task(need)) for need in distinct}
         return cls(tasks={key: _task(need) for need, key in known.items()},
                    by_example={ref: {known[need]: need for need in each} for ref, each in needs.items()})
 
 
-def make_fields(job: BuildJob, refs: Sequence[ExampleRef], *, run: Callable[..., Iterator[Any]], workers: int,
-                told: Callable[[FieldNews], None]) -> Iterator[FieldNews | Outcome]:
-    """Make the fields that examples need and that are missing, then refuse the examples that a field fails.
+def make_fields(job: BuildJob, refs: Sequence[ExampleRef], wanted: frozenset[ExampleRef], *,
+                run: Callable[..., Iterator[Any]], workers: int,
+                told: Callable[[FieldNews], None]) -> Iterator[FieldNews | tuple[Outcome, ...]]:
+    """Make the fields that examples need and that are missing, then refuse those of the `wanted` examples that a field
+    fails.
 
     Yields news of each field as it is finished, those that were there first, then an outcome of every example that is
-    refused. told: called with news on the way. Raises PlanError where splits share an object, OutputError as `run` and
-    writing do.
+    refused, where any is. told: called with news on the way. Raises PlanError where splits share an object, OutputError
+    as `run` and writing do.
     """
     planner, shelf = planner_of(job), job.fields
     root = planner.loaded.path.parent
@@ -78,7 +81,8 @@ def make_fields(job: BuildJob, refs: Sequence[ExampleRef], *, run: Callable[...,
     for news in run(partial(make_one, job), missing, workers=min(workers, max(len(missing), 1)), told=told):
         finished[news.key] = news
         yield news
-    yield from refusals(needed, finished)
+    if refused := tuple(outcome for outcome in refusals(needed, finished) if outcome.ref in wanted):
+        yield refused
 
 
 def make_one(job: BuildJob, task: FieldTask, told: Callable[[FieldNews], None]) -> FieldNews:
@@ -101,7 +105,7 @@ def make_one(job: BuildJob, task: FieldTask, told: Callable[[FieldNews], None]) 
         if isinstance(error, OutputError):
             raise
         return news(failed=str(error))
-    return news(record=made.record, seconds={"field images": imaged, "field fit": perf_counter() - start - imaged})
+    return news(record=made.record, seconds={"images": imaged, "fit": perf_counter() - start - imaged})
 
 
 def refusals(needed: NeededFields, finished: Mapping[str, FieldNews]) -> Iterator[Outcome]:

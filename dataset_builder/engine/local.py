@@ -74,7 +74,7 @@ _news: Any = None
 
 def _begin(news: Any) -> None:
     """The start of a process."""
-    global _news  # noqa: PLW0603
+    global _news
     _news = news
     follow_the_parent()
 

@@ -5,13 +5,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from dataset_builder.engine.made_by import field_versions
+from dataset_builder.engine.unit import FIELDS
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.exporting.example_stage import StageParts, write_stage
 from dataset_builder.exporting.placed_things import stage_contents
 from dataset_builder.extras import missing_named
 from dataset_builder.files import flush_folder, output_errors
 from dataset_builder.label.example_plan import ExamplePlan
+from dataset_builder.rendering.field_shelf import FieldShelf
 from dataset_builder.shards import exr
+from dataset_builder.shards.folder import WORK
 from dataset_builder.shards.reader import Dataset, open_dataset
 from dataset_builder.spec.problems import nearest
 
@@ -63,7 +67,8 @@ def export_usd(job: ExportJob) -> Exported:
                                  rule="expected no such folder yet, got one; nothing is overwritten")])
     label = dataset.label(job.key)
     _require_files(label.plan, job.mesh_root)
-    contents = stage_contents(label.plan, job.mesh_root)
+    shelf = FieldShelf(folder=job.dataset / WORK / FIELDS, made_by=field_versions("auto"))
+    contents = stage_contents(label.plan, job.mesh_root, shelf)
     out = job.out.absolute()
     with output_errors(job.out):
         out.parent.mkdir(parents=True, exist_ok=True)

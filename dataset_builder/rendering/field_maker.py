@@ -67,7 +67,7 @@ def _cleared(making: Path, task: FieldTask) -> Iterator[None]:
 
 
 def _made(task: FieldTask, key: str, making: Path, mesh_root: Path, told: Told) -> FieldFile:
-    plan, mesh = task.field, asset_of(task.object, mesh_root).mesh
+    plan = task.field
     cameras = StudioCameras.of(task.object, plan, mesh_root)
     images, held_out = _images(task, cameras, making, mesh_root, told)
 
@@ -76,8 +76,8 @@ def _made(task: FieldTask, key: str, making: Path, mesh_root: Path, told: Told) 
 
     settings = FieldSettings(kind="sdf" if plan.kind == "sdf" else "density", resolution=plan.resolution,
                              steps=plan.steps, seed=derive_seed(int(plan.seed), "fit"))
-    return fit_field(images, held_out, settings, centre=cameras.centre, radius=cameras.radius, white=white_of(plan), key=key, clean=mesh,
-                     checkpoint=making / CHECKPOINT, told=fitting)
+    return fit_field(images, held_out, settings, centre=cameras.centre, radius=cameras.radius, white=white_of(plan),
+                     key=key, clean=asset_of(task.object, mesh_root).mesh, checkpoint=making / CHECKPOINT, told=fitting)
 
 
 def _images(task: FieldTask, cameras: StudioCameras, making: Path, mesh_root: Path,

@@ -126,7 +126,7 @@ def _image(opened: OpenScene, camera: CameraPlan, points: np.ndarray, field: Fie
     def integrand(samplers: Samplers, position: mi.Vector2f) -> list[mi.Float]:
         found = trace(opened.scene, samplers.strata, samplers.rest, primary_ray(sensor, position), longest, roulette,
                       features=opened.features, wanted=frozenset({"image"}))
-        return [*(dr.select(found.valid, channel, 0) for channel in found.image), dr.select(found.valid, mi.Float(1), 0)]
+        return [dr.select(found.valid, channel, 0) for channel in (*found.image, mi.Float(1))]
 
     pixels = covered_window(Pinhole.of(camera, field.size, field.size), points)
     image = np.zeros((field.size**2, 4), dtype=np.float16)
