@@ -9,11 +9,10 @@ from typing import Literal
 
 from dataset_builder.assets.field_file import FieldFile, read_field
 from dataset_builder.errors import UserError
-from dataset_builder.label.example_plan import ExamplePlan, RoughPlan
+from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.label.field_plan import FieldPlan
-from dataset_builder.label.scene_plan import ObjectPlan, PlacedObject
+from dataset_builder.label.scene_plan import ObjectPlan
 from dataset_builder.rendering.pass_inputs import field_inputs, key_of
-from dataset_builder.rendering.scene.triangle_soup import RoughTwin, field_twin, rough_twin
 from dataset_builder.spec.mesh_source import FIELD_SUFFIX
 
 KEPT = 2
@@ -90,12 +89,3 @@ def tasks_of(plan: ExamplePlan) -> tuple[FieldTask, ...]:
     wanted = [FieldTask(object=plan.target.object, field=field) for field in (plan.field, plan.rough.field)
               if field.kind != "none"]
     return tuple(dict.fromkeys(wanted))
-
-
-def placed_twin(placed: PlacedObject, rough: RoughPlan, mesh_root: Path, shelf: FieldShelf) -> RoughTwin:
-    """The R3DM of a placed object: its 3DM made rough, or the mesh of a field. Raises UserError as `FieldShelf.get`."""
-    if rough.field.kind == "none":
-        return rough_twin(placed, rough, mesh_root)
-    task = FieldTask(object=placed.object, field=rough.field)
-    mesh = None if rough.field.kind == "own" else shelf.get(task, mesh_root).mesh
-    return field_twin(placed, rough, mesh_root, mesh)

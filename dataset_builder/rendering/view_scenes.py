@@ -15,7 +15,7 @@ from dataset_builder.label.field_plan import FieldPlan
 from dataset_builder.label.scene_plan import IlluminationPlan, PortalPlan
 from dataset_builder.layers import Pass
 from dataset_builder.planning.scene.box_shell import BoxShell
-from dataset_builder.rendering.field_shelf import NO_SHELF, FieldShelf, FieldTask, placed_twin
+from dataset_builder.rendering.field_shelf import NO_SHELF, FieldShelf, FieldTask
 from dataset_builder.rendering.pass_inputs import sky_radiance
 from dataset_builder.rendering.passes import ViewSensor
 from dataset_builder.rendering.scene.local_frame import LocalFrame
@@ -25,7 +25,9 @@ from dataset_builder.rendering.scene.triangle_soup import (
     RoughTwin,
     Soup,
     clean,
+    field_twin,
     merge,
+    rough_twin,
     surroundings,
 )
 from dataset_builder.rendering.surface.material_table import Textures
@@ -109,7 +111,8 @@ class ViewScenes:
     def _empty_body(self) -> Body:
         """The clean scene without the target object, whose materials keep their places."""
         hidden = self.clean_object.only(np.zeros(len(self.clean_object.corners), dtype=bool))
-        return self._body(hidden, self._room)
+        # Light paths are aimed as they are where the object stands: that is no matter of right or wrong, but of noise
+        return replace(self._body(hidden, self._room), casters=self._clean_body.casters)
 
     def _rough_body(self, rough: RoughPlan) -> Body:
         if rough not in self._rough_bodies:
@@ -123,8 +126,14 @@ class ViewScenes:
     def twin(self, rough: RoughPlan) -> RoughTwin:
         """The R3DM of one noise level in the world, and how rough it is."""
         if rough not in self._twins:
-            self._twins[rough] = placed_twin(self.plan.target, rough, self.mesh_root, self.fields)
+            self._twins[rough] = self._twin(rough)
         return self._twins[rough]
+
+    def _twin(self, rough: RoughPlan) -> RoughTwin:
+        if rough.field.kind == "none":
+            return rough_twin(self.plan.target, rough, self.mesh_root)
+        mesh = None if rough.field.kind == "own" else self.field(rough.field).mesh
+        return field_twin(self.plan.target, rough, self.mesh_root, mesh)
 
     def field(self, plan: FieldPlan) -> FieldFile:
         """A field of the target object. Raises UserError where it was not made."""
