@@ -224,7 +224,8 @@ def _violations(rendered: "Rendered", spec: DatasetSpec) -> list[Violation]:
     if beyond := storable(rendered.layers, spec.storage.dtype):
         return beyond
     stored = {name: image.astype(spec.storage.dtype).astype(np.float32) for name, image in rendered.layers.items()}
-    found = check_layers({**masks, **stored}, dict(rendered.plan.render.layers), tolerances)
+    found = check_layers({**masks, **stored}, dict(rendered.plan.render.layers), tolerances,
+                         through_field=rendered.plan.field.kind != "none")
     spp = rendered.plan.render.spp_first_hit, rendered.plan.render.spp_target
     return [*found, *check_gates(rendered.layers, spec.gates, rendered.evidence, spp)]
 

@@ -36,7 +36,7 @@ splits:
     objects: {count: 2, from: [objects/ottoman.yaml, objects/stool.yaml]}
     scenes: {count: 1, from: [scenes/den.yaml]}
     lights: 2
-    source: {kind: field, views: 24, held_out: 4, size: 32, spp: 4, resolution: 32, steps: 40, gates: {psnr: 12}}
+    source: {kind: field, views: 24, held_out: 4, size: 32, spp: 4, resolution: 32, steps: 40, gates: {psnr: 12, opacity_iou: 0.6}}
 """
 FILES = {"small.yaml": SPEC, "scenes/den.yaml": "room: ../rooms/den.yaml\n"}
 
@@ -103,7 +103,7 @@ def test_two_processes_make_the_same_bytes(spec: Path, first: tuple[Path, list[E
 
 
 @pytest.mark.parametrize(("override", "count"), [
-    ("target.strength=3", 0), ("splits.test.views=2", 0), ("splits.test.source.gates={psnr: 13}", 0),
+    ("target.strength=3", 0), ("splits.test.views=2", 0), ("splits.test.source.gates={psnr: 13, opacity_iou: 0.6}", 0),
     ("splits.test.source.steps=41", 2), ("source.sun={elevation: 50}", 2)])
 def test_what_makes_a_field_another_one(override: str, count: int, spec: Path, tmp_path: Path,
                                         first: tuple[Path, list[Event], list[FieldNews]]) -> None:
@@ -133,7 +133,7 @@ def test_an_object_that_fails_is_rejected_with_figures(spec: Path, first: tuple[
                                                        tmp_path: Path) -> None:
     shutil.copytree(first[0], tmp_path / "small")
     worse, better = sorted(record_of(first, name).psnr for name in ("test-ottoman-00", "test-stool-01"))
-    gate = f"splits.test.source.gates={{psnr: {(worse + better) / 2:.6f}}}"
+    gate = f"splits.test.source.gates={{psnr: {(worse + better) / 2:.6f}, opacity_iou: 0.6}}"
     events = built(spec, tmp_path / "small", gate)
     rejected = [each.rejected for each in outcomes_of(events).values() if each.rejected]
     assert len(rejected) == 2 and {each.gate for each in rejected} == {"field"}
