@@ -15,7 +15,8 @@ from dataset_builder.files import output_errors
 from dataset_builder.geometry.posed_images import PosedImages
 from dataset_builder.lock import locked
 from dataset_builder.planning.scene.assets_of_plan import asset_of
-from dataset_builder.rendering.field.field_fit import FieldSettings, FitProgress, fit_field
+from dataset_builder.rendering.field.field_fit import FieldSettings, fit_field
+from dataset_builder.rendering.field.field_training import FitProgress
 from dataset_builder.rendering.field_shelf import FieldProgress, FieldShelf, FieldTask
 from dataset_builder.rendering.field_views import StudioCameras, studio, white_of
 from dataset_builder.rendering.kept_images import KeptImages

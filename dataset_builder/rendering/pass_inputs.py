@@ -132,7 +132,8 @@ def field_inputs(target: ObjectPlan, field: FieldPlan) -> Inputs:
 
 def shows_field(plan: ExamplePlan, name: str) -> bool:
     """Whether what a pass finds hangs on a field that was made."""
-    kind = plan.rough.field.kind if "rough" in name or name == "pbr" else plan.field.kind if name == "source" else "none"
+    rough = "rough" in name or name == "pbr"
+    kind = plan.rough.field.kind if rough else plan.field.kind if name == "source" else "none"
     return kind not in ("none", "own")
 
 

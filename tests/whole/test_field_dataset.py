@@ -36,7 +36,8 @@ splits:
     objects: {count: 2, from: [objects/ottoman.yaml, objects/stool.yaml]}
     scenes: {count: 1, from: [scenes/den.yaml]}
     lights: 2
-    source: {kind: field, views: 24, held_out: 4, size: 32, spp: 4, resolution: 32, steps: 40, gates: {psnr: 12, opacity_iou: 0.6}}
+    source: {kind: field, views: 24, held_out: 4, size: 32, spp: 4, resolution: 32, steps: 40,
+             gates: {psnr: 12, opacity_iou: 0.6}}
 """
 FILES = {"small.yaml": SPEC, "scenes/den.yaml": "room: ../rooms/den.yaml\n"}
 
@@ -75,13 +76,13 @@ def test_fields_come_first_and_are_seen(first: tuple[Path, list[Event], list[Fie
     dataset = open_dataset(folder)
     for key in dataset.splits["test"]:
         example = dataset[key]
-        record, = example["meta"].record.field
+        record, = dataset.label(key).record.field
         assert record.views == 24 and record.psnr > 12 and record.key in {news.key for news in made(events)}
         close = np.abs(example["i_s"] - example["i_s_clean"])[example["mask"][..., 0] == 1].mean()
         assert close < 0.25 * example["i_s_clean"].max()
         assert not np.array_equal(example["mask_field"], example["mask"])
     for key in dataset.splits["train"]:
-        assert dataset[key]["meta"].record.field == ()
+        assert dataset.label(key).record.field == ()
         assert np.array_equal(dataset[key]["mask_field"], dataset[key]["mask"])
 
 
@@ -113,8 +114,9 @@ def test_what_makes_a_field_another_one(override: str, count: int, spec: Path, t
 
 def test_another_material_and_another_room(first: tuple[Path, list[Event], list[FieldNews]], tmp_path: Path) -> None:
     shutil.copytree(first[0], tmp_path / "small")
-    changed = write_spec(tmp_path / "spec", {**FILES, "objects/stool.yaml": "family: stool\nmaterials: {'*': {roughness: 0.9}}\n",
-                                             "rooms/den.yaml": "width: 5\ndepth: 4\nheight: 2.6\n"})
+    changed = write_spec(tmp_path / "spec", {
+        **FILES, "objects/stool.yaml": "family: stool\nmaterials: {'*': {roughness: 0.9}}\n",
+        "rooms/den.yaml": "width: 5\ndepth: 4\nheight: 2.6\n"})
     assert [news.object for news in made(built(changed, tmp_path / "small"))] == ["test-stool-01"]
 
 
