@@ -130,6 +130,13 @@ def field_inputs(target: ObjectPlan, field: FieldPlan) -> Inputs:
     return {"pass": "field", "object": _object(target), "field": _plain(field)}
 
 
+def shows_field(plan: ExamplePlan, name: str) -> bool:
+    """Whether what a pass finds hangs on a field that was made."""
+    rough = "rough" in name or name == "pbr"
+    kind = plan.rough.field.kind if rough else plan.field.kind if name == "source" else "none"
+    return kind not in ("none", "own")
+
+
 def key_of(inputs: Inputs, made_by: dict[str, str]) -> str:
     """Key of what a pass finds: its inputs, its name among them, and the versions that make it."""
     return digest({"inputs": inputs, "versions": made_by})

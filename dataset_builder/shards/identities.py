@@ -41,14 +41,15 @@ def identity_table(dtype: str) -> tuple[tuple[str, str, float], ...]:
 
 
 def check_layers(layers: Mapping[str, np.ndarray], extents: Mapping[str, Extent],
-                 tolerances: Mapping[str, float]) -> list[Violation]:
-    """Every identity inside one example; `tolerances` by name as `identity_table` gives them."""
+                 tolerances: Mapping[str, float], *, through_field: bool = False) -> list[Violation]:
+    """Every identity inside one example; `tolerances` by name as `identity_table` gives them. through_field: whether
+    `i_s` shows a field."""
     found = [violation for name, array in layers.items() for violation in in_range(name, array, tolerances[RANGE])]
     if "d" in layers and "r" in layers:
         found += reflectance_sum(layers["d"], layers["r"], tolerances[REFLECTANCE])
     if "mask" in layers:
         found += mask_not_empty(layers["mask"])
-        found += outside_object(layers, extents)
+        found += outside_object(layers, extents, through_field=through_field)
     return found
 
 
@@ -90,18 +91,22 @@ def mask_not_empty(mask: np.ndarray) -> list[Violation]:
     return [] if mask.any() else [Violation(identity=MASK, reason="expected an object in the picture, mask is empty")]
 
 
-def outside_object(layers: Mapping[str, np.ndarray], extents: Mapping[str, Extent]) -> list[Violation]:
+def outside_object(layers: Mapping[str, np.ndarray], extents: Mapping[str, Extent], *,
+                   through_field: bool = False) -> list[Violation]:
     """Layers of extent `object` are exactly 0 where their mesh covers nothing of the pixel (`EVERYWHERE` aside).
 
     For layers of the 3DM that is where mask = 0. Layers of the R3DM are traced wherever either mesh is: where mask = 0
-    and mask_rough = 0; without `mask_rough` among `layers` nothing can be said about them.
+    and mask_rough = 0; without `mask_rough` among `layers` nothing can be said about them. The same holds for what
+    shows a field, and `mask_field`.
     """
     outside = {"3dm": layers["mask"][..., 0] == 0}
-    if "mask_rough" in layers:
-        outside["r3dm"] = outside["3dm"] & (layers["mask_rough"][..., 0] == 0)
+    for geometry, mask in (("r3dm", "mask_rough"), ("field", "mask_field")):
+        if mask in layers:
+            outside[geometry] = outside["3dm"] & (layers[mask][..., 0] == 0)
     found = []
     for name, array in layers.items():
-        where = outside.get(LAYERS[name].geometry)
+        seen = through_field and LAYERS[name].render_pass == "source"
+        where = outside.get("field" if seen else LAYERS[name].geometry)
         if where is None or name in EVERYWHERE or extents[name] != "object":
             continue
         if count := int(np.count_nonzero(array.any(axis=2) & where)):

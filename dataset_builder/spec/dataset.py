@@ -6,7 +6,7 @@ from pydantic import AfterValidator, ConfigDict, Field, Tag, model_validator
 
 from dataset_builder.layers import ALIKE, LAYERS, PAPER_LAYERS, Extent
 from dataset_builder.spec.camera import CameraSpec
-from dataset_builder.spec.field import SeenSpec, require_seen
+from dataset_builder.spec.field import FieldSpec, SeenSpec, require_seen
 from dataset_builder.spec.file_scene import ThingQuery
 from dataset_builder.spec.licences import Licence
 from dataset_builder.spec.light import SourceSpec, TargetSpec
@@ -197,6 +197,12 @@ class DatasetSpec(Model):
                     raise broken(f"expected layers that the dataset holds, got {name}", path=path,
                                  known=tuple(self.layers))
         return self
+
+    @property
+    def fields(self) -> bool:
+        """Whether any example needs a field that is to be made."""
+        return any(split.source.image or any(isinstance(level, FieldSpec) for level in split.levels(self.rough))
+                   for split in self.splits)
 
     @model_validator(mode="after")
     def _fields_are_seen_alone(self) -> "DatasetSpec":
