@@ -56,7 +56,8 @@ def check_layers(layers: Mapping[str, np.ndarray], extents: Mapping[str, Extent]
         found += reflectance_sum(layers["d"], layers["r"], tolerances[REFLECTANCE])
     if "mask" in layers:
         found += mask_not_empty(layers["mask"])
-        found += outside_object({name: array for name, array in layers.items() if not (field and name in SEEN)}, extents)
+        rendered = {name: array for name, array in layers.items() if not (field and name in SEEN)}
+        found += outside_object(rendered, extents)
     if field and {"i_s", "mask_field"} <= set(layers):
         found += outside_field(layers["i_s"], layers["mask_field"], tolerances[FIELD])
     return found

@@ -199,7 +199,8 @@ def test_the_image_of_a_field_ends_where_its_opacity_does() -> None:
     inside = (layers["mask"] > 0).astype(np.float32)
     opacity = np.zeros_like(layers["mask"])
     opacity[1:5, 2:7] = 0.5
-    seen = layers | {"i_s": np.ones((*opacity.shape[:2], 3), np.float32) * opacity, "mask_field": opacity, "i_t": layers["i_t"] * inside}
+    i_s = np.ones((*opacity.shape[:2], 3), np.float32) * opacity
+    seen = layers | {"i_s": i_s, "mask_field": opacity, "i_t": layers["i_t"] * inside}
     with_field = {name: tolerance for name, _, tolerance in identity_table("float32", True)}
     assert {each.identity for each in check_layers(seen, extents, with_field)} == {"outside"}
     assert check_layers(seen, extents, with_field, True) == []
