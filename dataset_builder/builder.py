@@ -28,6 +28,7 @@ from dataset_builder.processes import cores
 from dataset_builder.rendering import oidn
 from dataset_builder.rendering.backend import choose
 from dataset_builder.rendering.scene.image_check import check_images
+from dataset_builder.shards.field_summary import field_summaries, labels_of
 from dataset_builder.shards.folder import Claim, build_lock, require_ours
 from dataset_builder.shards.manifest import Manifest, Rejected, make_manifest
 from dataset_builder.shards.publish import publish_dataset, whole_shards
@@ -35,6 +36,7 @@ from dataset_builder.shards.shard_index import ShardIndex
 from dataset_builder.shards.staging import Staging
 from dataset_builder.shards.writer import publish_shard
 from dataset_builder.spec.dataset import DatasetSpec
+from dataset_builder.spec.own_fields import has_fields
 from dataset_builder.spec.resolve import LoadedSpec
 
 MAX_REASONS = 5
@@ -206,10 +208,19 @@ def _finish(tasks: Sequence[ShardTask], folder: Path, planner: Planner, progress
     manifest = make_manifest(loaded.dataset, layers=dict(layers_asked(loaded.dataset)), shards=indices,
                              rejected=progress.rejected.values(), spec_digest=loaded.spec_digest,
                              generator=f"dataset-builder {__version__}", denoised=denoised,
-                             parts=object_sources(loaded, planner.contents))
+                             parts=object_sources(loaded, planner.contents),
+                             fields=field_summaries(labels_of(folder, indices, _one_of_each(planner, indices))))
     publish_dataset(folder, manifest)
     Staging(folder).clear()
     return manifest
+
+
+def _one_of_each(planner: Planner, indices: Sequence[ShardIndex]) -> Iterator[str]:
+    """Keys of examples that between them have every field of the dataset; none where it has no fields."""
+    there = {example.key for index in indices for example in index.examples}
+    if has_fields(planner.loaded.dataset, planner.loaded.objects):
+        yield from {(ref.view.pair, ref.level): ref.key for ref in reversed(planner.examples)
+                    if ref.key in there}.values()
 
 
 def _nothing_left(split: str, keys: Sequence[str], rejected: Mapping[str, Rejected]) -> PlanError:

@@ -219,13 +219,13 @@ def _finish(ref: ExampleRef, rendered: "Rendered", key_digest: str, spec: Datase
 
 def _violations(rendered: "Rendered", spec: DatasetSpec) -> list[Violation]:
     """What is wrong with the example as it would be stored, and with the evidence."""
-    tolerances = {name: tolerance for name, _, tolerance in identity_table(spec.storage.dtype)}
+    tolerances = {name: tolerance for name, _, tolerance in identity_table(spec.storage.dtype, True)}
     masks = {name: image for name, image in rendered.evidence.items() if name.startswith("mask")}
     if beyond := storable(rendered.layers, spec.storage.dtype):
         return beyond
     stored = {name: image.astype(spec.storage.dtype).astype(np.float32) for name, image in rendered.layers.items()}
     found = check_layers({**masks, **stored}, dict(rendered.plan.render.layers), tolerances,
-                         through_field=rendered.plan.field.kind != "none")
+                         rendered.plan.field.kind != "none")
     spp = rendered.plan.render.spp_first_hit, rendered.plan.render.spp_target
     return [*found, *check_gates(rendered.layers, spec.gates, rendered.evidence, spp)]
 

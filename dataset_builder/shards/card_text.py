@@ -22,8 +22,8 @@ PLAIN = {
     "normal": "which way the surface faces, in the axes of the room",
     "normal_rough": "which way the surface of the rough mesh faces",
     "instance": "which object is in the middle of the pixel, as a number",
-    "i_s_clean": "the same look, always drawn from the clean mesh, where `i_s` may show a neural field",
-    "mask_field": "how opaque what `i_s` shows is: a neural field, or the object itself",
+    "i_s_clean": "`i_s` as the clean mesh has it, where `i_s` is the image of a neural field",
+    "mask_field": "how much of each pixel is covered by what `i_s` shows",
 }
 """Every layer but standard errors and layers before denoising, in plain words; `docs/layers.md` has the same."""
 

@@ -11,9 +11,12 @@ import numpy as np
 
 from dataset_builder.layers import EVERYWHERE, LAYERS, Extent, layers_of
 
-RANGE, REFLECTANCE, MASK, OUTSIDE, SHARED = "range", "reflectance", "mask", "outside", "shared"
+RANGE, REFLECTANCE, MASK, OUTSIDE, SHARED, FIELD = "range", "reflectance", "mask", "outside", "shared", "field"
 SHARED_LAYERS = layers_of("first_hit")
 """Layers that need no light: rendered once per view, so bit-identical in all of its examples."""
+
+SEEN = layers_of("source")
+"""Layers that show a field, where an example is seen through one."""
 
 _TOLERANCES = {"float32": {RANGE: 1e-5, REFLECTANCE: 1e-3}, "float16": {RANGE: 1e-3, REFLECTANCE: 2e-3}}
 
@@ -28,28 +31,35 @@ class Violation:
     """The figures in one sentence."""
 
 
-def identity_table(dtype: str) -> tuple[tuple[str, str, float], ...]:
-    """(name, rule, tolerance) of every identity that can be checked from the files, for layers stored as `dtype`."""
-    tolerance = _TOLERANCES[dtype]
+def identity_table(dtype: str, fields: bool = False) -> tuple[tuple[str, str, float], ...]:
+    """(name, rule, tolerance) of every identity that can be checked from the files, for layers stored as `dtype`.
+    fields: whether `i_s` of some examples is the image of a field."""
+    tolerance, of_field = _TOLERANCES[dtype], ", but for those of the image of a field," * fields
     return (
         (RANGE, "every value is finite and in its layer's range, to tolerance", tolerance[RANGE]),
         (REFLECTANCE, "d + r <= 1 + tolerance in every channel", tolerance[REFLECTANCE]),
         (MASK, "mask is not empty", 0.0),
-        (OUTSIDE, "layers of extent object are exactly 0 where the object covers nothing of the pixel", 0.0),
+        (OUTSIDE, f"layers of extent object{of_field} are exactly 0 where the object covers nothing of the pixel",
+         0.0),
         (SHARED, f"examples of one view share {', '.join(SHARED_LAYERS)}, bit by bit", 0.0),
+        *(((FIELD, "i_s of a field is 0 where mask_field is 0, to tolerance in units of its largest value",
+            tolerance[RANGE]),) if fields else ()),
     )
 
 
-def check_layers(layers: Mapping[str, np.ndarray], extents: Mapping[str, Extent],
-                 tolerances: Mapping[str, float], *, through_field: bool = False) -> list[Violation]:
-    """Every identity inside one example; `tolerances` by name as `identity_table` gives them. through_field: whether
-    `i_s` shows a field."""
+def check_layers(layers: Mapping[str, np.ndarray], extents: Mapping[str, Extent], tolerances: Mapping[str, float],
+                 field: bool = False) -> list[Violation]:
+    """Every identity inside one example; `tolerances` by name as `identity_table` gives them. field: whether its `i_s`
+    is the image of a field, as `plan.field` of its label says."""
     found = [violation for name, array in layers.items() for violation in in_range(name, array, tolerances[RANGE])]
     if "d" in layers and "r" in layers:
         found += reflectance_sum(layers["d"], layers["r"], tolerances[REFLECTANCE])
     if "mask" in layers:
         found += mask_not_empty(layers["mask"])
-        found += outside_object(layers, extents, through_field=through_field)
+        rendered = {name: array for name, array in layers.items() if not (field and name in SEEN)}
+        found += outside_object(rendered, extents)
+    if field and {"i_s", "mask_field"} <= set(layers):
+        found += outside_field(layers["i_s"], layers["mask_field"], tolerances[FIELD])
     return found
 
 
@@ -91,28 +101,34 @@ def mask_not_empty(mask: np.ndarray) -> list[Violation]:
     return [] if mask.any() else [Violation(identity=MASK, reason="expected an object in the picture, mask is empty")]
 
 
-def outside_object(layers: Mapping[str, np.ndarray], extents: Mapping[str, Extent], *,
-                   through_field: bool = False) -> list[Violation]:
+def outside_object(layers: Mapping[str, np.ndarray], extents: Mapping[str, Extent]) -> list[Violation]:
     """Layers of extent `object` are exactly 0 where their mesh covers nothing of the pixel (`EVERYWHERE` aside).
 
     For layers of the 3DM that is where mask = 0. Layers of the R3DM are traced wherever either mesh is: where mask = 0
-    and mask_rough = 0; without `mask_rough` among `layers` nothing can be said about them. The same holds for what
-    shows a field, and `mask_field`.
+    and mask_rough = 0; without `mask_rough` among `layers` nothing can be said about them.
     """
     outside = {"3dm": layers["mask"][..., 0] == 0}
-    for geometry, mask in (("r3dm", "mask_rough"), ("field", "mask_field")):
-        if mask in layers:
-            outside[geometry] = outside["3dm"] & (layers[mask][..., 0] == 0)
+    if "mask_rough" in layers:
+        outside["r3dm"] = outside["3dm"] & (layers["mask_rough"][..., 0] == 0)
     found = []
     for name, array in layers.items():
-        seen = through_field and LAYERS[name].render_pass == "source"
-        where = outside.get("field" if seen else LAYERS[name].geometry)
+        where = outside.get(LAYERS[name].geometry)
         if where is None or name in EVERYWHERE or extents[name] != "object":
             continue
         if count := int(np.count_nonzero(array.any(axis=2) & where)):
             reason = f"{name}: expected 0 outside the object, got {count} pixels that are not"
             found.append(Violation(identity=OUTSIDE, reason=reason))
     return found
+
+
+def outside_field(i_s: np.ndarray, mask_field: np.ndarray, tolerance: float) -> list[Violation]:
+    """The image of a field is 0 where its opacity is: not exactly, since 1 less what passes rounds to 0 before the
+    light does."""
+    beyond = (i_s > tolerance * max(float(i_s.max(initial=0)), 0.0)).any(axis=2) & (mask_field[..., 0] == 0)
+    if not (count := int(np.count_nonzero(beyond))):
+        return []
+    return [Violation(identity=FIELD, reason=f"i_s: expected 0 where mask_field is 0, got {count} pixels that are not, "
+                                             f"up to {float(i_s[beyond].max()):g}")]
 
 
 def shared_in_view(first: Mapping[str, str], other: Mapping[str, str]) -> list[Violation]:
