@@ -207,6 +207,6 @@ def _written(job: CaptureJob, content: FieldFile, notes: tuple[str, ...], images
     field, spec, sheet = (job.out / name for name in job.files)
     write_atomic(field, encode(content))
     made = [field, sheet] if picture and picture(content, images, sheet) else [field]
-    write_atomic(spec, spec_text("capture", field.name, category=job.category or job.name, licence=job.licence,
+    write_atomic(spec, spec_text(field.name, category=job.category or job.name, licence=job.licence,
                                  notes=notes).encode())
     return (*made, spec)

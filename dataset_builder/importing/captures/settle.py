@@ -31,9 +31,8 @@ def settled(content: FieldFile, height: float | None) -> FieldFile:
                                      colors=mesh.colors))
 
 
-def spec_text(kind: str, file: str, *, category: str, licence: str, notes: Sequence[str]) -> str:
+def spec_text(file: str, *, category: str, licence: str, notes: Sequence[str]) -> str:
     """The object spec of a field's file beside it."""
     about = "".join(f"# {printable(note)}\n" for note in notes)
     return (f"# Written by `dataset-builder import capture`\n{about}"
-            f"source: {{kind: {kind}, file: {json.dumps(file)}}}\n"
-            f"category: {json.dumps(category, ensure_ascii=False)}\nlicence: {licence}\n")
+            f"file: {json.dumps(file)}\ncategory: {json.dumps(category, ensure_ascii=False)}\nlicence: {licence}\n")
