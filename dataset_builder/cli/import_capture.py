@@ -6,12 +6,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from dataset_builder.cli import common
 from dataset_builder.errors import UserError, printable
 
 if TYPE_CHECKING:
-    from dataset_builder.importing.capture_import import CaptureJob
+    from dataset_builder.assets.field_file import FieldFile
+    from dataset_builder.geometry.posed_images import PosedImages
+    from dataset_builder.importing.capture_import import CaptureJob, Fit
     from dataset_builder.importing.captures.photographs import Ball
+    from dataset_builder.rendering.field.field_training import FitProgress
 
 VERB = "import capture"
 """Parsed as one word."""
@@ -123,6 +128,44 @@ def _numbers(option: str, text: str, count: int) -> list[float]:
     if len(numbers) != count or not all(abs(number) < 1e9 for number in numbers):
         raise UserError(f"{option}: expected {count} number{'s, with commas between' * (count > 1)}, got {text}")
     return numbers
+
+
+def _fitted(backend: str) -> "Fit":
+    """What fits a field, on the backend that is asked for."""
+    def fit(images: "PosedImages", held_out: "PosedImages", job: "CaptureJob", *, ball: "Ball", white: float, key: str,
+            checkpoint: Path) -> "FieldFile":
+        from dataset_builder.rendering.backend import activate
+
+        activate(backend)
+        from dataset_builder.rendering.field.field_fit import FieldSettings, fit_field
+
+        settings = FieldSettings(kind=job.field, resolution=job.resolution, steps=job.steps, seed=job.seed)
+        return fit_field(images, held_out, settings, centre=ball.centre, radius=ball.radius, white=white, key=key,
+                         clean=None, checkpoint=checkpoint, told=_step_told)
+
+    return fit
+
+
+def _sheet(content: "FieldFile", images: "PosedImages", target: Path) -> bool:
+    """Draw the contact sheet; a warning where that fails, since the object does not need it."""
+    from dataset_builder.rendering.field.field_figures import looked_at
+    from dataset_builder.rendering.field.looks import look_of
+    from dataset_builder.report.capture_sheet import write_capture_sheet
+
+    def shown(field: "FieldFile", few: "PosedImages") -> np.ndarray:
+        return np.stack([*looked_at(look_of(field), few, np.arange(len(few.pixels)))])
+
+    try:
+        write_capture_sheet(content, images, target, shown=shown)
+    except (UserError, OSError, ValueError, RuntimeError, ArithmeticError, MemoryError) as error:
+        print(f"warning: no contact sheet ({error})", file=sys.stderr)
+        return False
+    return True
+
+
+def _step_told(progress: "FitProgress") -> None:
+    print(f"step {progress.step} of {progress.steps}: loss {progress.loss:.4f}, {progress.psnr:.1f} dB",
+          file=sys.stderr, flush=True)
 
 
 def _told(done: int, of: int) -> None:

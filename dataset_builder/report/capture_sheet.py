@@ -41,10 +41,8 @@ def _picture(rgba: np.ndarray, white: float) -> np.ndarray:
 def _mesh(scene: RayScene, images: PosedImages, number: int) -> np.ndarray:
     """(H, W, 3) uint8 of the mesh without its colours, which would hide its shape."""
     height, width = images.pixels.shape[1:3]
-    x = (np.arange(width) + 0.5 - images.centre[number, 0]) / images.focal[number, 0]
-    y = (np.arange(height)[:, None] + 0.5 - images.centre[number, 1]) / images.focal[number, 1]
-    ways = np.stack(np.broadcast_arrays(x, y, 1.0), axis=-1).reshape(-1, 3) @ images.poses[number, :3, :3].T
-    origins = np.broadcast_to(images.poses[number, :3, 3], ways.shape)
+    rows, columns = np.divmod(np.arange(height * width), width)
+    origins, ways = images.rays(number, columns + 0.5, rows + 0.5)
     normals = scene.normals(origins, ways)
     shade = np.where(normals.any(axis=1), 0.1 + 0.4 * (1 + normals @ (LIT / np.linalg.norm(LIT))), BEHIND)
     return to_8bit(shade.reshape(height, width, 1))

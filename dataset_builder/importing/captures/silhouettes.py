@@ -112,13 +112,11 @@ def _score(images: PosedImages) -> tuple[float, Ball | None]:
     return meets / max(joined, 1), ball
 
 
-def _rays(images: PosedImages, number: int) -> np.ndarray:
+def rays_of_image(images: PosedImages, number: int) -> np.ndarray:
     """(H, W, 3) unit directions through the middles of an image's pixels."""
     height, width = images.pixels.shape[1:3]
-    x = (np.arange(width) + 0.5 - images.centre[number, 0]) / images.focal[number, 0]
-    y = (np.arange(height)[:, None] + 0.5 - images.centre[number, 1]) / images.focal[number, 1]
-    ways = np.stack(np.broadcast_arrays(x, y, 1.0), axis=-1) @ images.poses[number, :3, :3].T
-    return ways / np.linalg.norm(ways, axis=-1, keepdims=True)
+    rows, columns = np.divmod(np.arange(height * width), width)
+    return images.rays(number, columns + 0.5, rows + 0.5)[1].reshape(height, width, 3)
 
 
 def nearest_point(origins: np.ndarray, ways: np.ndarray) -> np.ndarray:
@@ -135,7 +133,7 @@ def ball_of(images: PosedImages) -> Ball | None:
     full = [k for k in range(len(images.pixels)) if (images.pixels[k, ..., 3] >= IN).any()]
     if len(full) < 2:
         return None
-    rays = [_rays(images, k)[images.pixels[k, ..., 3] >= IN] for k in full]
+    rays = [rays_of_image(images, k)[images.pixels[k, ..., 3] >= IN] for k in full]
     middles = np.stack([each.mean(axis=0) / np.linalg.norm(each.mean(axis=0)) for each in rays])
     origins = images.poses[full, :3, 3]
     centre = nearest_point(origins, middles)
@@ -171,7 +169,7 @@ def hull_of(images: PosedImages, ball: Ball, slack: float = 0.0) -> np.ndarray:
 
 def _shown(images: PosedImages, number: int, hull: np.ndarray, ball: Ball) -> np.ndarray:
     """(H, W) bool: pixels whose rays meet the hull."""
-    rays = _rays(images, number)
+    rays = rays_of_image(images, number)
     offset = np.array(ball.centre) - images.poses[number, :3, 3]
     along = rays @ offset
     reach = along[..., None] + ball.radius * 3**0.5 * np.linspace(-1, 1, STEPS)
