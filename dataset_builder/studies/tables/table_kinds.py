@@ -1,4 +1,4 @@
-"""The tables: methods (table 1), objectives (2), formulations (3), and the weights of the losses.
+"""The tables: methods (table 1), objectives (2), formulations (3), the weights of the losses, and stability.
 
 All methods see the same examples in the same order. Sizes and optimisers are each method's own: a baseline has the
 width of its public code, and as many levels as the crop allows up to those of its public code. The other tables have
@@ -6,7 +6,7 @@ variants of LighTNet that differ in one thing from each other.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from dataset_builder.lightnet.settings import TrainingSpec
@@ -84,6 +84,17 @@ def methods(base: TrainingSpec, *, own_optimisers: bool = True) -> Table:
                  rows=(*trained, *trivial), reference="lightnet",
                  groups=(Group(title="methods", rows=(*BASELINES, "lightnet")),),
                  absent={"LighTNet, trained on NeRFs": (paper.LIGHTNET_ON_NERF, "I_s of the dataset is rendered")})
+
+
+def stability(base: TrainingSpec, *, own_optimisers: bool = True) -> Table:
+    """Pix2Pix and LighTNet on views that follow each other, and two that learn nothing."""
+    rows = (replace(_baseline(base, "pix2pix", own_optimisers), printed=paper.STABILITY["pix2pix"]),
+            TableRow(name="lightnet", title="LighTNet", spec=base, printed=paper.STABILITY["lightnet"]),
+            *(TableRow(name=name, title=TRIVIAL[name], spec=None, note="learns nothing")
+              for name in ("copy_i_s", "dr_s_prime")))
+    return Table(name="stability", number="Table of stability", question="How steady are methods from view to view?",
+                 rows=rows, reference="lightnet", groups=(Group(title="methods", rows=tuple(paper.STABILITY)),),
+                 absent={})
 
 
 def _baseline(base: TrainingSpec, name: str, own_optimiser: bool) -> TableRow:

@@ -121,7 +121,13 @@ def _measure(study: TableStudy, row: TableRow, job: TrainingJob, data: DataSpec)
     return tuple(evaluate([_contender(row, job)], held_out, range(len(held_out))))
 
 
+def contenders_of(study: TableStudy) -> list[Contender]:
+    """The rows of a finished study, with its first seed, by their names."""
+    return [_contender(row, _job(study, row, study.base.seed)) for row in study.table.rows]
+
+
 def _contender(row: TableRow, job: TrainingJob) -> Contender:
+    """What a row predicts with."""
     if row.spec is None:
         return next(one for one in trivial() if one.name == row.name)
     return contender(row.name, load_trained(job.out / LAST, job.device))
