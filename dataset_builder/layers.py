@@ -77,6 +77,11 @@ _TABLE = (
           unit="1", meaning="as normal, on the rough mesh"),
     Layer(name="instance", symbol="id", geometry="3dm", render_pass="first_hit", channels=1, low=0, high=65504,
           unit="id", meaning="object at the pixel's centre: 0 none, 1 target, 2 room, 3.. furniture in plan order"),
+    Layer(name="i_s_clean", symbol="I_s", geometry="3dm", render_pass="source_clean", channels=3, low=0, high=INF,
+          unit=RADIANCE,
+          meaning="i_s rendered from the clean mesh, where i_s is a field's image; else the same as i_s"),
+    Layer(name="mask_field", symbol="M_f", geometry="field", render_pass="source", channels=1, low=0, high=1, unit="1",
+          meaning="opacity of what i_s shows: of the field, seen alone; the same as mask where i_s is rendered"),
 )
 
 _ERRORS = tuple(

@@ -16,6 +16,7 @@ from dataset_builder.label.scene_plan import (
     PortalPlan,
     RoomPlan,
 )
+from dataset_builder.label.sequence_plan import SequencePlan
 from dataset_builder.layers import Extent, Pass
 from dataset_builder.spec.model import Model
 from dataset_builder.spec.render import spp_of
@@ -213,6 +214,8 @@ class ExamplePlan(Model):
     """What else stands in the room."""
     camera: CameraPlan
     """Where it is seen from."""
+    sequence: SequencePlan = SequencePlan()
+    """Its place among views that follow each other."""
     source_light: IlluminationPlan
     """The light of `i_s`."""
     target_light: IlluminationPlan

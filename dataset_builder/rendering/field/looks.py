@@ -1,18 +1,13 @@
-"""What a ray sees of a field."""
+"""What rays see of a field, whatever kind it is of."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
-import mitsuba as mi
-
 from dataset_builder.assets.field_file import FieldFile
+from dataset_builder.rendering.field.field_look import Look, grid_look
 
-Look = Callable[[mi.Point3f, mi.Vector3f, mi.Bool], tuple[mi.Color3f, mi.Float]]
-"""Origin and unit direction of rays in the frame of a field's file, metres, and which are active -> linear radiance
-times opacity, in the light of the field's images, and opacity in [0, 1]."""
+__all__ = ["Look", "look_of"]
 
 
 def look_of(file: FieldFile) -> Look:
     """What rays see of a field."""
-    raise NotImplementedError
+    return grid_look(file)
