@@ -11,7 +11,7 @@ from dataset_builder.engine.source import imports_of, inside, read_sources
 ORDER = (
     ("__main__",), ("cli.main",), ("cli",), ("cli.common",), ("report",),
     ("studies.accuracy", "studies.effects", "studies.noise", "studies.stress", "studies.tables"), ("studies",),
-    ("release",), ("exporting", "importing"),
+    ("release",), ("exporting", "importing"), ("importing.captures",),
     ("lightnet.results", "lightnet.training"), ("lightnet.methods",), ("lightnet.measures",), ("lightnet.data",),
     ("lightnet",),
     ("api",), ("builder",), ("engine",), ("shards",),

@@ -23,7 +23,7 @@ IMAGE_DEPTH = 8
 
 def is_own(plan: ObjectPlan) -> bool:
     """Whether an object is a field already, such as a capture."""
-    return plan.kind == "file" and plan.source.endswith(FIELD_SUFFIX)
+    return plan.kind == "file" and plan.source.lower().endswith(FIELD_SUFFIX)
 
 
 def field_plan(spec: DatasetSpec, asked: FieldSpec | None, pair: PairRef, target: ObjectPlan, root: Path) -> FieldPlan:

@@ -173,7 +173,7 @@ def _record(shared: ViewPasses, plan: ExamplePlan, evidence: dict[str, np.ndarra
                      if name in RADIANCE_LAYERS),
         roughness_rms=rough.get("rms", 0.0), roughness_max=rough.get("maximum", 0.0),
         bounding_radius=rough.get("radius", 0.0),
-        roughness=(_roughness(shared, plan, rough, evidence),) if rough else (),
+        roughness=(_roughness(shared, plan, rough, evidence),) if "rms" in rough else (),
         field=tuple(shared.fields.get(task, shared.mesh_root).record for task in tasks_of(plan)),
         lighting_sh=_by_colour(light.mean), lighting_sh_se=_by_colour(light.error))
 

@@ -17,6 +17,8 @@ PLAIN = {
     "s": "the light that falls on its clean mesh, as if the object were white and matte",
     "spec": "what is left of the picture without its matte part: highlights, reflections, views through glass",
     "air": "what fog in front of a surface adds, less what it hides",
+    "i_t_empty": "the scene under its lamps with the object taken away",
+    "i_pbr": "the whole scene under its lamps with the rough mesh in it",
     "mask_rough": "how much of each pixel the rough mesh covers; its outline is a little off the clean one's",
     "depth": "how far away the surface is, in metres straight ahead of the camera",
     "normal": "which way the surface faces, in the axes of the room",

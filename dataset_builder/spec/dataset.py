@@ -4,9 +4,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, ConfigDict, Field, Tag, model_validator
 
-from dataset_builder.layers import LAYERS, PAPER_LAYERS, Extent
+from dataset_builder.layers import ALIKE, LAYERS, PAPER_LAYERS, Extent
 from dataset_builder.spec.camera import CameraSpec
-from dataset_builder.spec.field import SeenSpec, require_seen
+from dataset_builder.spec.field import FieldSpec, SeenSpec, require_seen
 from dataset_builder.spec.file_scene import ThingQuery
 from dataset_builder.spec.licences import Licence
 from dataset_builder.spec.light import SourceSpec, TargetSpec
@@ -198,9 +198,25 @@ class DatasetSpec(Model):
                                  known=tuple(self.layers))
         return self
 
+    @property
+    def fields(self) -> bool:
+        """Whether any example needs a field that is to be made."""
+        return any(split.source.image or any(isinstance(level, FieldSpec) for level in split.levels(self.rough))
+                   for split in self.splits)
+
     @model_validator(mode="after")
     def _fields_are_seen_alone(self) -> "DatasetSpec":
         require_seen({split.name: split.source for split in self.splits}, self.layers, self.render.denoise.layers)
+        return self
+
+    @model_validator(mode="after")
+    def _differences_are_smooth(self) -> "DatasetSpec":
+        alike = [name for name in self.layers if LAYERS[name].render_pass in ALIKE and not name.endswith("_se")]
+        goals = [name for name in self.render.accuracy if name in alike]
+        if goals and len({LAYERS[name].render_pass for name in alike}) > 1:
+            others = ", ".join(name for name in alike if LAYERS[name].render_pass != LAYERS[goals[0]].render_pass)
+            raise broken(f"expected a fixed spp, since {goals[0]} shares its random numbers with {others}, got a goal "
+                         "(set render.spp.target instead)", path=("render", "accuracy", goals[0]))
         return self
 
     @model_validator(mode="after")

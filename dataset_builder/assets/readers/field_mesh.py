@@ -19,7 +19,7 @@ def read(path: Path, max_texture: int) -> FileModel:
     mesh = read_field(path).mesh
     parts = (_part(mesh),) if len(mesh.faces) else ()
     matt = Material(name="capture", base_color=(1.0, 1.0, 1.0), roughness=ROUGHNESS, specular=0.0)
-    return FileModel(parts=parts, materials=(FileMaterial(material=matt, left_out=LEFT_OUT),),
+    return FileModel(parts=parts, materials=(FileMaterial(material=matt),), left_out=LEFT_OUT, wound=True,
                      contains=f"a field with a mesh of {len(mesh.faces):,} triangles")
 
 

@@ -13,7 +13,7 @@ from scipy import ndimage
 from dataset_builder.assets.field_file import FieldFile
 from dataset_builder.rendering.buffers import owned
 from dataset_builder.rendering.field.field_grid import dense_corners
-from dataset_builder.rendering.field.field_model import FieldModel, radiance
+from dataset_builder.rendering.field.field_model import OUTSIDE, FieldModel, Kind, radiance
 from dataset_builder.rendering.field.field_rays import ball_span
 
 Look = Callable[["mi.Point3f", "mi.Vector3f", "mi.Bool"], "tuple[mi.Color3f, mi.Float]"]
@@ -26,8 +26,8 @@ BLOCK = 4
 """Cells along the side of a block that is known to be empty or not."""
 LEFT = 1e-4
 """Transmittance at which a ray ends."""
-THIN = 1.0
-"""Value of a cell up to which it counts as empty: an optical depth of 1e-4, or three UNITs from a surface."""
+THIN = {"density": 1.0, "sdf": OUTSIDE - 6}
+"""Value of a cell up to which it counts as empty: an optical depth of 1e-4, or 6 UNITs from a surface."""
 
 
 @dataclass(kw_only=True, eq=False)
@@ -49,7 +49,7 @@ def grid_look(file: FieldFile) -> Look:
     side = dr.opaque(mi.UInt32, len(file.grid))
     sharpness = dr.opaque(mi.Float, file.numbers.get("sharpness", 1.0))
     seen = _SeenGrid(model=FieldModel(kind=file.record.kind, cell=2 / mi.Float(side), sharpness=sharpness),
-                     grid=owned(mi.Float, file.grid), side=side, empty=owned(mi.Float, empty_blocks(file.grid[..., 0])),
+                     grid=owned(mi.Float, file.grid), side=side, empty=owned(mi.Float, empty_blocks(file.grid[..., 0], file.record.kind)),
                      blocks=dr.opaque(mi.UInt32, -(-len(file.grid) // BLOCK)))
     scale, radius = dr.opaque(mi.Float, file.numbers["scale"]), dr.opaque(mi.Float, file.radius)
     centre = mi.Point3f(*(dr.opaque(mi.Float, value) for value in file.centre))
@@ -89,12 +89,12 @@ def _gathered(seen: _SeenGrid, o: mi.Point3f, d: mi.Vector3f, active: mi.Bool) -
     return colour, 1 - dr.exp(-depth)
 
 
-def empty_blocks(values: np.ndarray) -> np.ndarray:
+def empty_blocks(values: np.ndarray, kind: Kind) -> np.ndarray:
     """(B^3,) float32, distance of each block of cells from the next that is not empty, in blocks along the longest
     axis; 0 for one that is not. A block that a point between cells may draw on counts for its neighbours."""
     side = -(-len(values) // BLOCK) * BLOCK
     full = np.zeros((side,) * 3, dtype=bool)
-    full[:len(values), :len(values), :len(values)] = values > THIN
+    full[:len(values), :len(values), :len(values)] = values > THIN[kind]
     full = ndimage.binary_dilation(full, np.ones((3, 3, 3), dtype=bool))
     n = side // BLOCK
     some = full.reshape(n, BLOCK, n, BLOCK, n, BLOCK).any(axis=(1, 3, 5))

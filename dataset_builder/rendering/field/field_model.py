@@ -15,12 +15,10 @@ GAIN, SHIFT = 3.0, -12.0
 """Optical depth of a cell of density v is softplus(GAIN v + SHIFT): 6e-6 where there is nothing."""
 FIRST_DENSITY, FIRST_COLOUR = 3.0, 0.3
 """Values that a fit begins with: an optical depth of 0.05 and a radiance of 0.37."""
-UNIT = 2 / 64
-"""Length that distances are counted in, radii."""
-OUTSIDE = 4.0
+UNIT = 2 / 256
+"""Length that distances are counted in, radii: so short that distances may change as fast as colours do."""
+OUTSIDE = 16.0
 """Distance, in UNITs, of a cell whose value is 0: values are OUTSIDE - distance."""
-SHARPNESS = 3.0, 24.0
-"""Of a distance field, from the begin of its fit to its end: inverse width of the logistic density, per UNIT."""
 COLOUR_BEND = 4.0
 
 
@@ -37,7 +35,7 @@ class FieldModel:
     cell: mi.Float
     """Side of a cell, radii."""
     sharpness: mi.Float
-    """See SHARPNESS."""
+    """Of a distance: inverse width of the logistic density, per UNIT."""
 
     def optical(self, corners: Corners, value: mi.Vector4f, direction: mi.Vector3f, step: mi.Float) -> mi.Float:
         """Optical depth of a step about a point, `step` radii long.

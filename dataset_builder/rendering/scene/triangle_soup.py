@@ -1,6 +1,6 @@
 """The objects of a plan as heaps of triangles with materials: what the renderer is given, still without a renderer."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import lru_cache
 from pathlib import Path
@@ -11,9 +11,9 @@ import numpy as np
 from dataset_builder.assets.asset import Asset, Material
 from dataset_builder.geometry.edges import corner_normals
 from dataset_builder.geometry.mesh import TriangleMesh, joined_colors, transform
-from dataset_builder.geometry.rough_base import RoughBase
+from dataset_builder.geometry.rough_base import RoughBase, bounding_radius
 from dataset_builder.geometry.rough_steps import base_of, roughened
-from dataset_builder.geometry.roughness import Roughness, measure_roughness
+from dataset_builder.geometry.roughness import measure_roughness
 from dataset_builder.label.example_plan import ExamplePlan, RoughPlan
 from dataset_builder.label.scene_plan import ObjectPlan, PlacedObject, RoomPlan
 from dataset_builder.planning.scene.assets_of_plan import (
@@ -84,8 +84,8 @@ class RoughTwin:
     """A placed R3DM."""
 
     soup: Soup
-    roughness: Roughness
-    """Its measured distance from the 3DM."""
+    figures: Mapping[str, float]
+    """Its measured distance from the 3DM, as `Roughness` names it; of an object that is a field, its `radius` alone."""
 
 
 def soup_of(mesh: TriangleMesh, normals: np.ndarray, materials: tuple[Material, ...], world: np.ndarray,
@@ -178,7 +178,7 @@ def rough_twin(placed: PlacedObject, plan: RoughPlan, mesh_root: Path) -> RoughT
     rough = roughened(base, asset.mesh, plan)
     mesh, normals = rough.mesh, corner_normals(rough.mesh, creases=rough.creases)
     soup = soup_of(mesh, normals, asset.materials, world_from_object(placed), placed.instance)
-    return RoughTwin(soup=soup, roughness=measure_roughness(mesh, asset.mesh, rng(int(plan.seed), "roughness")))
+    return RoughTwin(soup=soup, figures=_measured(mesh, asset.mesh, plan))
 
 
 def field_twin(placed: PlacedObject, plan: RoughPlan, mesh_root: Path, mesh: TriangleMesh | None) -> RoughTwin:
@@ -187,7 +187,12 @@ def field_twin(placed: PlacedObject, plan: RoughPlan, mesh_root: Path, mesh: Tri
     asset = asset_of(placed.object, mesh_root)
     rough, materials = (mesh, (MATT,)) if mesh is not None else (asset.mesh, asset.materials)
     soup = soup_of(rough, corner_normals(rough), materials, world_from_object(placed), placed.instance)
-    return RoughTwin(soup=soup, roughness=measure_roughness(rough, asset.mesh, rng(int(plan.seed), "roughness")))
+    return RoughTwin(soup=soup, figures={"radius": bounding_radius(rough)} if mesh is None else
+                     _measured(rough, asset.mesh, plan))
+
+
+def _measured(rough: TriangleMesh, clean: TriangleMesh, plan: RoughPlan) -> dict[str, float]:
+    return measure_roughness(rough, clean, rng(int(plan.seed), "roughness")).model_dump()
 
 
 @lru_cache(maxsize=KEPT_BASES)

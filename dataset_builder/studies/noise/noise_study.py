@@ -9,6 +9,7 @@ from pathlib import Path
 from dataset_builder.builder import Event, build
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.layers import PAPER_LAYERS
+from dataset_builder.lightnet.data.truth import problem_of
 from dataset_builder.lightnet.methods.vgg import check_file
 from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.planning.catalogue import ExampleRef, examples
@@ -25,7 +26,8 @@ NO_PASSES = ("plan", "encode", "denoise")
 MEANINGS = {
     "first_hit": "light-free layers", "source": "I_s", "target": "I_t", "rough": "S'",
     "first_hit_rough": "where the rough mesh is seen", "lighting": "spherical harmonics of the target light",
-    "instance": "instances", "rough_direct": "S' without bounced light, for denoising",
+    "instance": "instances", "empty": "the scene without the object", "pbr": "the scene with the rough mesh in it",
+    "rough_direct": "S' without bounced light, for denoising",
 }
 
 
@@ -94,28 +96,26 @@ def require(study: NoiseStudy) -> None:
     """Raise UserError where the study could not be done once the dataset is built, which may take hours."""
     axis_of(study.axis)
     # What is wrong with the levels would be told of their spec in other words
-    problems = problems_of(study.levels)
-    if not problems:
-        problems = [Problem(where="", path=path, rule=rule) for path, rule in _lacking(study)]
+    problems = problems_of(study.levels) or list(_lacking(study))
     if problems:
         raise UserError(problems)
     if study.vgg_weights and study.training.objective.fr:
         check_file(study.vgg_weights)
 
 
-def _lacking(study: NoiseStudy) -> Iterator[tuple[str, str]]:
-    """What the dataset's spec lacks for the study, by key."""
+def _lacking(study: NoiseStudy) -> Iterator[Problem]:
+    """What the dataset's spec lacks for the study."""
     dataset = study.loaded.dataset
     data = study.training.data.among([split.name for split in dataset.splits])
-    if lacking := [name for name in PAPER_LAYERS if name not in dataset.layers]:
-        yield "layers", f"expected what training reads, got no {', '.join(lacking)}"
+    if lacking := problem_of("", dataset.layers, PAPER_LAYERS, "train on and to measure by"):
+        yield lacking
     splits = {split.name: split for split in dataset.splits}
     for name in (data.train, data.held_out or "to measure on"):
         if name not in splits:
-            yield "splits", f"expected a split {name}, got {', '.join(splits)}"
+            yield Problem(where="", path="splits", rule=f"expected a split {name}, got {', '.join(splits)}")
         elif splits[name].source.mesh:
-            yield f"splits.{name}.source.gives", ("expected [i_s], since rough meshes are the levels of the study, got "
-                                                  "r3dm besides")
+            yield Problem(where="", path=f"splits.{name}.source.gives", rule="expected [i_s], since rough meshes are "
+                          "the levels of the study, got r3dm besides")
 
 
 def make(study: NoiseStudy) -> Iterator[Event]:
