@@ -58,7 +58,7 @@ def lines(path: Path) -> list[dict[str, str]]:
 @pytest.mark.parametrize(("levels", "overrides", "rule"), [
     ("0.004,0.002", (), "each larger than the one before, got 0.004, 0.002"),
     ("0.004", (), "at least two numbers"),
-    ("0,0.01", ("layers={i_s: object, mask: object}",), "got no d, r, i_t, s_prime"),
+    ("0,0.01", ("layers={i_s: object, mask: object}",), "has no d, r, i_t, s_prime"),
     ("0,0.01", ("splits.test.name=other",), "expected a split test, got train, other"),
     ("0,0.01,density,density", (), "expected each field once"),
     ("0,light", (), "expected numbers or names, not both, got sigma 0, light"),
