@@ -15,7 +15,7 @@ from dataset_builder.rendering.buffers import owned
 from dataset_builder.rendering.field.field_grid import CHANNELS, FieldGrid
 from dataset_builder.rendering.field.field_model import FieldModel
 from dataset_builder.rendering.field.field_pixels import FitPixels
-from dataset_builder.rendering.field.field_stages import Stage, first_begin, next_begin
+from dataset_builder.rendering.field.field_stages import FitStage, first_begin, next_begin
 from dataset_builder.rendering.field.field_state import FitState
 from dataset_builder.rendering.field.field_step import Drawn, Losses, take_step
 from dataset_builder.seeding import derive_seed
@@ -47,7 +47,7 @@ class FitProgress:
 Told = Callable[[FitProgress], None]
 
 
-def trained(stages: Sequence[Stage], state: FitState, pixels: FitPixels, hull: np.ndarray, *, seed: int, where: str,
+def trained(stages: Sequence[FitStage], state: FitState, pixels: FitPixels, hull: np.ndarray, *, seed: int, where: str,
             told: Told) -> np.ndarray:
     """(R, R, R, 4) values after all steps. Raises UserError where the loss is not finite, or nothing is left to fit."""
     total = sum(stage.steps for stage in stages)
@@ -82,7 +82,7 @@ def trained(stages: Sequence[Stage], state: FitState, pixels: FitPixels, hull: n
     return state.before
 
 
-def _one_step(stage: Stage, state: FitState, grid: FieldGrid, optimiser: Adam, pixels: FitPixels, seed: int) -> Losses:
+def _one_step(stage: FitStage, state: FitState, grid: FieldGrid, optimiser: Adam, pixels: FitPixels, seed: int) -> Losses:
     """The next step of a stage."""
     share, (low, high) = state.step / stage.steps, stage.sharpness
     optimiser.set_learning_rate(stage.rate * FALL**share)
