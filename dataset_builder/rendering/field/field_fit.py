@@ -91,7 +91,8 @@ def _check(images: PosedImages, where: str) -> None:
         raise UserError(f"{where}: expected at least {LEAST_IMAGES} images, got {count} (a field needs views from all "
                         "sides)")
     if min(height, width) < LEAST_SIZE:
-        raise UserError(f"{where}: expected at least {LEAST_SIZE} pixels along a side of images, got {width} x {height}")
+        raise UserError(f"{where}: expected at least {LEAST_SIZE} pixels along a side of images, got {width} x "
+                        f"{height}")
 
 
 def _record(settings: FieldSettings, surface: FieldSurface, key: str, images: PosedImages, views: int,

@@ -72,7 +72,7 @@ def stages_of(kind: Kind, resolution: int, steps: int) -> tuple[FitStage, ...]:
     second = FitStage(kind="density", resolution=resolution, steps=steps // parts, rate=RATE, smooth=even)
     low, high = (value * UNIT * resolution / 2 for value in SHARPNESS)
     return first, second, FitStage(kind="sdf", resolution=resolution, steps=steps - first.steps - second.steps, rate=RATE,
-                                smooth=Smoothness(eikonal=0.02, bend=0.05), sharpness=(low, high))
+                                smooth=Smoothness(eikonal=0.1, bend=0.3), sharpness=(low, high))
 
 
 def first_begin(hull: np.ndarray) -> Begin:

@@ -95,7 +95,8 @@ def _one_step(stage: FitStage, state: FitState, grid: FieldGrid, optimiser: Adam
 
 def _progress(losses: Losses, step: int, total: int) -> FitProgress:
     error = float(losses.error[0]) / max(float(losses.inside[0]), 1.0)
-    return FitProgress(step=step, steps=total, loss=float(losses.total[0]), psnr=-10 * float(np.log10(max(error, 1e-10))))
+    psnr = -10 * float(np.log10(max(error, 1e-10)))
+    return FitProgress(step=step, steps=total, loss=float(losses.total[0]), psnr=psnr)
 
 
 def _optimiser(values: np.ndarray, state: FitState) -> Adam:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from dataset_builder.geometry.posed_images import PosedImages
+from dataset_builder.rendering.field.field_figures import looked_at
 from dataset_builder.rendering.field.field_fit import FieldSettings
 from dataset_builder.rendering.field.field_look import grid_look
-from dataset_builder.rendering.field.field_figures import looked_at
 from tests.rendering.field.ball_views import (
     BALL,
     CENTRE,
@@ -87,9 +87,10 @@ def test_wrong_poses_do_not_pass() -> None:
     assert fitted(wrong, ball_images(HELD_OUT), replace(SETTINGS, steps=60)).record.psnr < 18
 
 
-@pytest.mark.parametrize("white", [1.0, 4.0])
-def test_radiance_is_kept(white: float) -> None:
+def test_radiance_is_kept() -> None:
     """A white ball under a dome shows the dome's radiance, which a loss of displayed values would miss under noise."""
+    white = 4.0
+
     def noisy(normal: np.ndarray) -> np.ndarray:
         draws = np.random.default_rng(len(normal)).exponential(size=(len(normal), 3))
         return white * (0.5 + 0.5 * draws)
