@@ -71,8 +71,9 @@ def stages_of(kind: Kind, resolution: int, steps: int) -> tuple[FitStage, ...]:
         return first, FitStage(kind="density", resolution=resolution, steps=steps - first.steps, rate=RATE, smooth=even)
     second = FitStage(kind="density", resolution=resolution, steps=steps // parts, rate=RATE, smooth=even)
     low, high = (value * UNIT * resolution / 2 for value in SHARPNESS)
-    return first, second, FitStage(kind="sdf", resolution=resolution, steps=steps - first.steps - second.steps, rate=RATE,
-                                smooth=Smoothness(eikonal=0.1, bend=0.3), sharpness=(low, high))
+    third = FitStage(kind="sdf", resolution=resolution, steps=steps - first.steps - second.steps, rate=RATE,
+                     smooth=Smoothness(eikonal=0.1, bend=0.3), sharpness=(low, high))
+    return first, second, third
 
 
 def first_begin(hull: np.ndarray) -> Begin:

@@ -82,7 +82,8 @@ def trained(stages: Sequence[FitStage], state: FitState, pixels: FitPixels, hull
     return state.before
 
 
-def _one_step(stage: FitStage, state: FitState, grid: FieldGrid, optimiser: Adam, pixels: FitPixels, seed: int) -> Losses:
+def _one_step(stage: FitStage, state: FitState, grid: FieldGrid, optimiser: Adam, pixels: FitPixels,
+              seed: int) -> Losses:
     """The next step of a stage."""
     share, (low, high) = state.step / stage.steps, stage.sharpness
     optimiser.set_learning_rate(stage.rate * FALL**share)

@@ -16,10 +16,6 @@ from tests.rendering.field.ball_views import CENTRE, RADIUS, SETTINGS, ball_imag
 QUICK = replace(SETTINGS, resolution=32, steps=12)
 
 
-def changed(images: PosedImages, **values) -> PosedImages:
-    return replace(images, **values)
-
-
 def refused(images: PosedImages, match: str) -> None:
     with pytest.raises(UserError, match=match):
         fitted(images, images, QUICK)
@@ -36,14 +32,14 @@ def test_too_few_or_too_small_images_are_told() -> None:
 
 def test_images_without_an_object_are_told() -> None:
     images = few()
-    refused(changed(images, pixels=np.zeros_like(images.pixels)), "got 8 whose opacity is 0 all over")
+    refused(replace(images, pixels=np.zeros_like(images.pixels)), "got 8 whose opacity is 0 all over")
 
 
 def test_masks_without_a_common_object_are_told() -> None:
-    """The ball at a corner of every image."""
-    images = few()
-    refused(changed(images, pixels=np.roll(images.pixels * (images.pixels[..., 3:] > 0), 9, axis=2)),
-            "whose masks have no point of the ball in common")
+    """A small ball that is at another border of every other image."""
+    images = ball_images(sphere_directions(8), size=24, ball=0.2)
+    moved = np.stack([np.roll(pixels, 9 * (-1) ** k, axis=k // 2 % 2) for k, pixels in enumerate(images.pixels)])
+    refused(replace(images, pixels=moved), "whose masks have no point of the ball in common")
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])

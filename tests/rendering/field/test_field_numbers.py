@@ -18,7 +18,7 @@ from tests.rendering.field.ball_views import BALL, CENTRE, RADIUS, ball_images, 
 SIDE = 9
 
 
-def points_of(array: np.ndarray) -> mi.Point3f:
+def points_of(array: np.ndarray) -> "mi.Point3f":
     return mi.Point3f(*(owned(mi.Float, values) for values in array.T.astype(np.float32)))
 
 
@@ -132,7 +132,7 @@ def test_what_cannot_be_reached_is_solid() -> None:
     distance = np.linalg.norm(middles, axis=1)
     values = np.where((distance < 0.7) & (distance > 0.4), 1.0, 0.0)
     values[(np.abs(middles[:, :2]) < 1 / side).all(axis=1) & (middles[:, 2] > 0)] = 0
-    values[np.linalg.norm(middles - 0.85, axis=1) < 0.08] = 1
+    values[np.linalg.norm(middles - 0.85, axis=1) < 0.05] = 1
     whole = level_mesh(solid(values.reshape((side,) * 3), 0.5), 0.5, 2 / side)
     mesh, parts, dropped = largest_parts(whole)
     assert (parts, dropped) == (1, 1)
