@@ -22,6 +22,8 @@ from dataset_builder.importing.captures.photographs import (
 )
 
 ROLL, DONE, KEY = "pixels.f16", "done.jsonl", "key"
+TOGETHER = 64
+"""Photographs that are made before they are noted as done."""
 EVERY = 8
 """One image in so many is held out, from twice as many on."""
 
@@ -61,20 +63,27 @@ def developed(capture: Capture, size: int, ball: Ball | None, work: Path,
             (work / ROLL).touch()
             os.truncate(work / ROLL, int(np.prod(shape)) * 2)
             write_atomic(work / KEY, key.encode())
-        pixels = np.memmap(work / ROLL, dtype=np.float16, mode="r+", shape=shape)
         rows = _finished(work / DONE)
-        with (work / DONE).open("a") as stream:
+        with (work / ROLL).open("r+b") as roll, (work / DONE).open("a") as log:
+            fresh = list[dict[str, object]]()
             for index, shot in enumerate(capture.shots):
                 if index not in rows:
                     taken = photograph(shot, (width, height), ball)
-                    pixels[index] = taken.pixels
-                    pixels.flush()
-                    rows[index] = {"index": index, "focal": taken.focal, "centre": taken.centre, "share": taken.share,
-                                   "sharpness": sharpness(taken.pixels), "median": median_luminance(taken.pixels),
-                                   "seal": taken.sha256}
-                    stream.write(json.dumps(rows[index]) + "\n")
-                    stream.flush()
+                    roll.seek(index * taken.pixels.size * 2)
+                    roll.write(taken.pixels.astype(np.float16).tobytes())
+                    fresh.append({"index": index, "focal": taken.focal, "centre": taken.centre, "share": taken.share,
+                                  "sharpness": sharpness(taken.pixels), "median": median_luminance(taken.pixels),
+                                  "seal": taken.sha256})
+                if len(fresh) == TOGETHER or index + 1 == len(capture.shots):
+                    # Pixels are on the disk before anything says so
+                    roll.flush()
+                    os.fsync(roll.fileno())
+                    log.writelines(json.dumps(row) + "\n" for row in fresh)
+                    log.flush()
+                    rows |= dict(zip((int(str(row["index"])) for row in fresh), fresh, strict=True))
+                    fresh.clear()
                 told(index + 1, len(capture.shots))
+        pixels = np.memmap(work / ROLL, dtype=np.float16, mode="r", shape=shape)
     ordered = [rows[index] for index in range(len(capture.shots))]
 
     def column(name: str) -> np.ndarray:
