@@ -149,7 +149,7 @@ def _fitted(backend: str) -> "Fit":
 def _sheet(content: "FieldFile", images: "PosedImages", target: Path) -> bool:
     """Draw the contact sheet; a warning where that fails, since the object does not need it."""
     from dataset_builder.rendering.field.field_figures import looked_at
-    from dataset_builder.rendering.field.looks import look_of
+    from dataset_builder.rendering.field.seen import look_of
     from dataset_builder.report.capture_sheet import write_capture_sheet
 
     def shown(field: "FieldFile", few: "PosedImages") -> np.ndarray:
