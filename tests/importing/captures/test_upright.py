@@ -10,10 +10,10 @@ from dataset_builder.assets.field_file import FieldFile
 from dataset_builder.errors import UserError
 from dataset_builder.geometry.mesh import TriangleMesh
 from dataset_builder.geometry.planes import largest_plane
-from dataset_builder.importing.captures.capture import Capture, Lens, Shot
+from dataset_builder.importing.captures.capture import Capture, CaptureShot, Lens
 from dataset_builder.importing.captures.photographs import Ball
 from dataset_builder.importing.captures.settle import moved_poses, settled
-from dataset_builder.importing.captures.upright import Placement, metres_per_unit, turned, up_of
+from dataset_builder.importing.captures.upright import CapturePlacement, metres_per_unit, turned, up_of
 from tests.assets.test_field_file import made as made_field
 from tests.capture_files import MIDDLE, Made, orbit, tilted
 
@@ -22,8 +22,8 @@ BALL = Ball(centre=(0.0, 0.0, 0.0), radius=1.0)
 
 def capture(poses: np.ndarray, **fields: object) -> Capture:
     lens = Lens(size=(8, 8), focal=(8.0, 8.0), centre=(4.0, 4.0))
-    shots = tuple(Shot(name=f"images/{index}.png", image=Path(f"images/{index}.png"), mask=None, lens=lens, pose=pose)
-                  for index, pose in enumerate(poses))
+    shots = tuple(CaptureShot(name=name, image=Path(name), mask=None, lens=lens, pose=pose)
+                  for name, pose in zip((f"images/{index}.png" for index in range(len(poses))), poses, strict=True))
     return Capture(layout="COLMAP", shots=shots, **fields)  # type: ignore[arg-type]
 
 
@@ -85,7 +85,7 @@ def test_the_first_camera_stands_before_the_front() -> None:
 
 def test_a_placement_keeps_what_cameras_see() -> None:
     made = Made(turn=tilted(), scale=3.0)
-    place = Placement(turn=tilted().T, scale=1 / 3, origin=3 * tilted() @ MIDDLE)
+    place = CapturePlacement(turn=tilted().T, scale=1 / 3, origin=3 * tilted() @ MIDDLE)
     expected = made.poses.copy()
     expected[:, :3, 3] -= MIDDLE
     assert np.abs(place.poses(made.told) - expected).max() < 1e-12
@@ -108,8 +108,9 @@ def field() -> FieldFile:
     """A box of 2 x 4 x 6 about (5, 6, 7) on a grid, one lump 1 below it."""
     draws = np.random.default_rng(0)
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-2, 2) for z in (-3, 3)])
-    positions = np.array([*corners, *draws.uniform(-1, 1, (400, 3)) * [1, 2, 3], [0, 0, -4.0]]) + [5, 6, 7]
-    faces = np.array([*np.arange(408).reshape(-1, 3), [0, 1, 408]])
+    inside = draws.uniform([-1, -2, -3], [1, 2, 3], (400, 3))
+    positions = np.array([*corners, *inside, [0, 0, -4.0]]) + np.array([5.0, 6, 7])
+    faces = np.array([*zip(*[iter(range(408))] * 3, strict=True), (0, 1, 408)])
     mesh = TriangleMesh(positions=positions, faces=faces, uvs=np.zeros((len(faces), 3, 2)),
                         material=np.zeros(len(faces)))
     return replace(made_field(), mesh=mesh, centre=(5.0, 6.0, 7.0), radius=5.0)
