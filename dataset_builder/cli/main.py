@@ -5,7 +5,17 @@ import sys
 from collections.abc import Sequence
 
 from dataset_builder import __version__
-from dataset_builder.cli import build, evaluate, export, import_front3d, import_models, inspect, study, table
+from dataset_builder.cli import (
+    build,
+    evaluate,
+    export,
+    export_field,
+    import_front3d,
+    import_models,
+    inspect,
+    study,
+    table,
+)
 from dataset_builder.cli.interrupt import guarded
 from dataset_builder.errors import UserError
 from dataset_builder.extras import missing_named
@@ -30,6 +40,6 @@ def parser() -> argparse.ArgumentParser:
     root = argparse.ArgumentParser(prog="dataset-builder", description="Build 3DF-Lighting datasets from specs.")
     root.add_argument("--version", action="version", version=__version__)
     verbs = root.add_subparsers(required=True, metavar="VERB")
-    for group in (import_models, import_front3d, build, inspect, export, study, evaluate, table):
+    for group in (import_models, import_front3d, build, inspect, export, export_field, study, evaluate, table):
         group.add(verbs)
     return root

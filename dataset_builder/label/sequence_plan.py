@@ -13,3 +13,7 @@ class SequencePlan(Model):
     """Place in it, from 0; neighbours differ by 1."""
     frames: int = 0
     """How many there are, those included that could not be made; 0 for none."""
+
+    def example_name(self, light: int, level: int) -> str:
+        """Name of the sequence of examples under one light, at one noise level: `turn-00-03-0-0`."""
+        return f"{self.name}-{light}-{level}"

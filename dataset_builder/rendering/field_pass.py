@@ -10,7 +10,7 @@ import numpy as np
 
 from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.planning.scene.assets_of_plan import world_from_object
-from dataset_builder.rendering.field.looks import look_of
+from dataset_builder.rendering.field.seen import look_of
 from dataset_builder.rendering.pass_inputs import sky_radiance
 from dataset_builder.rendering.sampling.adaptive import Sample
 from dataset_builder.rendering.sampling.estimate import Samplers

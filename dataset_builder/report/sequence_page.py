@@ -23,10 +23,10 @@ COLUMNS = ("method", "sequence", "views", "neighbours",
            *(f"{name}{end}" for name in NAMES for end in ("", "_sd", "_sd_within")), "overlap")
 PAIR_COLUMNS = ("method", "sequence", "frame", "key", "flicker", "error_flicker", "overlap")
 MEANING = """± is the standard deviation over the views of all sequences, or over all neighbours; in brackets that
-within a sequence. They are no standard errors. *Flicker*: mean absolute difference of two neighbouring pictures, in display
-values at one exposure for a whole sequence, over the pixels whose surface both views see, the later picture warped into
-the earlier view by depth. Light on a surface changes with the view, so that the truth flickers, too. *Flicker of the
-error*: the same of prediction less truth, 0 for what changes as the truth does."""
+within a sequence. They are no standard errors. *Flicker*: mean absolute difference of two neighbouring pictures, in
+display values at one exposure for a whole sequence, over the pixels whose surface both views see, the later picture
+warped into the earlier view by depth. Light on a surface changes with the view, so that the truth flickers, too.
+*Flicker of the error*: the same of prediction less truth, 0 for what changes as the truth does."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -99,7 +99,7 @@ def sequences_of(dataset: LightingDataset) -> list[ViewSequence]:
     for index in range(len(dataset)):
         plan = dataset.label(index).plan
         if plan.sequence.name:
-            name = f"{plan.sequence.name}-{plan.light}-{plan.rough.level}"
+            name = plan.sequence.example_name(plan.light, plan.rough.level)
             found.setdefault(name, []).append((plan.sequence, index))
     if not found:
         raise UserError([Problem(where=where, path=f"split {dataset.split}", hint=ORBIT,

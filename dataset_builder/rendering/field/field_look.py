@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import drjit as dr
@@ -15,10 +14,7 @@ from dataset_builder.rendering.buffers import owned
 from dataset_builder.rendering.field.field_grid import dense_corners
 from dataset_builder.rendering.field.field_model import OUTSIDE, FieldModel, Kind, radiance
 from dataset_builder.rendering.field.field_rays import ball_span
-
-Look = Callable[["mi.Point3f", "mi.Vector3f", "mi.Bool"], "tuple[mi.Color3f, mi.Float]"]
-"""Origins, unit directions in the field's frame and metres, whether rays count -> radiance times opacity, as in the
-images, and opacity."""
+from dataset_builder.rendering.field.looks import Look
 
 STEP = 0.75
 """Of a ray where something is, cells."""

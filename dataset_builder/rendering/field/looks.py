@@ -1,14 +1,11 @@
-"""What rays see of a field, whatever kind it is of."""
+"""What a way to look at fields is."""
 
 from __future__ import annotations
 
-from dataset_builder.assets.field_file import FieldFile
-from dataset_builder.rendering.field.field_look import Look, grid_look
-from dataset_builder.rendering.field.splat_look import splat_look
+from collections.abc import Callable
 
-__all__ = ["Look", "look_of"]
+import mitsuba as mi
 
-
-def look_of(file: FieldFile) -> Look:
-    """What rays see of a field."""
-    return splat_look(file) if file.splats is not None else grid_look(file)
+Look = Callable[["mi.Point3f", "mi.Vector3f", "mi.Bool"], "tuple[mi.Color3f, mi.Float]"]
+"""Origins and unit directions of rays in the frame of a field's file, metres, and whether they count -> linear radiance
+times opacity, in the light of the field's images, and opacity in [0, 1]."""
