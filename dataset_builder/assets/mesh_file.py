@@ -25,6 +25,7 @@ from dataset_builder.spec.mesh_source import (
     FIELD_SUFFIX,
     SCALED_FIELD,
     broken_suffix_rule,
+    names_field,
     references,
     splat_hint,
 )
@@ -97,7 +98,7 @@ def load_mesh_file(path: Path, *, name: str, category: str, licence: str, scale:
             refuse(path, "expected triangles, got a file without any", splat_hint(left_out_of(model)))
         asset = model_asset(model, scaled_world(scale, up), name=name, category=category, licence=licence)
     placed, moved, flat = stand(asset.mesh)
-    if path.suffix.lower() == FIELD_SUFFIX:
+    if names_field(path.name):
         _require_own_frame(path, asset.mesh, moved, scale, up)
         placed, moved, flat = asset.mesh, np.zeros(3), []
     meta = {**asset.meta, "source": path.name, "moved": ", ".join(f"{step:.6g} m" for step in moved),

@@ -10,6 +10,7 @@ from dataset_builder.cli import (
     evaluate,
     export,
     export_field,
+    import_capture,
     import_front3d,
     import_models,
     inspect,
@@ -23,7 +24,7 @@ from dataset_builder.extras import missing_named
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one verb; returns the exit code."""
-    options = parser().parse_args(import_front3d.joined(sys.argv[1:] if arguments is None else arguments))
+    options = parser().parse_args(_joined(sys.argv[1:] if arguments is None else arguments))
     try:
         with missing_named():
             return guarded(lambda: options.run(options))
@@ -35,11 +36,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
 
 
+def _joined(arguments: Sequence[str]) -> list[str]:
+    """The command line with a verb of two words as one."""
+    return import_capture.joined(import_front3d.joined(arguments))
+
+
 def parser() -> argparse.ArgumentParser:
     """All verbs and their options."""
     root = argparse.ArgumentParser(prog="dataset-builder", description="Build 3DF-Lighting datasets from specs.")
     root.add_argument("--version", action="version", version=__version__)
     verbs = root.add_subparsers(required=True, metavar="VERB")
-    for group in (import_models, import_front3d, build, inspect, export, export_field, study, evaluate, table):
+    for group in (import_models, import_capture, import_front3d, build, inspect, export, export_field, study, evaluate,
+                  table):
         group.add(verbs)
     return root

@@ -12,10 +12,12 @@ LEAST_PART = 0.01
 
 
 def solid(values: np.ndarray, level: float) -> np.ndarray:
-    """`values`, with all made solid that cannot be reached from outside through values below `level`: what no camera
-    sees says nothing of itself. values: (Z, Y, X)."""
-    free, _ = ndimage.label(np.pad(values < level, 1, constant_values=True))
-    inner = (free != free[0, 0, 0])[1:-1, 1:-1, 1:-1]
+    """`values`, with all made solid that a cube of 3 cells cannot reach from outside through values below `level`: what
+    no camera sees says nothing of itself, and surfaces have holes. values: (Z, Y, X)."""
+    cube = np.ones((3, 3, 3), dtype=bool)
+    free = np.pad(values < level, 2, constant_values=True)
+    rooms, _ = ndimage.label(ndimage.binary_erosion(free, cube, border_value=1))
+    inner = ~ndimage.binary_dilation(rooms == rooms[0, 0, 0], cube)[2:-2, 2:-2, 2:-2]
     # Two cells deep nothing is left of the surface between cells, and holes there would be surfaces of their own
     deep = ndimage.binary_erosion(inner, iterations=2)
     return np.where(deep | (inner & (values < level)), np.maximum(values, level + 1), values)

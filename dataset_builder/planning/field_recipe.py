@@ -13,7 +13,7 @@ from dataset_builder.planning.view.lights import source_light
 from dataset_builder.seeding import derive_seed, rng
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.field import FieldSpec
-from dataset_builder.spec.mesh_source import FIELD_SUFFIX
+from dataset_builder.spec.mesh_source import names_field
 
 NO_FIELD = FieldPlan()
 OWN = FieldPlan(kind="own")
@@ -23,7 +23,7 @@ IMAGE_DEPTH = 8
 
 def is_own(plan: ObjectPlan) -> bool:
     """Whether an object is a field already, such as a capture."""
-    return plan.kind == "file" and plan.source.lower().endswith(FIELD_SUFFIX)
+    return plan.kind == "file" and names_field(plan.source)
 
 
 def field_plan(spec: DatasetSpec, asked: FieldSpec | None, pair: PairRef, target: ObjectPlan, root: Path) -> FieldPlan:

@@ -6,7 +6,7 @@ from pydantic import AfterValidator, ConfigDict, Field, Tag, model_validator
 
 from dataset_builder.layers import ALIKE, LAYERS, PAPER_LAYERS, Extent
 from dataset_builder.spec.camera import CameraSpec
-from dataset_builder.spec.field import SeenSpec, require_seen
+from dataset_builder.spec.field import FieldSpec, SeenSpec, require_seen
 from dataset_builder.spec.file_scene import ThingQuery
 from dataset_builder.spec.licences import Licence
 from dataset_builder.spec.light import SourceSpec, TargetSpec
@@ -127,7 +127,8 @@ class GatesSpec(Model):
     """Bounds that an example must meet to be included in the dataset."""
 
     mask_overlap: Share = 0.7
-    """Minimum intersection over union of `mask` and `mask_rough`."""
+    """Minimum intersection over union of `mask` and `mask_rough`, and of `mask` and `mask_field` where `i_s` is the
+    image of a field."""
     s_prime_energy: Annotated[Interval, interval(0)] = (1e-3, 1e3)
     """Minimum and maximum mean of `s_prime` over the mask."""
     coverage: Annotated[Interval, interval(0, 1)] = (0.01, 0.95)
@@ -197,6 +198,12 @@ class DatasetSpec(Model):
                     raise broken(f"expected layers that the dataset holds, got {name}", path=path,
                                  known=tuple(self.layers))
         return self
+
+    @property
+    def fields(self) -> bool:
+        """Whether any example needs a field that is to be made."""
+        return any(split.source.image or any(isinstance(level, FieldSpec) for level in split.levels(self.rough))
+                   for split in self.splits)
 
     @model_validator(mode="after")
     def _fields_are_seen_alone(self) -> "DatasetSpec":

@@ -78,6 +78,11 @@ def splat_hint(said: Iterable[str]) -> str:
     return MADE_OF_SPLATS if any(name in text for text in said for name in SPLATS) else ""
 
 
+def names_field(file: str) -> bool:
+    """Whether a file is a field, by its suffix."""
+    return Path(file).suffix.lower() == FIELD_SUFFIX
+
+
 class OutsideError(ValueError):
     """A file is named that lies in none of the folders where it may."""
 

@@ -1,13 +1,12 @@
 """Objects that are fields already, such as captures: what a spec cannot ask of them, since there is no clean mesh."""
 
 from collections.abc import Iterator, Mapping
-from pathlib import PurePath
 
 from dataset_builder.errors import Problem
 from dataset_builder.layers import LAYERS
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.document import Document
-from dataset_builder.spec.mesh_source import FIELD_SUFFIX, SCALED_FIELD
+from dataset_builder.spec.mesh_source import SCALED_FIELD, names_field
 from dataset_builder.spec.scene import ObjectSpec
 
 SHOWN_ALONE = ("source", "empty")
@@ -18,7 +17,14 @@ TO_HAVE = tuple(name for name, layer in LAYERS.items() if layer.geometry != "3dm
 
 def is_field(spec: ObjectSpec | None) -> bool:
     """Whether an object is a field already."""
-    return spec is not None and spec.file is not None and PurePath(spec.file).suffix.lower() == FIELD_SUFFIX
+    return spec is not None and spec.file is not None and names_field(spec.file)
+
+
+def has_fields(dataset: DatasetSpec, objects: Mapping[str, ObjectSpec]) -> bool:
+    """Whether targets of a dataset are seen through fields, or their rough meshes taken from them."""
+    return bool(dataset.rough.fields) or any(
+        split.source.kind == "field" or any(is_field(objects.get(key)) for key in split.objects.source)
+        for split in dataset.splits)
 
 
 def check_own_field(spec: ObjectSpec, document: Document) -> Iterator[Problem]:

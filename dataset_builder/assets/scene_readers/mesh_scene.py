@@ -12,7 +12,7 @@ import numpy as np
 
 from dataset_builder.assets.file_model import FileModel, counted, refuse, unique
 from dataset_builder.assets.mesh_file import checked_references, file_named, left_out_of, scaled_world
-from dataset_builder.assets.readers import own_field, obj, off, ply, stl
+from dataset_builder.assets.readers import obj, off, own_field, ply, stl
 from dataset_builder.assets.scene_model import SceneModel, SceneThing
 from dataset_builder.assets.scene_readers.gltf_scene import read_gltf_scene
 from dataset_builder.assets.scene_readers.roles import classified, is_building

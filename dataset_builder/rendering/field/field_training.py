@@ -24,6 +24,9 @@ EVERY = 50
 """Steps after which progress is told and the state is kept."""
 LAST = 20
 """Steps whose losses are kept for the record."""
+EPSILON = 1e-6
+"""Of Adam: cells whose gradients are far smaller, such as those behind a surface, hardly move. Else they would wander
+as fast as all others."""
 FALL = 0.1
 """Of the rate over a stage."""
 
@@ -90,7 +93,7 @@ def trained(stages: Sequence[Stage], state: FitState, pixels: FitPixels, hull: n
 def _optimiser(values: np.ndarray, state: FitState) -> Adam:
     """Adam with a table of rows, as the state has it or from the begin."""
     table = values if state.moments is None else state.moments[0]
-    optimiser = Adam(lr=1.0, params={"table": owned(mi.Float, table)}, beta_2=0.99, epsilon=1e-12)
+    optimiser = Adam(lr=1.0, params={"table": owned(mi.Float, table)}, beta_2=0.99, epsilon=EPSILON)
     if state.moments is not None:
         kept, promoted, rate, (_, *moments) = optimiser.state["table"]
         moments[:2] = (owned(type(kept_moment), array)
