@@ -23,7 +23,7 @@ from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.load import load_dataset
 from dataset_builder.spec.mesh_source import MESH_SUFFIXES
 from dataset_builder.spec.scene import ObjectSpec
-from tests.docs_site import write_flat, write_houses, write_models, write_photographs, write_teapot
+from tests.docs_site import write_flat, write_houses, write_models, write_photographs, write_splats, write_teapot
 from tools import spec_tables
 
 ROOT = Path(__file__).parent.parent
@@ -89,6 +89,8 @@ def cheap(arguments: list[str]) -> list[str]:
         return [*arguments, *TINY_TRAINING]
     if arguments[0] == "table":
         return [*arguments, *TINY_TRAINING, "--steps", "2"]
+    if arguments[:3] == ["import", "capture", "splats/vase.ply"]:
+        return [*arguments, "--resolution", "16", "--backend", "llvm"]
     if arguments[:2] == ["import", "capture"]:
         return [*arguments, "--size", "48", "--resolution", "32", "--steps", "40", "--backend", "llvm", "--no-sheet"]
     if arguments[0] == "import":
@@ -111,6 +113,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_houses(site)
     write_models(site)
     write_photographs(site)
+    write_splats(site)
     return site
 
 
