@@ -11,10 +11,12 @@ if TYPE_CHECKING:
     from dataset_builder.lightnet.results.compose_input import ComposeInput
     from dataset_builder.lightnet.settings import DataSpec
 
-FILES = {"i_s": "--i-s", "s_prime": "--s-prime", "mask": "--mask", "background": "--background"}
-OPTIONAL = {"mask_rough": "--mask-rough"}
+FILES = {"i_s": "--i-s", "s_prime": "--s-prime", "mask": "--mask"}
+SCENES = {"background": "--background", "empty": "--empty"}
+OPTIONS = {**FILES, **SCENES, "mask_rough": "--mask-rough"}
 HELP = {"i_s": "the object under plain light, I_s", "s_prime": "raw lighting of its rough mesh in the scene, S'",
         "mask": "share of each pixel that the object covers, M", "background": "frame of the whole scene, I_PBR",
+        "empty": "frame of the scene without the object, under the same light",
         "mask_rough": "mask of the rough mesh, to find where S' does not show the object"}
 
 
@@ -44,8 +46,9 @@ def add(verbs: common.Verbs) -> None:
     verb.add_argument("--example", default="", metavar="KEY", help="example to compose, by its key")
     verb.add_argument("--index", type=int, default=0, help="or by its index in the split (default: the first)")
     verb.add_argument("--split", help="split that --index refers to (default: as of evaluate)")
-    for name, option in {**FILES, **OPTIONAL}.items():
+    for name, option in OPTIONS.items():
         verb.add_argument(option, type=Path, metavar="FILE", dest=name, help=HELP[name])
+    verb.add_argument("--no-shadow", action="store_true", help="put it into the scene without the object, as it is")
     verb.add_argument("--out", type=Path, help="folder for the results (default: composite, beside the checkpoint)")
     common.add_networks(verb, trains=False)
 
@@ -122,7 +125,7 @@ def _compose(options: argparse.Namespace) -> int:
 
     trained = load_trained(options.checkpoint, options.device)
     frame = _frame(options, trained.spec.data)
-    composite = compose(trained, frame)
+    composite = compose(trained, frame, shadow=not options.no_shadow)
     out = options.out or options.checkpoint.parent / "composite"
     files = write_composite(composite, panels(frame, composite), out, title=frame.name)
     print(f"{frame.name}: {composite.predicted.sum()} pixels predicted, {composite.filled.sum()} filled at the rim")
@@ -136,12 +139,16 @@ def _frame(options: argparse.Namespace, data: "DataSpec") -> "ComposeInput":
     from dataset_builder.lightnet.data.lighting_dataset import splits_of
     from dataset_builder.lightnet.results.compose_input import input_from_dataset, input_from_files
 
-    files = {name: path for name in (*FILES, *OPTIONAL) if (path := getattr(options, name))}
+    files = {name: path for name in OPTIONS if (path := getattr(options, name))}
     if options.folder:
         if files:
             raise UserError("expected a dataset or files, got both")
         split = options.split or data.measured(splits_of(options.folder))
         return input_from_dataset(options.folder, key=options.example, split=split, index=options.index)
-    if missing := [option for name, option in FILES.items() if name not in files]:
-        raise UserError(f"expected a dataset, or files of {', '.join(FILES.values())}: {', '.join(missing)} missing")
+    scenes = " or ".join(SCENES.values())
+    missing = [option for name, option in FILES.items() if name not in files]
+    missing += [] if files.keys() & SCENES.keys() else [scenes]
+    if missing:
+        raise UserError(f"expected a dataset, or files of {', '.join(FILES.values())} and {scenes}: "
+                        f"{', '.join(missing)} missing")
     return input_from_files(files)

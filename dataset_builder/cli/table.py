@@ -107,9 +107,11 @@ def _steadiness(study: "TableStudy") -> list[str]:
 
 def _made(options: argparse.Namespace, base: "TrainingSpec") -> "Table":
     from dataset_builder.studies.tables import table_kinds
+    from dataset_builder.studies.tables.table_study import sees_fields
 
     if options.table == "methods":
-        return table_kinds.methods(base, own_optimisers=not options.one_optimiser)
+        return table_kinds.methods(base, own_optimisers=not options.one_optimiser,
+                                   fields=sees_fields(options.folder, base))
     if options.table == "weights":
         return table_kinds.weights(base, vgg=options.vgg_weights is not None)
     if options.table == "stability":

@@ -6,6 +6,7 @@ vary between examples (readers freeze them from the first few), there are no nul
 
 from typing import Literal
 
+from dataset_builder.label.field_plan import FieldPlan
 from dataset_builder.label.scene_plan import (
     CameraPlan,
     FogPlan,
@@ -16,7 +17,7 @@ from dataset_builder.label.scene_plan import (
     RoomPlan,
 )
 from dataset_builder.label.sequence_plan import SequencePlan
-from dataset_builder.layers import Extent, Pass
+from dataset_builder.layers import Extent, Pass, sampled_as
 from dataset_builder.spec.model import Model
 
 
@@ -119,6 +120,8 @@ class RoughPlan(Model):
     above_support: bool = False
     """Whether noise that would sink the object into what it stands on is mirrored up: where much of its upper side lies
     close above that."""
+    field: FieldPlan = FieldPlan()
+    """The field that the R3DM is taken from, in place of all above but `level` and `name`."""
 
 
 class GoalPlan(Model):
@@ -182,7 +185,7 @@ class RenderPlan(Model):
 
     def parts(self, render_pass: str) -> tuple[int, ...]:
         """The parts of a pass's spp, in order."""
-        name = "first_hit" if render_pass.startswith("first_hit") else render_pass
+        name = "first_hit" if render_pass.startswith("first_hit") else sampled_as(render_pass)
         several = tuple(part.spp for part in self.spp_parts if part.render_pass == name)
         return several or (getattr(self, f"spp_{name}"),)
 
@@ -220,6 +223,8 @@ class ExamplePlan(Model):
     """How the rough mesh is made."""
     fog: FogPlan = FogPlan()
     """What fills the air."""
+    field: FieldPlan = FieldPlan()
+    """The field that `i_s` shows the object through; none where it is rendered from the 3DM."""
     render: RenderPlan
     """How pixels are computed."""
     effects: EffectsPlan

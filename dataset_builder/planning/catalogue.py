@@ -100,7 +100,7 @@ def sequence_of(spec: DatasetSpec, view: ViewRef) -> SequencePlan:
 def _examples(spec: DatasetSpec) -> Iterator[ExampleRef]:
     index = 0
     for split in spec.splits:
-        variants = list(product(range(split.lights), range(len(spec.rough.levels))))
+        variants = list(product(range(split.lights), range(len(split.levels(spec.rough)))))
         for view in views_of(spec, split):
             for light, level in variants:
                 yield ExampleRef(index=index, view=view, light=light, level=level)
@@ -120,8 +120,8 @@ def examples(spec: DatasetSpec) -> tuple[ExampleRef, ...]:
 
 def count_examples(spec: DatasetSpec, only: SplitSpec | None = None) -> int:
     """How many examples the dataset has, or one split of it, by arithmetic."""
-    return sum(len(pairs_of(split)) * split.views * split.lights
-               for split in ([only] if only else spec.splits)) * len(spec.rough.levels)
+    return sum(len(pairs_of(split)) * split.views * split.lights * len(split.levels(spec.rough))
+               for split in ([only] if only else spec.splits))
 
 
 def shard_size(spec: DatasetSpec, examples: int) -> int:

@@ -7,11 +7,13 @@ from functools import cached_property, partial
 
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.label.example_plan import ExamplePlan, GoalPlan, RenderPlan, SppPart
+from dataset_builder.label.field_plan import FieldPlan
 from dataset_builder.label.scene_plan import IlluminationPlan, ObjectPlan
 from dataset_builder.layers import LAYERS, Extent
 from dataset_builder.planning.catalogue import ExampleRef, PairRef, ViewRef, examples, sequence_of, views_of
 from dataset_builder.planning.effects.decisions import plan_effects
-from dataset_builder.planning.rough_plan import rough_notes, rough_plan
+from dataset_builder.planning.field_recipe import field_plan, in_world
+from dataset_builder.planning.rough_plan import rough_notes, rough_of_field, rough_plan
 from dataset_builder.planning.scene.arrangement import Arrangement, arrange
 from dataset_builder.planning.scene.assets_of_plan import asset_of
 from dataset_builder.planning.scene.contents import ScenePlan, SplitContents, contents, place_of
@@ -27,6 +29,7 @@ from dataset_builder.planning.view.scene_cameras import own_camera
 from dataset_builder.planning.view.scene_lights import check_lights_differ, scene_light
 from dataset_builder.seeding import derive_seed, rng
 from dataset_builder.spec.dataset import DatasetSpec
+from dataset_builder.spec.field import FieldSpec
 from dataset_builder.spec.render import SppSpec
 from dataset_builder.spec.resolve import LoadedSpec
 
@@ -45,6 +48,8 @@ class ViewPlan:
     arrangement: Arrangement
     view: PlannedCamera
     source: IlluminationPlan
+    field: FieldPlan
+    """What `i_s` shows in place of the 3DM."""
 
 
 class Planner:
@@ -98,9 +103,11 @@ class Planner:
         spec, arrangement = self.loaded.dataset, self.arrangement(ref.pair)
         with self._odd_size_named(arrangement.target.object):
             view = self._camera(ref, arrangement)
-        source = source_light(spec.source, partial(rng, spec.seed, *self._lit(ref).path, "source"),
-                              self.loaded.path.parent)
-        return ViewPlan(arrangement=arrangement, view=view, source=source)
+        seen, root = spec.split_of(ref.pair.split).source, self.loaded.path.parent
+        field = field_plan(spec, seen if seen.image else None, ref.pair, arrangement.target.object, root)
+        source = (in_world(field.light, arrangement.target.yaw, spec.source.open) if field.light.lights else
+                  source_light(spec.source, partial(rng, spec.seed, *self._lit(ref).path, "source"), root))
+        return ViewPlan(arrangement=arrangement, view=view, source=source, field=field)
 
     def _camera(self, ref: ViewRef, arrangement: Arrangement) -> PlannedCamera:
         spec, scene, where = self.loaded.dataset, self._scene(ref.pair), _where(ref, arrangement)
@@ -152,20 +159,23 @@ class Planner:
         light, note = self.light(ref.view, ref.light)
         arrangement = shared.arrangement
         render = render_plan(spec, ref.view, from_file=arrangement.room.kind != "procedural")
-        fog = self._scene(ref.view.pair).fog
+        fog, levels = self._scene(ref.view.pair).fog, spec.split_of(ref.view.pair.split).levels(spec.rough)
         effects = plan_effects(spec=spec.render, room=arrangement.room, shell=arrangement.shell,
                                diagonal=arrangement.diagonal(shared.view.camera.position),
                                target=arrangement.target, furniture=arrangement.furniture,
                                source_light=shared.source, target_light=light, fog=fog, render=render,
-                               mesh_root=self.loaded.path.parent, where=_where(ref.view, arrangement))
+                               mesh_root=self.loaded.path.parent, where=_where(ref.view, arrangement),
+                               field=shared.field, taken=any(isinstance(level, FieldSpec) for level in levels))
         clean = asset_of(arrangement.target.object, self.loaded.path.parent).mesh
-        rough = rough_plan(spec, ref, clean)
+        level = levels[ref.level]
+        taken = field_plan(spec, level if isinstance(level, FieldSpec) else None, ref.view.pair,
+                           arrangement.target.object, self.loaded.path.parent)
+        rough = rough_of_field(spec, ref, taken) if taken.kind != "none" else rough_plan(spec, ref, level, clean)
         return ExamplePlan(
             schema_version=SCHEMA_VERSION, key=ref.key, index=ref.index, split=ref.view.pair.split, view=ref.view.name,
             light=ref.light, room=arrangement.room, target=arrangement.target, furniture=arrangement.furniture,
             camera=shared.view.camera, sequence=sequence_of(spec, ref.view), source_light=shared.source,
-            target_light=light,
-            rough=rough, fog=fog, render=render, effects=effects,
+            target_light=light, rough=rough, fog=fog, field=shared.field, render=render, effects=effects,
             notes=(*arrangement.notes, shared.view.note, note, *rough_notes(rough, clean)))
 
 

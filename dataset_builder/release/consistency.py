@@ -11,9 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
+from dataset_builder.errors import UserError
 from dataset_builder.label.example_label import RenderRecord
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.layers import PAPER_LAYERS
+from dataset_builder.lightnet.data.truth import problem_of
 from dataset_builder.release import light_checks, shape_checks
 from dataset_builder.release.cells import Cells, cells_of
 from dataset_builder.release.dataset_check import Check, Rule
@@ -21,7 +23,7 @@ from dataset_builder.release.shape_checks import Outline, SurfaceFacts, outline_
 from dataset_builder.shards.reader import load_manifest, open_dataset
 from dataset_builder.spread import spread_indices
 
-HELPFUL = ("mask_rough", "air", "depth", "normal")
+HELPFUL = ("mask_rough", "air", "depth", "normal", "i_s_clean")
 """Layers that checks use where a dataset has them."""
 EXAMPLES = 512
 """Most examples that statistics are taken over; more would not make them surer."""
@@ -38,8 +40,14 @@ class Facts:
 
 
 def facts(layers: Mapping[str, np.ndarray], plan: ExamplePlan, record: RenderRecord) -> Facts:
-    """An example, its layers by name and what its label says, reduced to what the checks need."""
-    return Facts(cells=cells_of(plan.key, layers, fog=plan.fog.extinction > 0), outline=outline_of(plan.key, layers),
+    """An example, its layers by name and what its label says, reduced to what the checks need.
+
+    Where `i_s` is the image of a field, `i_s_clean` takes its place; without it, nothing is said of the source light.
+    """
+    rendered = plan.field.kind == "none" or "i_s_clean" in layers
+    layers = {**layers, "i_s": layers.get("i_s_clean", layers["i_s"])}
+    cells = cells_of(plan.key, layers, fog=plan.fog.extinction > 0, rendered=rendered)
+    return Facts(cells=cells, outline=outline_of(plan.key, layers),
                  surface=surface_of(layers, plan, record))
 
 
@@ -57,10 +65,12 @@ def check_facts(found: Iterable[Facts]) -> list[Check]:
 def read_facts(folder: Path, examples: int = EXAMPLES) -> Iterator[Facts]:
     """Facts of at most `examples` examples of a finished dataset, spread evenly over its splits, one after the other.
 
-    No more than one example's pixels are in memory at a time. Raises ShardError where the dataset cannot be read or
-    misses a layer of the paper's tuple.
+    No more than one example's pixels are in memory at a time. Raises ShardError where the dataset cannot be read, and
+    UserError where it misses a layer of the paper's tuple.
     """
     known = {layer.name for layer in load_manifest(folder).layers}
+    if lacking := problem_of(str(folder), known, PAPER_LAYERS, "hold against each other"):
+        raise UserError([lacking])
     dataset = open_dataset(folder, layers=[*PAPER_LAYERS, *(name for name in HELPFUL if name in known)])
     keys = [key for split in dataset.splits.values() for key in split]
     for place in spread_indices(len(keys), examples):

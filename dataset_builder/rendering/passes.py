@@ -11,7 +11,7 @@ import numpy as np
 from dataset_builder.label.example_plan import Transport
 from dataset_builder.layers import LAYERS
 from dataset_builder.planning.scene.arrangement import TARGET_INSTANCE
-from dataset_builder.rendering.joined import joined_integrand
+from dataset_builder.rendering.joined import InStep, joined_integrand
 from dataset_builder.rendering.sampling.adaptive import Sample
 from dataset_builder.rendering.sampling.estimate import Samplers
 from dataset_builder.rendering.sampling.moments import Estimate
@@ -23,12 +23,15 @@ from dataset_builder.rendering.view_sensor import CENTRE, ViewSensor, primary_ra
 
 RADIANCE = ("image", "shading", "specular", "shading_squared", "air")
 """All that a radiance pass can find, three channels each, in their order."""
-WANTED: Mapping[str, frozenset[str]] = {"source": frozenset({"image"}), "target": frozenset(RADIANCE),
-                                        "rough": frozenset({"shading"})}
+WANTED: Mapping[str, frozenset[str]] = {"source": frozenset({"image"}),
+                                        "source_clean": frozenset({"image"}), "target": frozenset(RADIANCE),
+                                        "rough": frozenset({"shading"}), "pbr": frozenset(RADIANCE),
+                                        "empty": frozenset(RADIANCE)}
 """What each radiance pass is run for, by its layers and by the gates, which check the target pass as a whole. It is the
-same for all examples: what a pass found can be shared without asking what for."""
-RADIANCE_LAYERS = {"i_s": "image", "i_t": "image", "s": "shading", "s_prime": "shading", "spec": "specular",
-                   "air": "air"}
+same for all examples: what a pass found can be shared without asking what for. Passes that are `layers.ALIKE` are run
+for the same, since what is wanted decides which way a path goes from the first surface."""
+RADIANCE_LAYERS = {"i_s": "image", "i_s_clean": "image", "i_t": "image", "s": "shading", "s_prime": "shading",
+                   "spec": "specular", "air": "air", "i_t_empty": "image", "i_pbr": "image"}
 """Channels of a radiance pass that a layer takes."""
 FIRST_HIT_CHANNELS = {"mask": slice(0, 1), "d": slice(1, 4), "r": slice(4, 7), "normal": slice(7, 10),
                       "depth": slice(10, 11), "met": slice(11, 12), "d_squared": slice(12, 15)}
@@ -50,11 +53,13 @@ def radiance_channels(layer: str) -> slice:
 
 
 def radiance_sampler(view: ViewSensor, opened: OpenScene, max_depth: int, transport: Transport = "camera",
-                     caustics: bool = False, wanted: frozenset[str] = frozenset(RADIANCE)) -> Sample:
-    """Sampler of what is `wanted` of RADIANCE, channels as `channels_of` cuts them; nothing else is computed."""
+                     caustics: bool = False, wanted: frozenset[str] = frozenset(RADIANCE),
+                     in_step: InStep | None = None) -> Sample:
+    """Sampler of what is `wanted` of RADIANCE, channels as `channels_of` cuts them; nothing else is computed. in_step:
+    for joined paths that are compared with those of another scene; camera paths are in step as they are."""
     names = [name for name in RADIANCE if name in wanted and (name != "air" or opened.fog)]
     if transport == "joined":
-        shared = joined_integrand(view, opened, max_depth, caustics, names)
+        shared = joined_integrand(view, opened, max_depth, caustics, names, in_step)
         return lambda pixels, spp, batches, seed: view.estimate_shared(shared, pixels, spp, batches,
                                                                        seed).padded(3 * len(wanted))
     sensor, traced = view.sensor(), frozenset(name.removesuffix("_squared") for name in wanted)

@@ -5,56 +5,50 @@ A pass runs when it is first needed, on the pixels of its layers, unless it is r
 examples of the view.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property, partial
 from math import ceil
-from pathlib import Path
-from time import perf_counter
+from typing import Any
 
 import numpy as np
 
-from dataset_builder.label.example_plan import ExamplePlan, GoalPlan, RenderPlan
-from dataset_builder.layers import PASSES, Pass
+from dataset_builder.label.example_plan import ExamplePlan
+from dataset_builder.layers import Pass
 from dataset_builder.rendering import passes
+from dataset_builder.rendering.field_pass import field_sampler, field_window
+from dataset_builder.rendering.field_shelf import NO_SHELF, FieldShelf
+from dataset_builder.rendering.joined import InStep, light_paths
 from dataset_builder.rendering.light_probe import lighting
 from dataset_builder.rendering.pass_inputs import (
     DIRECT,
     DIRECT_DEPTH,
     INSTANCE,
     LIGHTING,
-    RADIANCE,
     all_passes,
-    asked,
-    goals_at,
+    compared_with,
+    in_step,
+    lights_rough,
     needed_passes,
     needs_lighting,
-    steps_of,
 )
-from dataset_builder.rendering.pass_memory import NO_MEMORY, PassFound, PassMemory, PassResult
-from dataset_builder.rendering.passes import FIRST_HIT_CHANNELS, WANTED, ViewSensor, radiance_channels
-from dataset_builder.rendering.sampling.adaptive import Goal, Sample, Sampled, more_samples, refine
+from dataset_builder.rendering.pass_memory import PassResult
+from dataset_builder.rendering.passes import FIRST_HIT_CHANNELS, WANTED, ViewSensor
+from dataset_builder.rendering.sampled_passes import Pixels, SampledPasses
+from dataset_builder.rendering.sampling.adaptive import Sample
+from dataset_builder.rendering.sampling.estimate import groups_of
 from dataset_builder.rendering.sampling.moments import Estimate
 from dataset_builder.rendering.scene.open_scene import OpenScene
+from dataset_builder.rendering.transport.light_paths import LightVertices
 from dataset_builder.rendering.view_scenes import ViewScenes
-from dataset_builder.seeding import derive_seed
-
-Pixels = Callable[[], np.ndarray]
 
 
 @dataclass(kw_only=True)
-class ViewPasses:
+class ViewPasses(SampledPasses):
     """Passes of the view that `plan` belongs to."""
 
-    plan: ExamplePlan
-    mesh_root: Path
-    memory: PassMemory = NO_MEMORY
-    """Where results are looked up and kept."""
-    spent: dict[str, float] = field(default_factory=dict)
-    """Seconds of the passes that ran since it was cleared."""
-    recalled: list[str] = field(default_factory=list)
-    """Passes that were remembered whole since it was cleared."""
-    _results: dict[tuple[str, ...], PassResult] = field(default_factory=dict)
+    fields: FieldShelf = NO_SHELF
+    """Where fields are found."""
 
     def run(self, plan: ExamplePlan) -> None:
         """Every pass that a layer of the example needs, in the order that opens the fewest scenes; none stays open."""
@@ -64,8 +58,8 @@ class ViewPasses:
                 self.instances()
             for render_pass in needed_passes(plan):
                 self.result(render_pass, plan)
-            if DIRECT in all_passes(plan):
-                self.rough_direct(plan)
+                if render_pass == "rough" and DIRECT in all_passes(plan):
+                    self.rough_direct(plan)
             if needs_lighting(plan):
                 self.lighting(plan)
         finally:
@@ -74,7 +68,7 @@ class ViewPasses:
     @cached_property
     def scenes(self) -> ViewScenes:
         """What is traced."""
-        return ViewScenes(plan=self.plan, mesh_root=self.mesh_root)
+        return ViewScenes(plan=self.plan, mesh_root=self.mesh_root, fields=self.fields)
 
     @property
     def view(self) -> ViewSensor:
@@ -85,8 +79,9 @@ class ViewPasses:
 
     def result(self, render_pass: Pass, plan: ExamplePlan) -> PassResult:
         """What a pass found that an example of this view needs."""
-        return {"first_hit": lambda _: self.first_hit(), "source": lambda _: self.source(), "target": self.target,
-                "rough": self.rough, "first_hit_rough": self.first_hit_rough}[render_pass](plan)
+        return {"first_hit": lambda _: self.first_hit(), "source": lambda _: self.source(),
+                "source_clean": lambda _: self.source_clean(), "target": self.target, "rough": self.rough,
+                "first_hit_rough": self.first_hit_rough, "pbr": self.pbr, "empty": self.empty}[render_pass](plan)
 
     def first_hit(self) -> PassResult:
         """Light-free layers of the 3DM."""
@@ -104,7 +99,7 @@ class ViewPasses:
 
         return self._once(("first_hit_rough", str(plan.light), plan.rough.model_dump_json()), plan,
                           lambda: self.scenes.window(self.scenes.rough_object(plan.rough)), sampler, plan.rough.level,
-                          facts=lambda: self.scenes.twin(plan.rough).roughness.model_dump())
+                          facts=lambda: dict(self.scenes.twin(plan.rough).figures))
 
     def instances(self) -> PassResult:
         """Instance at every pixel's centre."""
@@ -114,8 +109,17 @@ class ViewPasses:
         return self._once((INSTANCE,), self.plan, self._frame, sampler)
 
     def source(self) -> PassResult:
+        """What is seen under the source illumination: the 3DM, or a field of it wherever that may be."""
+        if self.plan.field.kind == "none":
+            return self._lit(("source",), self.plan, self.scenes.source, self.covered)
+        return self._once(("source",), self.plan, lambda: field_window(self.scenes),
+                          lambda: field_sampler(self.scenes))
+
+    def source_clean(self) -> PassResult:
         """The 3DM under the source illumination, with what blocks it out of the way."""
-        return self._lit(("source",), self.plan, self.scenes.source, self.covered)
+        if self.plan.field.kind == "none":
+            return self.source()
+        return self._lit(("source_clean",), self.plan, self.scenes.source, self.covered)
 
     def target(self, plan: ExamplePlan) -> PassResult:
         """The 3DM under one target illumination."""
@@ -125,6 +129,17 @@ class ViewPasses:
         """The R3DM of one noise level under one target illumination."""
         return self._lit(("rough", str(plan.light), plan.rough.model_dump_json()), plan, lambda: self._rough(plan),
                          lambda: self.covered_by_either(plan), plan.light, plan.rough.level)
+
+    def pbr(self, plan: ExamplePlan) -> PassResult:
+        """The whole scene with the R3DM in it under one target illumination, by the target pass's random numbers."""
+        return self._lit(("pbr", str(plan.light), plan.rough.model_dump_json()), plan, lambda: self._rough(plan),
+                         lambda: self.covered_by_either(plan), plan.light)
+
+    def empty(self, plan: ExamplePlan) -> PassResult:
+        """The scene without the target object under one target illumination, by the target pass's random numbers: what
+        the object changes nothing of has the same bits, but for light that is found by paths from the lamps."""
+        return self._lit(("empty", str(plan.light)), plan, lambda: self.scenes.surroundings(plan), self.covered,
+                         plan.light)
 
     def rough_direct(self, plan: ExamplePlan) -> PassResult:
         """As `rough`, without light that has bounced: the same pixels, as many samples as that took on average, all of
@@ -151,17 +166,34 @@ class ViewPasses:
         return self._once((LIGHTING, str(plan.light)), plan, lambda: np.zeros(1, dtype=np.int64), sampler, plan.light)
 
     def _rough(self, plan: ExamplePlan) -> OpenScene:
-        return self.scenes.rough(plan, lit=asked(plan, "rough"))
+        return self.scenes.rough(plan, lit=lights_rough(plan))
 
     def _lit(self, key: tuple[str, ...], plan: ExamplePlan, opened: Callable[[], OpenScene], covered: Pixels,
              *seed: int) -> PassResult:
         """A pass with light."""
+        effects = plan.effects.of(key[0])
+        setting = effects.max_depth, effects.transport, effects.caustics, WANTED[key[0]]
+
         def sampler() -> Sample:
-            effects = plan.effects.of(key[0])
-            return passes.radiance_sampler(self.view, opened(), effects.max_depth, effects.transport,
-                                           effects.caustics, WANTED[key[0]])
+            if not in_step(plan, key[0]):
+                return passes.radiance_sampler(self.view, opened(), *setting)
+            return in_steps
+
+        def in_steps(*what: Any) -> Estimate:
+            theirs = self._light_paths(compared_with(plan, key[0]), plan, *what)
+            return passes.radiance_sampler(self.view, opened(), *setting, in_step=InStep(other=theirs))(*what)
 
         return self._once(key, plan, covered, sampler, *seed)
+
+    def _light_paths(self, name: Pass | None, plan: ExamplePlan, pixels: np.ndarray, spp: int, batches: int,
+                     seed: int) -> dict[int, LightVertices]:
+        """Those of another pass, whose scene is closed again before this one's is opened; none of no pass."""
+        if name is None:
+            return {}
+        effects = plan.effects.of(name)
+        return light_paths(self.view, {"target": self.scenes.target, "empty": self.scenes.surroundings}[name](plan),
+                           effects.max_depth, effects.caustics, sorted(WANTED[name]),
+                           groups_of(pixels, spp, batches, seed))
 
     # Pixels
 
@@ -173,72 +205,6 @@ class ViewPasses:
         """Pixels of which the 3DM or the R3DM covers some."""
         return np.union1d(self.covered(), _with_mask(self.first_hit_rough(plan)))
 
-    def _frame(self) -> np.ndarray:
-        return np.arange(self._render.width * self._render.height)
-
-    # Sampling
-
-    @property
-    def _render(self) -> RenderPlan:
-        return self.plan.render
-
-    def _once(self, key: tuple[str, ...], plan: ExamplePlan, pixels: Pixels, sampler: Callable[[], Sample],
-              *seed: int, facts: Callable[[], Mapping[str, float]] = dict) -> PassResult:
-        """The result of the pass `key[0]`: what this view has of it, or what is remembered, or both and new samples.
-
-        pixels: of the object, unless the pass is planned on the frame; sampler: opens the scene; seed: numbers that the
-        pass's random numbers derive from, besides its name.
-        """
-        if key not in self._results:
-            name = key[0]
-            steps, found = self.memory.recall(plan, name)
-            if found and steps == steps_of(plan, name):
-                self.recalled.append(name)
-            else:
-                wide = name in PASSES and self.plan.effects.of(name).extent == "frame"
-                traced = found.pixels if found else self._frame() if wide else pixels()
-                start = perf_counter()
-                before = found or PassFound(pixels=traced, sampled=Sampled(halves=(Estimate.empty(),)), facts=facts())
-                found = self._sampled(name, plan, before, steps, sampler, pixels,
-                                      derive_seed(int(self._render.seed), name, *seed))
-                self.spent[name] = self.spent.get(name, 0.0) + perf_counter() - start
-            self._results[key] = self._finished(name, found)
-        return self._results[key]
-
-    def _sampled(self, name: str, plan: ExamplePlan, found: PassFound, done: int, sampler: Callable[[], Sample],
-                 covered: Pixels, seed: int) -> PassFound:
-        """A pass's steps from number `done` on, each remembered as soon as it is there."""
-        pixels, batches = found.pixels, self._render.batches
-        parts = self._render.parts(name) if name in PASSES else (1,)
-        # Before the scene is opened: one at a time
-        goals = [[self._goal(goal, pixels, covered()) for goal in goals_at(plan, name, step)]
-                 for step in range(steps_of(plan, name))]
-        sample = sampler() if len(pixels) else None
-        for step in range(done, steps_of(plan, name)):
-            known = found.sampled if step else None
-            if sample and goals[step]:
-                found = replace(found, sampled=refine(sample, pixels, self._render.width, first=sum(parts),
-                                                      goals=goals[step], batches=batches, seed=seed, before=known))
-            elif sample:
-                found = replace(found, sampled=more_samples(sample, pixels, known, spp=parts[step], part=step,
-                                                            batches=batches, seed=seed))
-            if name in RADIANCE:
-                found = replace(found, sampled=found.sampled.rounded())
-            self.memory.keep(plan, name, step + 1, found)
-        return found
-
-    def _goal(self, goal: GoalPlan, pixels: np.ndarray, covered: np.ndarray) -> Goal:
-        """A layer's goal on the pixels of its own extent."""
-        extent = dict(self._render.layers).get(goal.layer, "object")
-        inside = np.isin(pixels, covered) if extent == "object" else np.ones(len(pixels), dtype=bool)
-        return Goal(layer=goal.layer, channels=radiance_channels(goal.layer), inside=inside,
-                    error=goal.error, seconds=goal.seconds, cap=goal.cap)
-
-    def _finished(self, name: str, found: PassFound) -> PassResult:
-        sampled, width = found.sampled, self._render.width
-        lit = name in RADIANCE and len(found.pixels)
-        estimate = sampled.estimate(found.pixels, width) if lit else sampled.halves[0]
-        return PassResult(pixels=found.pixels, found=estimate, stopped=sampled.stopped, facts=found.facts)
 
 
 def _with_mask(result: PassResult) -> np.ndarray:

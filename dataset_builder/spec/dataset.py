@@ -4,15 +4,16 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, ConfigDict, Field, Tag, model_validator
 
-from dataset_builder.layers import LAYERS, PAPER_LAYERS, Extent
+from dataset_builder.layers import ALIKE, LAYERS, PAPER_LAYERS, Extent
 from dataset_builder.spec.camera import CameraSpec
+from dataset_builder.spec.field import FieldSpec, SeenSpec, require_seen
 from dataset_builder.spec.file_scene import ThingQuery
 from dataset_builder.spec.licences import Licence
 from dataset_builder.spec.light import SourceSpec, TargetSpec
 from dataset_builder.spec.model import Model, broken
 from dataset_builder.spec.numbers import Interval, Share, branches, interval
 from dataset_builder.spec.render import ImageSpec, RenderSpec
-from dataset_builder.spec.rough import RoughSpec
+from dataset_builder.spec.rough import Level, RoughSpec
 
 
 def _known_layer(name: str) -> str:
@@ -92,6 +93,12 @@ class SplitSpec(Model):
     lights that are in no view's way and are judged by what all of them see."""
     camera: CameraSpec | None = None
     """Viewpoints of this split, in place of the dataset's `camera` as a whole."""
+    source: SeenSpec = SeenSpec()
+    """What `i_s` shows, and where rough meshes come from: the clean mesh, or a neural field of each object."""
+
+    def levels(self, rough: RoughSpec) -> tuple[Level, ...]:
+        """What rough meshes are made by, one example each: the dataset's levels, or the split's own field."""
+        return (self.source,) if self.source.mesh else rough.levels
 
     @model_validator(mode="after")
     def _enough_pairs(self) -> "SplitSpec":
@@ -120,7 +127,8 @@ class GatesSpec(Model):
     """Bounds that an example must meet to be included in the dataset."""
 
     mask_overlap: Share = 0.7
-    """Minimum intersection over union of `mask` and `mask_rough`."""
+    """Minimum intersection over union of `mask` and `mask_rough`, and of `mask` and `mask_field` where `i_s` is the
+    image of a field."""
     s_prime_energy: Annotated[Interval, interval(0)] = (1e-3, 1e3)
     """Minimum and maximum mean of `s_prime` over the mask."""
     coverage: Annotated[Interval, interval(0, 1)] = (0.01, 0.95)
@@ -173,9 +181,10 @@ class DatasetSpec(Model):
 
     @model_validator(mode="after")
     def _few_enough_examples(self) -> "DatasetSpec":
-        counts = [split.lights * split.views * (split.objects.count * split.scenes.count if split.pairs == "all"
-                                                else split.pairs) for split in self.splits]
-        if (total := sum(counts) * len(self.rough.levels)) > MOST_EXAMPLES:
+        counts = [len(split.levels(self.rough)) * split.lights * split.views * (
+            split.objects.count * split.scenes.count if split.pairs == "all" else split.pairs)
+            for split in self.splits]
+        if (total := sum(counts)) > MOST_EXAMPLES:
             raise broken(f"expected at most {MOST_EXAMPLES} examples of all splits together, got {total}",
                          path=("splits",))
         return self
@@ -188,6 +197,27 @@ class DatasetSpec(Model):
                     path = ("render", key, name) if key == "accuracy" else ("render", key, "layers")
                     raise broken(f"expected layers that the dataset holds, got {name}", path=path,
                                  known=tuple(self.layers))
+        return self
+
+    @property
+    def fields(self) -> bool:
+        """Whether any example needs a field that is to be made."""
+        return any(split.source.image or any(isinstance(level, FieldSpec) for level in split.levels(self.rough))
+                   for split in self.splits)
+
+    @model_validator(mode="after")
+    def _fields_are_seen_alone(self) -> "DatasetSpec":
+        require_seen({split.name: split.source for split in self.splits}, self.layers, self.render.denoise.layers)
+        return self
+
+    @model_validator(mode="after")
+    def _differences_are_smooth(self) -> "DatasetSpec":
+        alike = [name for name in self.layers if LAYERS[name].render_pass in ALIKE and not name.endswith("_se")]
+        goals = [name for name in self.render.accuracy if name in alike]
+        if goals and len({LAYERS[name].render_pass for name in alike}) > 1:
+            others = ", ".join(name for name in alike if LAYERS[name].render_pass != LAYERS[goals[0]].render_pass)
+            raise broken(f"expected a fixed spp, since {goals[0]} shares its random numbers with {others}, got a goal "
+                         "(set render.spp.target instead)", path=("render", "accuracy", goals[0]))
         return self
 
     @model_validator(mode="after")

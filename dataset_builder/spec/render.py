@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, Tag, model_validator
 
-from dataset_builder.layers import LAYERS
+from dataset_builder.layers import LAYERS, sampled_as
 from dataset_builder.spec.model import Model, broken
 from dataset_builder.spec.numbers import PositiveInt, branches
 
@@ -54,7 +54,7 @@ class SppSpec(Model):
     source: Spp = 64
     """`i_s`."""
     target: Spp = 64
-    """`i_t`, `s`, `spec`."""
+    """`i_t`, `s`, `spec`, `air`, `i_t_empty`, `i_pbr`."""
     rough: Spp = 64
     """`s_prime`."""
 
@@ -67,7 +67,7 @@ class SppSpec(Model):
 
     def parts(self, render_pass: str) -> tuple[int, ...]:
         """The parts that the samples of a pass are taken in, one or more."""
-        spp = getattr(self, render_pass)
+        spp = getattr(self, sampled_as(render_pass))
         return spp if isinstance(spp, tuple) else (spp,)
 
     def total(self, render_pass: str) -> int:

@@ -87,7 +87,7 @@ class ObjectSpec(Model):
     params: dict[str, AnyNumber] = {}
     """Parameters of the family that differ from its own distributions."""
     file: str | None = None
-    """Mesh file (.glb .gltf .obj .off .ply .stl .usd .usda .usdc .usdz), relative to this spec."""
+    """Mesh file (.glb .gltf .obj .off .ply .stl .npz .usd .usda .usdc .usdz), relative to this spec."""
     materials: dict[str, MaterialSpec] = {}
     """Changes by name of the material; `*` is every material. `dataset-builder families` lists the names of a family.
     An unknown name is an error that lists the known ones."""

@@ -18,10 +18,12 @@ from dataset_builder.rendering.pass_inputs import (
 )
 from tests.plans import effects_plan, example_plan
 
-PASSES = ("first_hit", "instance", "source", "target", "first_hit_rough", "rough", "lighting")
-UNDER_TARGET = {"target", "rough", "first_hit_rough", "lighting"}
-LIT = {"source", "target", "rough"}
-LAYERS = tuple((name, "object") for name in ("i_s", "i_t", "s_prime", "d", "mask", "mask_rough", "instance"))
+PASSES = ("first_hit", "instance", "source", "target", "first_hit_rough", "rough", "pbr", "empty", "lighting")
+UNDER_TARGET = {"target", "rough", "pbr", "empty", "first_hit_rough", "lighting"}
+LIT = {"source", "target", "rough", "pbr", "empty"}
+OF_ROUGH = {"first_hit_rough", "rough", "pbr"}
+LAYERS = tuple((name, "object") for name in ("i_s", "i_t", "s_prime", "d", "mask", "mask_rough", "instance",
+                                              "i_t_empty", "i_pbr"))
 Edit = Callable[[ExamplePlan], ExamplePlan]
 
 
@@ -95,14 +97,14 @@ EDITS: dict[str, tuple[Edit, set[str]]] = {
               set(PASSES)),
     "emission": (within("target.object", materials=(MaterialChange(name="*", values=(
         Param(name="emission.0", value=2.0),)),)), set(PASSES)),
-    "noise": (within("rough", sigma=0.02), {"first_hit_rough", "rough"}),
-    "level": (within("rough", level=4), {"first_hit_rough", "rough"}),
+    "noise": (within("rough", sigma=0.02), OF_ROUGH),
+    "level": (within("rough", level=4), OF_ROUGH),
     "steps of noise": (within("rough", steps=(RoughStep(kind="smooth", along="isotropic", values=()),)),
-                       {"first_hit_rough", "rough"}),
+                       OF_ROUGH),
     "name of a level": (within("rough", name="heavy"), set()),
-    "triangles of a scan": (within("rough", coarsen=True), {"first_hit_rough", "rough"}),
-    "noise at the support": (within("rough", above_support=True), {"first_hit_rough", "rough"}),
-    "spp of the target": (within("render", spp_target=128), {"target"}),
+    "triangles of a scan": (within("rough", coarsen=True), OF_ROUGH),
+    "noise at the support": (within("rough", above_support=True), OF_ROUGH),
+    "spp of the target": (within("render", spp_target=128), {"target", "pbr", "empty"}),
     "spp of the light-free passes": (within("render", spp_first_hit=128), {"first_hit", "first_hit_rough", *LIT}),
     "roulette": (within("render", rr_depth=9), LIT | {"lighting"}),
     "target object": (within("target.object", seed="7"), set(PASSES)),
@@ -138,6 +140,20 @@ def test_where_something_shines_every_light_pass_depends_on_the_source_sky() -> 
     assert sky_radiance(brighter) == pytest.approx(9 / 3.14159265)
     before, after = keys(shining), keys(brighter)
     assert {name for name in PASSES if before[name] != after[name]} == {*LIT, "lighting"}
+
+
+def test_passes_that_are_compared_know_each_other_where_paths_are_joined() -> None:
+    """Camera paths are in step by themselves: what stands beside changes nothing."""
+    def key(joined: bool, *layers: str, name: str = "target") -> str:
+        found = of_passes(transport="joined")(plan()) if joined else plan()
+        asked = tuple((layer, "object") for layer in layers)
+        render = found.render.model_copy(update={"layers": asked})
+        return key_of(inputs_of(found.model_copy(update={"render": render}), name), {})
+
+    assert key(False, "i_t") == key(False, "i_t", "i_t_empty") == key(False, "i_t", "i_pbr")
+    assert len({key(True, "i_t"), key(True, "i_t", "i_t_empty"), key(True, "i_t", "i_pbr")}) == 3
+    assert key(True, "i_t", "s_prime") == key(True, "i_t")
+    assert key(True, "i_t_empty", "i_pbr", name="pbr") != key(True, "i_pbr", name="pbr")
 
 
 def test_every_pass_has_a_key_of_its_own() -> None:

@@ -13,7 +13,7 @@ from dataset_builder.lightnet.results.evaluate import Contender, ScoreRow, conte
 from dataset_builder.lightnet.settings import DataSpec, TrainingSpec
 from dataset_builder.lightnet.training.events import Event
 from dataset_builder.lightnet.training.fit import LAST, TrainingJob
-from dataset_builder.shards.reader import load_manifest
+from dataset_builder.shards.reader import load_manifest, open_dataset
 from dataset_builder.studies import trainings
 from dataset_builder.studies.tables.paper import Table, TableRow
 from dataset_builder.studies.tables.result import RowResult
@@ -65,6 +65,14 @@ class RowMeasured:
     facts: dict[str, Any]
     kept: bool
     """An earlier run had done it."""
+
+
+def sees_fields(folder: Path, base: TrainingSpec) -> bool:
+    """Whether a dataset's training split has both images of fields and rendered ones as I_s. Raises ShardError."""
+    data = open_dataset(folder, layers=())
+    keys = data.splits.get(base.data.among(splits_of(folder)).train, ())
+    there = {"i_s", "i_s_clean"} <= {layer.name for layer in data.manifest.layers}
+    return there and any(data.label(key).plan.field.kind != "none" for key in keys[:1])
 
 
 def run(study: TableStudy) -> Iterator[RowNews | RowMeasured]:
