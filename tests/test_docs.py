@@ -35,7 +35,8 @@ CHEAP = ("--set", "image={width: 24, height: 24}", "--set", "render.spp=4", "--s
          "--set", "splits.train.views=1", "--workers", "1", "--backend", "llvm")
 CHEAP_MINI = (*CHEAP, "--set", "splits.evaluation.pairs=1", "--set", "splits.evaluation.views=1")
 """Added to every build that a page shows, so that it takes seconds; later values win."""
-CHEAP_TURNING = (*CHEAP, "--set", "splits.turn.pairs=1", "--set", "splits.turn.views=8")
+CHEAP_TURNING = (*CHEAP, "--set", "splits.turn.pairs=1", "--set", "splits.turn.views=8", "--set",
+                 "splits.turn.source={kind: mesh}")
 TINY_TRAINING = ("--set", "steps=2", "--set", "model={width: 4, downs: 2}", "--set",
                  "data={crop: 16, batch: 1, workers: 0}", "--device", "cpu")
 PLAIN_TOOLS = ("cp", "diff")
