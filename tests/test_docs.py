@@ -29,12 +29,14 @@ from tools import spec_tables
 ROOT = Path(__file__).parent.parent
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
 OTHERS = [ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]
-MINI = "3df-lighting-mini"
+MINI, TURNING = "3df-lighting-mini", "3df-lighting-360"
 CHEAP = ("--set", "image={width: 24, height: 24}", "--set", "render.spp=4", "--set", "render.max_depth=3",
          "--set", "rough.edge_length=0.2", "--set", "gates.mask_overlap=0.1", "--set", "splits.train.pairs=1",
          "--set", "splits.train.views=1", "--workers", "1", "--backend", "llvm")
 CHEAP_MINI = (*CHEAP, "--set", "splits.evaluation.pairs=1", "--set", "splits.evaluation.views=1")
 """Added to every build that a page shows, so that it takes seconds; later values win."""
+CHEAP_TURNING = (*CHEAP, "--set", "splits.turn.pairs=1", "--set", "splits.turn.views=8", "--set",
+                 "splits.turn.source={kind: mesh}")
 TINY_TRAINING = ("--set", "steps=2", "--set", "model={width: 4, downs: 2}", "--set",
                  "data={crop: 16, batch: 1, workers: 0}", "--device", "cpu")
 PLAIN_TOOLS = ("cp", "diff")
@@ -96,7 +98,8 @@ def cheap(arguments: list[str]) -> list[str]:
     if arguments[0] == "import":
         return [*arguments, "--no-sheet"]
     if arguments[0] == "build":
-        return [*arguments, *(CHEAP_MINI if MINI in arguments[1] else CHEAP)]
+        return [*arguments, *(CHEAP_MINI if MINI in arguments[1] else CHEAP_TURNING if TURNING in arguments[1] else
+                              CHEAP)]
     return arguments
 
 
