@@ -6,18 +6,22 @@ The definitions are in `docs/layers.md`; the identifiers are the same in specs, 
 from dataclasses import dataclass, replace
 from typing import Literal
 
-Geometry = Literal["3dm", "r3dm"]
+Geometry = Literal["3dm", "r3dm", "field"]
 Extent = Literal["object", "frame"]
-Pass = Literal["source", "target", "rough", "first_hit", "first_hit_rough", "empty", "pbr"]
-PASSES: tuple[Pass, ...] = ("first_hit", "source", "target", "first_hit_rough", "rough", "pbr", "empty")
+Pass = Literal["source", "target", "rough", "first_hit", "first_hit_rough", "source_clean", "empty", "pbr"]
+PASSES: tuple[Pass, ...] = ("first_hit", "source", "source_clean", "target", "first_hit_rough", "rough", "pbr", "empty")
 """In the order that they run and plans tell of them; records keep that of `Pass`."""
-LIT: tuple[Pass, ...] = ("source", "target", "rough", "pbr", "empty")
+LIT: tuple[Pass, ...] = ("source", "source_clean", "target", "rough", "pbr", "empty")
 """Those that need light."""
 ALIKE: tuple[Pass, ...] = ("target", "pbr", "empty")
 """The same view under the target light with the 3DM, with the R3DM and without: they share spp and random numbers, so
 that differences between them are smooth."""
-EVERYWHERE = ("mask", "mask_rough", "instance")
+EVERYWHERE = ("mask", "mask_rough", "mask_field", "instance")
 """Layers that say by themselves where the object is, so that their extent is no matter."""
+
+
+INF = float("inf")
+RADIANCE = "W/(m^2 sr), scene-referred linear Rec.709"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +33,7 @@ class Layer:
     symbol: str
     """The paper's."""
     geometry: Geometry
-    """Which mesh of the target object it shows."""
+    """Which mesh of the target object it shows; `field` is what `i_s` shows, whatever that is."""
     render_pass: Pass
     """The pass that makes it."""
     channels: int
@@ -45,11 +49,8 @@ class Layer:
     @property
     def radiometric(self) -> bool:
         """True where the value needs light, so that it has Monte Carlo noise and a standard error."""
-        return self.render_pass in LIT
+        return self.render_pass in LIT and self.unit == RADIANCE
 
-
-INF = float("inf")
-RADIANCE = "W/(m^2 sr), scene-referred linear Rec.709"
 
 _TABLE = (
     Layer(name="i_s", symbol="I_s", geometry="3dm", render_pass="source", channels=3, low=0, high=INF, unit=RADIANCE,
@@ -87,6 +88,11 @@ _TABLE = (
           unit="1", meaning="as normal, on the rough mesh"),
     Layer(name="instance", symbol="id", geometry="3dm", render_pass="first_hit", channels=1, low=0, high=65504,
           unit="id", meaning="object at the pixel's centre: 0 none, 1 target, 2 room, 3.. furniture in plan order"),
+    Layer(name="i_s_clean", symbol="I_s", geometry="3dm", render_pass="source_clean", channels=3, low=0, high=INF,
+          unit=RADIANCE,
+          meaning="i_s rendered from the clean mesh, where i_s is a field's image; else the same as i_s"),
+    Layer(name="mask_field", symbol="M_f", geometry="field", render_pass="source", channels=1, low=0, high=1, unit="1",
+          meaning="opacity of what i_s shows: of the field, seen alone; the same as mask where i_s is rendered"),
 )
 
 _ERRORS = tuple(
@@ -112,7 +118,7 @@ PAPER_LAYERS = ("i_s", "d", "r", "i_t", "s_prime", "mask")
 
 def sampled_as(render_pass: str) -> str:
     """The pass whose spp and random numbers a pass has."""
-    return "target" if render_pass in ALIKE else render_pass
+    return "target" if render_pass in ALIKE else render_pass.removesuffix("_clean")
 
 
 def layers_of(render_pass: Pass) -> tuple[str, ...]:

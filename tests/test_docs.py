@@ -322,10 +322,10 @@ def test_first_page_knows_every_layer_but_errors() -> None:
 
 def test_identities_and_gates_are_in_step() -> None:
     page = prose(ROOT / "docs" / "layers.md")
-    half = {name: tolerance for name, _, tolerance in identity_table("float16")}
+    half = {name: tolerance for name, _, tolerance in identity_table("float16", True)}
     rows = re.findall(r"^\| `(\w+)` \|[^|]*\| (\S+) \| (\S+) \|$", page.partition("## Identities")[2], re.MULTILINE)
     assert [(name, float(full), float(low)) for name, full, low in rows] == [
-        (name, tolerance, half[name]) for name, _, tolerance in identity_table("float32")]
+        (name, tolerance, half[name]) for name, _, tolerance in identity_table("float32", True)]
     named = re.findall(r"^\| `(\w+)` \|", page.partition("## Gates")[2].partition("\n## ")[0], re.MULTILINE)
     assert named == [gates.COVERAGE, gates.OVERLAP, gates.ENERGY, gates.SPLIT]
     assert f"<= {gates.SIGMAS:g} e" in page and f"{gates.RARE:.1%}" in page and f"{gates.ROUNDING:.0e}"[0] == "1"

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from dataset_builder.errors import UserError
+from dataset_builder.errors import Problem, UserError
 from dataset_builder.files import write_atomic
 from dataset_builder.geometry.mesh import TriangleMesh
 from dataset_builder.geometry.splat_cloud import SplatCloud
@@ -19,13 +19,19 @@ from dataset_builder.label.field_record import FieldRecord
 
 FORMAT = 1
 """Of the file; a reader takes no other."""
+ZIP = b"PK\x03\x04"
+"""What such a file starts with; NumPy takes everything else for a pickle."""
 HEADER = "field"
 """Member with the record and what is no array, as JSON text in bytes."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FieldFile:
-    """One field. Its frame is the object's: metres, Z up, front towards -Y, standing on z = 0 over the origin."""
+    """One field. Its frame is the object's: metres, Z up, front towards -Y, standing on z = 0 over the origin, where
+    `assets.mesh_file.stand` would not move its mesh.
+
+    Raises UserError for numbers that no field has.
+    """
 
     record: FieldRecord
     mesh: TriangleMesh
@@ -46,6 +52,17 @@ class FieldFile:
     """What raw values become opacity and colour by; see `rendering.field`."""
     more: dict[str, np.ndarray] = field(default_factory=dict)
     """Other arrays that the field is evaluated with, by name: weights, cells that hold something."""
+
+    def __post_init__(self) -> None:
+        figures = {"radius": self.radius, "white": self.white}
+        for name, value in figures.items():
+            if not 0 < value < float("inf"):
+                raise UserError(f"field: {name}: expected a number above 0, got {value}")
+        if not np.isfinite(self.centre).all():
+            raise UserError(f"field: centre: expected finite numbers, got {self.centre}")
+        colors = self.mesh.colors
+        if colors is not None and not ((colors >= 0) & (colors <= 1)).all():
+            raise UserError("field: mesh: expected colours in [0, 1], got others")
 
 
 def encode(content: FieldFile) -> bytes:
@@ -72,15 +89,22 @@ def write_field(path: Path, content: FieldFile) -> None:
 
 def read_field(path: Path) -> FieldFile:
     """The field of a file. Raises UserError where there is none, or where it is damaged or of another format."""
+    def refused(rule: str, hint: str = "") -> UserError:
+        return UserError([Problem(where=str(path), path="", rule=rule, hint=hint)])
+
     try:
         # From memory: a damaged archive would leave the file open
-        with np.load(BytesIO(path.read_bytes()), allow_pickle=False) as members:
+        data = path.read_bytes()
+        if not data.startswith(ZIP):
+            raise zipfile.BadZipFile("it is no zip archive")
+        with np.load(BytesIO(data), allow_pickle=False) as members:
             return _decoded(members)
     except FileNotFoundError:
-        raise UserError(f"{path}: expected a field, found no file") from None
-    except (OSError, ValueError, KeyError, TypeError, EOFError, ValidationError, zipfile.BadZipFile,
+        raise refused("expected a field, found no file") from None
+    except (OSError, ValueError, KeyError, TypeError, EOFError, UserError, ValidationError, zipfile.BadZipFile,
             zlib.error) as error:
-        raise UserError(f"{path}: expected a whole field of format {FORMAT} ({error}); make it again") from error
+        raise refused(f"expected a whole field of format {FORMAT}, got one that cannot be read: {error}",
+                      "make it again") from error
 
 
 def _arrays(holder: Any) -> dict[str, np.ndarray]:

@@ -64,6 +64,8 @@ class FileModel:
     left_out: tuple[str, ...] = ()
     """What it holds besides and is not honoured, in words (cameras, animations, points), and then what was decided
     where the file leaves a choice: `morph targets at their stated weights`."""
+    wound: bool = False
+    """Whether faces are known to look to where they are seen from, into a room too: closed pieces are not turned."""
 
 
 def refuse(path: Path, rule: str, hint: str = "", *, at: str = "") -> NoReturn:

@@ -13,7 +13,7 @@ from dataset_builder.assets.asset import Asset, Material
 from dataset_builder.assets.even_colours import with_even_colours
 from dataset_builder.assets.file_model import GREY, ROUGHNESS, FileModel, FilePart, refuse
 from dataset_builder.assets.image_maps import ImageFile, check_image
-from dataset_builder.assets.readers import gltf, obj, off, ply, stl, usd
+from dataset_builder.assets.readers import gltf, obj, off, own_field, ply, stl, usd
 from dataset_builder.assets.repair_text import pieces_text, repair_notes, repair_text
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.geometry.mesh import TriangleMesh, concatenate, transform
@@ -21,14 +21,23 @@ from dataset_builder.geometry.repair import repair
 from dataset_builder.geometry.shape_faults import shape_faults
 from dataset_builder.geometry.support import NEAR, near_support
 from dataset_builder.spec.file_reference import FileReference
-from dataset_builder.spec.mesh_source import broken_suffix_rule, references
+from dataset_builder.spec.mesh_source import (
+    FIELD_SUFFIX,
+    SCALED_FIELD,
+    broken_suffix_rule,
+    names_field,
+    references,
+    splat_hint,
+)
 from dataset_builder.spec.problems import name_alike
 from dataset_builder.spec.usd_references import USD_SUFFIXES
 
 READERS: dict[str, Callable[[Path, int], FileModel]] = {
     ".glb": gltf.read, ".gltf": gltf.read, ".obj": obj.read, ".off": off.read, ".ply": ply.read, ".stl": stl.read,
-    **dict.fromkeys(USD_SUFFIXES, usd.read)}
+    FIELD_SUFFIX: own_field.read, **dict.fromkeys(USD_SUFFIXES, usd.read)}
 """What reads a file by its suffix: functions of its path and the longest side of a texture."""
+STANDING = 1e-5
+"""Share of its diagonal that the mesh of a field may be off its place: welding moves vertices by a tenth of it."""
 RAISED = 1e-4
 """Metres that a sheet lies above what it stands on; in one plane, half of its pixels would be the floor's."""
 Up = Literal["x", "y", "z"]
@@ -76,8 +85,9 @@ def load_mesh_file(path: Path, *, name: str, category: str, licence: str, scale:
     scale: metres per file unit. up: axis of the file that points up. max_texture: longest side of a texture in texels.
     The mesh is welded and mended, centred over the origin and stood on z = 0, a sheet 0.1 mm above it; `meta` says how
     far it was moved, what the file contains, what of it was left out, what was mended of which part, and what is wrong
-    with its shape. Raises UserError: no such file, another format, unreadable, a texture that is missing, no faces, NaN
-    or Inf.
+    with its shape. That of a field is where the field is, and stays there. Raises UserError: no such file, another
+    format, unreadable, a texture that is missing, no faces, NaN or Inf, a field that does not stand so or is to be
+    scaled or turned.
     """
     path = Path(path)
     _check_file(path)
@@ -85,12 +95,26 @@ def load_mesh_file(path: Path, *, name: str, category: str, licence: str, scale:
     with file_named(path):
         model = READERS[path.suffix.lower()](path, max_texture)
         if not model.parts:
-            refuse(path, "expected triangles, got a file without any")
+            refuse(path, "expected triangles, got a file without any", splat_hint(left_out_of(model)))
         asset = model_asset(model, scaled_world(scale, up), name=name, category=category, licence=licence)
     placed, moved, flat = stand(asset.mesh)
+    if names_field(path.name):
+        _require_own_frame(path, asset.mesh, moved, scale, up)
+        placed, moved, flat = asset.mesh, np.zeros(3), []
     meta = {**asset.meta, "source": path.name, "moved": ", ".join(f"{step:.6g} m" for step in moved),
             "shape": "; ".join(filter(None, [asset.meta["shape"], *flat]))}
     return replace(asset, mesh=placed, meta=meta)
+
+
+def _require_own_frame(path: Path, mesh: TriangleMesh, moved: np.ndarray, scale: float, up: Up) -> None:
+    """Refuse a field whose mesh would have to be moved: its image would stay where it is."""
+    if (scale, up) != (1.0, "y"):
+        refuse(path, f"expected scale 1 and up y of a field, which has metres and stands already, got {scale:g} and "
+                     f"{up}", SCALED_FIELD)
+    most = STANDING * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
+    if np.abs(moved).max() > most:
+        refuse(path, "expected a field that stands on z = 0 over the origin, got one that is off by "
+                     f"{', '.join(f'{-step:.4g}' for step in moved)} m", SCALED_FIELD)
 
 
 @contextmanager
@@ -112,7 +136,7 @@ def model_asset(model: FileModel, world_from_file: np.ndarray, *, name: str, cat
     plain = _colored_or_not(model)
     whole = transform(concatenate([_mesh(part, model, plain) for part in model.parts]), world_from_file)
     sizes = [len(part.faces) for part in model.parts]
-    mesh, mended = repair(whole, part=np.repeat(np.arange(len(sizes)), sizes))
+    mesh, mended = repair(whole, part=np.repeat(np.arange(len(sizes)), sizes), outwards=not model.wound)
     meta = {"licence": licence, "contains": f"{model.contains}; {pieces_text(mended)}",
             "left_out": "; ".join(left_out_of(model)),
             "repair": repair_text(mended, [part.name for part in model.parts]),

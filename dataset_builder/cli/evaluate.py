@@ -35,6 +35,8 @@ def add(verbs: common.Verbs) -> None:
     verb.add_argument("--checkpoint", type=Path, action="append", required=True, help="repeat to compare several")
     verb.add_argument("--split", help="split to measure on (default: the one held out, or one not trained on)")
     verb.add_argument("--examples", type=common.positive, help="spread evenly over the split (default: all)")
+    verb.add_argument("--sequence", action="store_true", help="measure views that follow each other: their deviations, "
+                      "and the flicker between neighbours")
     verb.add_argument("--out", type=Path, help="folder for the results (default: evaluation, beside the checkpoint)")
     common.add_networks(verb, trains=False)
     text = "put a predicted object back into a frame of its scene, for an example of a dataset or your own EXR files"
@@ -71,21 +73,32 @@ def _evaluate(options: argparse.Namespace) -> int:
 
     from dataset_builder.files import require_writable
     from dataset_builder.lightnet.data.lighting_dataset import LightingDataset, splits_of
-    from dataset_builder.lightnet.results.evaluate import contender, evaluate, load_all, trivial
+    from dataset_builder.lightnet.results import sequences as steps
+    from dataset_builder.lightnet.results.evaluate import ScoreRow, contender, evaluate, load_all, trivial
+    from dataset_builder.lightnet.results.spreads import SequenceScores
     from dataset_builder.report import evaluation_page as page
     from dataset_builder.report.example_sheet import write_sheet
+    from dataset_builder.report.sequence_page import steadiness_lines, write_sequence_page
     from dataset_builder.spread import spread_indices
 
+    if options.sequence and options.examples:
+        raise UserError(f"--examples: expected none beside --sequence, which needs every view, got {options.examples}")
     console, loaded = common.wide_console(), load_all(options.checkpoint, options.device)
     data = next(iter(loaded.values())).spec.data
-    dataset = LightingDataset(options.folder, options.split or data.measured(splits_of(options.folder)), data)
+    split = options.split or (steps.sequence_split(options.folder) if options.sequence else
+                              data.measured(splits_of(options.folder)))
+    dataset = LightingDataset(options.folder, split, data)
+    sequences = steps.sequences_of(dataset) if options.sequence else []
     out = options.out or options.checkpoint[0].parent / "evaluation"
     require_writable(out)
     indices = spread_indices(len(dataset), options.examples or 0)
     trained = [contender(name, one) for name, one in loaded.items()]
     contenders = [*trained, *trivial()]
-    rows = list(track(evaluate(contenders, dataset, indices), total=len(indices) * len(contenders), console=console,
-                      description="predictions"))
+    found = list(track(
+        steps.evaluate_sequences(contenders, dataset, sequences) if options.sequence else
+        evaluate(contenders, dataset, indices), console=console, description="predictions",
+        total=len(indices) * len(contenders) + sum(one.neighbours for one in sequences) * (len(contenders) + 1)))
+    rows = [row for row in found if isinstance(row, ScoreRow)]
     here = (dataset.name, dataset.split)
     evaluation = page.Evaluation(
         dataset=dataset.name, split=dataset.split, rows=rows, notes={one.name: one.note for one in contenders},
@@ -94,7 +107,12 @@ def _evaluate(options: argparse.Namespace) -> int:
     page.write_page(evaluation, out)
     write_sheet(page.example_rows(rows, trained, dataset), out / page.EXAMPLES)
     console.print(page.console_table(evaluation))
-    for line in page.verdict_lines(evaluation):
+    lines = page.verdict_lines(evaluation)
+    if options.sequence:
+        steady = SequenceScores.of(dataset, sequences, found)
+        write_sequence_page(steady, out)
+        lines += steadiness_lines(steady)
+    for line in lines:
         console.print(line, highlight=False, soft_wrap=True)
     console.print(f"results: {out}", highlight=False, soft_wrap=True)
     return 0

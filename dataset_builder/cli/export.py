@@ -16,13 +16,16 @@ def add(verbs: common.Verbs) -> None:
                       help="folder for the stage, its textures and its layers (default: DATASET-KEY-usd, here)")
     verb.add_argument("--meshes", type=Path, default=Path(), metavar="DIR",
                       help="folder of the dataset's spec, where mesh files and images are looked for (default: here)")
+    verb.add_argument("--fields", type=Path, metavar="DIR",
+                      help="folder of the fields that rough meshes were taken from (default: the dataset's own)")
 
 
 def _export(options: argparse.Namespace) -> int:
     from dataset_builder.exporting.export_usd import ExportJob, export_usd
 
     out = options.out or Path(f"{options.folder.resolve().name}-{options.key}-usd")
-    done = export_usd(ExportJob(dataset=options.folder, key=options.key, out=out, mesh_root=options.meshes))
+    done = export_usd(ExportJob(dataset=options.folder, key=options.key, out=out, mesh_root=options.meshes,
+                                 fields=options.fields))
     for what in done.not_said:
         print(f"not in the stage: {printable(what)}")
     print(f"{done.things} things, {done.triangles:,} triangles, {len(done.layers)} layers")

@@ -5,17 +5,24 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from dataset_builder.assets.field_file import read_field
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.exporting.example_stage import StageParts, write_stage
 from dataset_builder.exporting.placed_things import stage_contents
 from dataset_builder.extras import missing_named
 from dataset_builder.files import flush_folder, output_errors
+from dataset_builder.geometry.mesh import TriangleMesh
+from dataset_builder.label.example_label import ExampleLabel
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.shards import exr
+from dataset_builder.shards.folder import WORK
 from dataset_builder.shards.reader import Dataset, open_dataset
+from dataset_builder.spec.mesh_source import FIELD_SUFFIX
 from dataset_builder.spec.problems import nearest
 
 STAGE = "scene.usdc"
+FIELDS = "fields"
+"""Folder below the builder's own where a build keeps fields."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,6 +36,8 @@ class ExportJob:
     """Folder that is made."""
     mesh_root: Path
     """Folder that the label names files relative to: that of the dataset's spec."""
+    fields: Path | None = None
+    """Folder of the fields that were made for the dataset; None is where a build keeps them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +58,8 @@ def export_usd(job: ExportJob) -> Exported:
     """Write the example into a folder beside `out`, and give it that name when it is whole.
 
     Raises UserError, with nothing written: no such dataset or key, files that the label names missing or changed,
-    something there already, and without usd-core.
+    something there already, the rough mesh's field not
+    there, and without usd-core.
     """
     with missing_named():
         import pxr  # noqa: F401
@@ -63,7 +73,7 @@ def export_usd(job: ExportJob) -> Exported:
                                  rule="expected no such folder yet, got one; nothing is overwritten")])
     label = dataset.label(job.key)
     _require_files(label.plan, job.mesh_root)
-    contents = stage_contents(label.plan, job.mesh_root)
+    contents = stage_contents(label.plan, job.mesh_root, _mesh_of_field(job, label))
     out = job.out.absolute()
     with output_errors(job.out):
         out.parent.mkdir(parents=True, exist_ok=True)
@@ -89,6 +99,18 @@ def _require_files(plan: ExamplePlan, root: Path) -> None:
         raise UserError(Problem(where=str(root / name), path="", rule="expected a file that the example was made from, "
                                 "found none", hint="give the folder of the dataset's spec with --meshes")
                         for name in missing)
+
+
+def _mesh_of_field(job: ExportJob, label: ExampleLabel) -> TriangleMesh | None:
+    """The mesh that the R3DM is, where it is taken from a field that was made for the dataset."""
+    if label.plan.rough.field.kind in ("none", "own"):
+        return None
+    path = (job.fields or job.dataset / WORK / FIELDS) / f"{label.record.field[-1].key}{FIELD_SUFFIX}"
+    if not path.is_file():
+        raise UserError([Problem(where=str(path), path="", rule="expected the field that the rough mesh is taken from, "
+                                 "found none", hint="give the folder of the dataset's fields with --fields; a build "
+                                 f"makes them, and keeps them in {WORK}/{FIELDS} of the dataset")])
+    return read_field(path).mesh
 
 
 def _write_layers(dataset: Dataset, key: str, folder: Path) -> tuple[tuple[str, str], ...]:

@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from dataset_builder.assets.asset import Material
+from dataset_builder.geometry.mesh import TriangleMesh
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.label.scene_plan import ObjectPlan, PlacedObject
 from dataset_builder.planning.scene.assets_of_plan import world_from_object
 from dataset_builder.planning.scene.room_parts import ROOM_INSTANCE
-from dataset_builder.rendering.scene.triangle_soup import PARTS, Soup, clean, rough_twin, surroundings
+from dataset_builder.rendering.scene.triangle_soup import PARTS, Soup, clean, field_twin, rough_twin, surroundings
 from dataset_builder.spec.licences import FREE
 
 
@@ -53,12 +54,15 @@ class StageContents:
         return tuple({id(material): material for material in used}.values())
 
 
-def stage_contents(plan: ExamplePlan, mesh_root: Path) -> StageContents:
-    """Everything that the passes of an example see, by the functions that render it.
+def stage_contents(plan: ExamplePlan, mesh_root: Path, taken: TriangleMesh | None = None) -> StageContents:
+    """Everything that the passes of an example see, by the functions that render it. taken: the field's mesh, where the
+    R3DM is taken from one that is not the object itself.
 
     Raises PlanError where a file that the plan names is not the one that was planned.
     """
-    target, twin = clean(plan.target, mesh_root), rough_twin(plan.target, plan.rough, mesh_root)
+    target = clean(plan.target, mesh_root)
+    twin = (rough_twin(plan.target, plan.rough, mesh_root) if plan.rough.field.kind == "none" else
+            field_twin(plan.target, plan.rough, mesh_root, taken))
     world = world_from_object(plan.target)
     return StageContents(target=_object(plan.target, target), rough=_moved(twin.soup, world),
                          around=tuple(_around(plan, surroundings(plan, mesh_root))))

@@ -1,6 +1,6 @@
 """Repair a mesh: weld vertices in the same place, drop faces that enclose nothing, wind the others outwards."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -51,11 +51,12 @@ class RepairReport(PartRepair):
     """The same for each part; a piece counts for the part of its first face."""
 
 
-def repair(mesh: TriangleMesh, *, tolerance: float = 1e-6, part: np.ndarray | None = None) \
-        -> tuple[TriangleMesh, RepairReport]:
+def repair(mesh: TriangleMesh, *, tolerance: float = 1e-6, part: np.ndarray | None = None,
+           outwards: bool = True) -> tuple[TriangleMesh, RepairReport]:
     """Weld vertices closer than `tolerance` (in diagonals of the bounding box; 0 welds equal positions only), then drop
-    degenerate and duplicate faces and unused vertices, wind the faces of every piece alike, and closed pieces outwards.
-    The faces that remain keep order, uvs, colours and material. part: (F,) part of each face, for the report.
+    degenerate and duplicate faces and unused vertices, wind the faces of every piece alike, and closed pieces outwards
+    (outwards: false leaves them as they are). The faces that remain keep order, uvs, colours and material. part: (F,)
+    part of each face, for the report.
 
     Faces over the same corners that wind the other way are no duplicates: a sheet modelled from both sides encloses no
     volume, and half of it would. A face without area but with three distinct corners stays where other faces use all
@@ -76,6 +77,8 @@ def repair(mesh: TriangleMesh, *, tolerance: float = 1e-6, part: np.ndarray | No
     mended = TriangleMesh(positions=places[used], faces=compact, uvs=mesh.uvs[keep], material=mesh.material[keep],
                           colors=None if mesh.colors is None else mesh.colors[keep])
     winding = winding_of(mended, edges_of(mended.faces))
+    if not outwards:
+        winding = replace(winding, inside_out=np.zeros_like(winding.inside_out))
     counts = _counts(part, keep, winding, {"degenerate": flat, "duplicate": twice})
     counts["welded"] = _welded(mesh.faces, place_of, part, len(counts["pieces"]))
     parts = tuple(PartRepair(**dict(zip(counts, map(int, row), strict=True)))

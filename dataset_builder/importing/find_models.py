@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dataset_builder.errors import Problem, UserError
-from dataset_builder.spec.mesh_source import MESH_SUFFIXES, OTHER_FORMATS, companions
+from dataset_builder.spec.mesh_source import FIELD_SUFFIX, MESH_SUFFIXES, OTHER_FORMATS, companions
 
+MODELS = tuple(suffix for suffix in MESH_SUFFIXES if suffix != FIELD_SUFFIX)
+"""Suffixes of models; captures come with a spec of their own."""
 NAMELESS = ("raw_model", "normalized_model", "model", "models", "mesh", "meshes", "scene", "textured", "object", "obj",
             "gltf", "glb", "untitled", "untitled document", "default", "source", "export", "visual", "lod0")
 """Names that say nothing: the folder's is taken instead."""
@@ -58,13 +60,13 @@ def find_models(paths: Sequence[Path]) -> tuple[list[FoundModel], list[PassedOve
     found, left = dict[Path, FoundModel](), list[PassedOver]()
     for path, root in _files(paths):
         suffix = path.suffix.lower()
-        if suffix in (*OTHER_FORMATS, *MESH_SUFFIXES) and not str(path).isprintable():
+        if suffix in (*OTHER_FORMATS, *MODELS) and not str(path).isprintable():
             left.append(PassedOver(path=path, reason="its path holds control characters or bytes that are not UTF-8: "
                                                      "rename it"))
         elif suffix in OTHER_FORMATS:
             called, program = OTHER_FORMATS[suffix]
             left.append(PassedOver(path=path, reason=f"{called} is not read: export glTF from {program}"))
-        elif suffix in MESH_SUFFIXES:
+        elif suffix in MODELS:
             found.setdefault(path, FoundModel(path=path, root=root))
     for part in [part for path in found for part in _parts(path) if part != path]:
         found.pop(part, None)
@@ -75,7 +77,7 @@ def find_models(paths: Sequence[Path]) -> tuple[list[FoundModel], list[PassedOve
             left.append(PassedOver(path=path, reason=f"a copy of {whole.name} beside it"))
     if not found:
         shown = ", ".join(map(str, paths))
-        rule = f"expected model files ({' '.join(MESH_SUFFIXES)}), found none in {shown}"
+        rule = f"expected model files ({' '.join(MODELS)}), found none in {shown}"
         raise UserError([*(Problem(where=str(one.path), path="", rule=one.reason) for one in left),
                          Problem(where="", path="", rule=rule)])
     return list(found.values()), left

@@ -8,6 +8,7 @@ from typing import Literal
 from pydantic import ConfigDict
 
 from dataset_builder.label.example_plan import ExamplePlan
+from dataset_builder.label.field_record import FieldRecord
 from dataset_builder.label.roughness_record import RoughnessRecord
 from dataset_builder.label.scene_plan import Vector
 from dataset_builder.layers import Pass
@@ -85,13 +86,17 @@ class RenderRecord(Model):
     """One of every layer that was denoised."""
     roughness_rms: float
     """Distance of the R3DM's vertices from the 3DM, root mean square, in bounding radii; 0 where there is no rough
-    mesh."""
+    mesh, and for captures, which have no clean one."""
     roughness_max: float
-    """Largest distance of the R3DM's vertices from the 3DM, in bounding radii; 0 where there is no rough mesh."""
+    """Largest distance of the R3DM's vertices from the 3DM, in bounding radii; 0 where there is no rough mesh, and
+    for captures."""
     bounding_radius: float = 0.0
     """Radius of the sphere about the 3DM's bounding box, metres; 0 where there is no rough mesh."""
     roughness: tuple[RoughnessRecord, ...] = ()
-    """One of the rough mesh, where there is one."""
+    """One of the rough mesh, where there is one and a clean mesh to measure it against: none for captures."""
+    field: tuple[FieldRecord, ...] = ()
+    """Figures of the field that `i_s` shows, where it shows one, then of the one that the R3DM is taken from, where
+    that is another."""
     lighting_sh: tuple[Vector, ...] = ()
     """Nine coefficients of the light that arrives at the object, red, green and blue each, W/m^2/sr; see
     [layers](layers.md#light-about-the-object). 0 where no layer needs the target light."""

@@ -6,6 +6,7 @@ vary between examples (readers freeze them from the first few), there are no nul
 
 from typing import Literal
 
+from dataset_builder.label.field_plan import FieldPlan
 from dataset_builder.label.scene_plan import (
     CameraPlan,
     FogPlan,
@@ -15,6 +16,7 @@ from dataset_builder.label.scene_plan import (
     PortalPlan,
     RoomPlan,
 )
+from dataset_builder.label.sequence_plan import SequencePlan
 from dataset_builder.layers import Extent, Pass, sampled_as
 from dataset_builder.spec.model import Model
 
@@ -118,6 +120,8 @@ class RoughPlan(Model):
     above_support: bool = False
     """Whether noise that would sink the object into what it stands on is mirrored up: where much of its upper side lies
     close above that."""
+    field: FieldPlan = FieldPlan()
+    """The field that the R3DM is taken from, in place of all above but `level` and `name`."""
 
 
 class GoalPlan(Model):
@@ -209,6 +213,8 @@ class ExamplePlan(Model):
     """What else stands in the room."""
     camera: CameraPlan
     """Where it is seen from."""
+    sequence: SequencePlan = SequencePlan()
+    """Its place among views that follow each other."""
     source_light: IlluminationPlan
     """The light of `i_s`."""
     target_light: IlluminationPlan
@@ -217,6 +223,8 @@ class ExamplePlan(Model):
     """How the rough mesh is made."""
     fog: FogPlan = FogPlan()
     """What fills the air."""
+    field: FieldPlan = FieldPlan()
+    """The field that `i_s` shows the object through; none where it is rendered from the 3DM."""
     render: RenderPlan
     """How pixels are computed."""
     effects: EffectsPlan

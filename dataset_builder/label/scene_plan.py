@@ -6,6 +6,7 @@ from pydantic import Field
 
 from dataset_builder.label.scene_source import SceneFilePlan, SceneKind, SceneSource
 from dataset_builder.light_kinds import LightName
+from dataset_builder.spec.mesh_source import names_field
 from dataset_builder.spec.model import Model
 
 Vector = tuple[float, float, float]
@@ -77,6 +78,11 @@ class ObjectSource(Model):
     """SPDX identifier."""
     objects: tuple[str, ...]
     """Names of those objects, targets before furniture."""
+
+    @property
+    def captured(self) -> bool:
+        """Whether it is the field of a capture."""
+        return self.kind != "procedural" and names_field(self.source)
 
 
 class PlacedObject(Model):

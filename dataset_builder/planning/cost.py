@@ -88,7 +88,8 @@ def stored_bytes(layers: Iterable[tuple[str, Extent]], frame: int, coverage: flo
 def expected_bytes(spec: DatasetSpec, count: int, staged: int = 0) -> int:
     """Stored bytes of `count` examples in shards and of `staged`, which share no files, before any is planned, the
     object in the middle of the coverage asked for."""
-    frame, coverage, layers = spec.image.width * spec.image.height, sum(spec.camera.coverage) / 2, layers_asked(spec)
+    frame, layers = spec.image.width * spec.image.height, layers_asked(spec)
+    coverage = max(sum(spec.camera_of(split.name).coverage) for split in spec.splits) / 2
     most = {name: max(_files(spec, split)[name] for split in spec.splits) for name, _ in layers}
     return round(sum(number * stored_bytes(layers, frame, coverage, spec.storage.dtype, Rates(), files)
                      for number, files in ((count, most), (staged, dict.fromkeys(most, 1.0)))))
@@ -97,7 +98,7 @@ def expected_bytes(spec: DatasetSpec, count: int, staged: int = 0) -> int:
 def _files(spec: DatasetSpec, split: SplitSpec) -> dict[str, float]:
     """Files of each layer per example of a split."""
     per_shard = shard_size(spec, count_examples(spec, split)) if spec.storage.shared == "once" else 1
-    return {name: files_per_example(name, split.lights, len(spec.rough.levels), per_shard)
+    return {name: files_per_example(name, split.lights, len(split.levels(spec.rough)), per_shard)
             for name, _ in layers_asked(spec)}
 
 
@@ -179,8 +180,8 @@ def _split_cost(planner: Planner, views: Sequence[ViewRef], split: SplitSpec, ra
             continue
         window = window_share(planner.arrangement(ref.pair),
                               Pinhole.of(plan.camera, spec.image.width, spec.image.height))
-        costs.append((plan, view_cost(plan, split.lights, len(spec.rough.levels), window, spec.storage.dtype, rates,
-                                      cores, _files(spec, split))))
+        costs.append((plan, view_cost(plan, split.lights, len(split.levels(spec.rough)), window, spec.storage.dtype,
+                                      rates, cores, _files(spec, split))))
     if not costs:
         raise PlanError(dict.fromkeys(problems))
     return costs, problems
@@ -205,7 +206,7 @@ def estimate(planner: Planner, views: int = 24, rates: Rates | None = None, core
         whole, error = extrapolate([cost for _, cost in costs], len(own))
         total, variance = total + astuple(whole), variance + np.square(astuple(error))
         tried, planned = tried + len(chosen), planned + [plan for plan, _ in costs]
-        for name, times in pass_runs(layers_asked(spec), split.lights, len(spec.rough.levels)).items():
+        for name, times in pass_runs(layers_asked(spec), split.lights, len(split.levels(spec.rough))).items():
             runs[name] += times * len(own)
     return CostEstimate(total=Cost.of(total + astuple(calibration_cost(planner, rates or Rates(), cores))), views=count,
                         error=Cost.of(np.sqrt(variance)), examples=count_examples(spec), tried=tried, runs=runs,

@@ -102,5 +102,5 @@ def files_per_example(layer: str, lights: int, levels: int, per_shard: int) -> f
 def _times(lights: int, levels: int) -> dict[str, int]:
     """Runs of every pass for one view, were all of them asked for."""
     each = lights * levels
-    return {"source": 1, "target": lights, "empty": lights, "rough": each, "pbr": each, "first_hit": 1,
-            "first_hit_rough": each, INSTANCE: 1}
+    return {"source": 1, "source_clean": 1, "target": lights, "empty": lights, "rough": each, "pbr": each,
+            "first_hit": 1, "first_hit_rough": each, INSTANCE: 1}

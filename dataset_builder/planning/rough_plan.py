@@ -9,25 +9,33 @@ from dataset_builder.geometry.rough_base import bounding_radius
 from dataset_builder.geometry.rough_steps import needed_rounds
 from dataset_builder.geometry.support import NEAR, REACH, near_support
 from dataset_builder.label.example_plan import RoughPlan, RoughStep
+from dataset_builder.label.field_plan import FieldPlan
 from dataset_builder.label.scene_plan import Param
 from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.seeding import derive_seed, rng
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.numbers import draw
-from dataset_builder.spec.rough import RoughSpec, Step, WhiteStep
+from dataset_builder.spec.rough import Level, RoughSpec, Step, WhiteStep
 from dataset_builder.spec.rough_levels import shortest, step_length, steps_at
 
 NOISE = ("white", "field", "scanlines")
 """Steps with a standard deviation."""
 
 
-def rough_plan(spec: DatasetSpec, ref: ExampleRef, clean: TriangleMesh) -> RoughPlan:
-    """How the rough mesh of an example is made. clean: its 3DM, in the object's frame.
+def rough_of_field(spec: DatasetSpec, ref: ExampleRef, field: FieldPlan) -> RoughPlan:
+    """How the rough mesh of an example is made that is taken from a field."""
+    path = (*ref.view.path, "rough", ref.level)
+    name = "own" if field.kind == "own" else f"{field.kind}-{field.views}-{field.resolution}"
+    return RoughPlan(edge_length=0.0, rounds=0, crease_angle=spec.rough.crease_angle, sigma=0.0, level=ref.level,
+                     direction="normal", seed=str(derive_seed(spec.seed, *path, "noise")), name=name, field=field)
+
+
+def rough_plan(spec: DatasetSpec, ref: ExampleRef, level: Level, clean: TriangleMesh) -> RoughPlan:
+    """How the rough mesh of an example is made by noise. clean: its 3DM, in the object's frame.
 
     Edge length is drawn per object, everything else per view and level.
     """
     pair, rough, path = ref.view.pair, spec.rough, (*ref.view.path, "rough", ref.level)
-    level = rough.levels[ref.level]
     written = steps_at(level)
     plain = not isinstance(level, (str, tuple))
     steps = tuple(_drawn(step, partial(rng, spec.seed, *path, "step", number)) for number, step in enumerate(written))

@@ -28,7 +28,7 @@ class Cells:
 
     key: str
     clear: bool
-    """False in fog, where no layer tells what it did to i_s."""
+    """False in fog, where no layer tells what it did to i_s, and where i_s is the image of a field."""
     i_s: np.ndarray
     d: np.ndarray
     r: np.ndarray
@@ -65,8 +65,9 @@ class Cells:
         return self.keep(self.is_diffuse)
 
 
-def cells_of(key: str, layers: Mapping[str, np.ndarray], *, fog: bool) -> Cells:
+def cells_of(key: str, layers: Mapping[str, np.ndarray], *, fog: bool, rendered: bool = True) -> Cells:
     """Cells of an example's (H, W, C) layers: the paper's six, and `mask_rough` and `air` where there are such.
+    rendered: whether its i_s is.
 
     None in fog without `air`: what the fog did to i_t cannot be told.
     """
@@ -78,7 +79,7 @@ def cells_of(key: str, layers: Mapping[str, np.ndarray], *, fog: bool) -> Cells:
     arrays = {"i_s": layers["i_s"], "d": layers["d"], "r": layers["r"], "s_prime": layers["s_prime"], "i_t": i_t,
               "d_s": layers["d"].astype(np.float64) * layers["s_prime"]}
     means = {name: _sums(array * core, side)[wanted] / count[wanted][:, None] for name, array in arrays.items()}
-    return Cells(key=key, clear=not fog, **means)
+    return Cells(key=key, clear=rendered and not fog, **means)
 
 
 def cell_side(height: int, width: int) -> int:

@@ -23,7 +23,7 @@ from dataset_builder.release.shape_checks import Outline, SurfaceFacts, outline_
 from dataset_builder.shards.reader import load_manifest, open_dataset
 from dataset_builder.spread import spread_indices
 
-HELPFUL = ("mask_rough", "air", "depth", "normal")
+HELPFUL = ("mask_rough", "air", "depth", "normal", "i_s_clean")
 """Layers that checks use where a dataset has them."""
 EXAMPLES = 512
 """Most examples that statistics are taken over; more would not make them surer."""
@@ -40,8 +40,14 @@ class Facts:
 
 
 def facts(layers: Mapping[str, np.ndarray], plan: ExamplePlan, record: RenderRecord) -> Facts:
-    """An example, its layers by name and what its label says, reduced to what the checks need."""
-    return Facts(cells=cells_of(plan.key, layers, fog=plan.fog.extinction > 0), outline=outline_of(plan.key, layers),
+    """An example, its layers by name and what its label says, reduced to what the checks need.
+
+    Where `i_s` is the image of a field, `i_s_clean` takes its place; without it, nothing is said of the source light.
+    """
+    rendered = plan.field.kind == "none" or "i_s_clean" in layers
+    layers = {**layers, "i_s": layers.get("i_s_clean", layers["i_s"])}
+    cells = cells_of(plan.key, layers, fog=plan.fog.extinction > 0, rendered=rendered)
+    return Facts(cells=cells, outline=outline_of(plan.key, layers),
                  surface=surface_of(layers, plan, record))
 
 

@@ -16,6 +16,8 @@ from dataset_builder.layers import LAYERS, Pass
 from dataset_builder.planning.effects.decisions import guide_extents, has_direct
 from dataset_builder.rendering import plugins
 from dataset_builder.rendering.denoise import Noisy, denoised
+from dataset_builder.rendering.field_pass import OPACITY
+from dataset_builder.rendering.field_shelf import NO_SHELF, FieldShelf, tasks_of
 from dataset_builder.rendering.light_probe import CHANNELS
 from dataset_builder.rendering.pass_inputs import asked, needed_passes, needs_lighting
 from dataset_builder.rendering.pass_memory import NO_MEMORY, PassMemory, PassResult
@@ -53,15 +55,17 @@ class Rendered:
     """Passes that were remembered instead."""
 
 
-def render_view(plans: Sequence[ExamplePlan], mesh_root: Path, memory: PassMemory = NO_MEMORY) -> Iterator[Rendered]:
-    """Render examples of one view, in the order given; `backend.activate` must have run in this process.
+def render_view(plans: Sequence[ExamplePlan], mesh_root: Path, memory: PassMemory = NO_MEMORY,
+                fields: FieldShelf = NO_SHELF) -> Iterator[Rendered]:
+    """Render examples of one view, in the order given; `backend.activate` must have run in this process. fields: where
+    the fields are that the plans ask for.
 
     Raises ValueError for plans of different views: they could not share passes.
     """
     if len(views := {plan.view for plan in plans}) != 1:
         raise ValueError(f"expected plans of one view, got {sorted(views)}")
     plugins.register()
-    shared = ViewPasses(plan=plans[0], mesh_root=mesh_root, memory=memory)
+    shared = ViewPasses(plan=plans[0], mesh_root=mesh_root, memory=memory, fields=fields)
     for plan in plans:
         shared.spent.clear()
         shared.recalled.clear()
@@ -95,6 +99,8 @@ def _direct(shared: ViewPasses, plan: ExamplePlan) -> Noisy:
 
 def layer_image(shared: ViewPasses, plan: ExamplePlan, name: str, extent: str) -> np.ndarray:
     """(H, W, C) float32 of one layer; 0 outside its extent."""
+    if name == "mask_field" and plan.field.kind == "none":
+        name = "mask"
     if name == "instance":
         return _image(plan, shared.instances().pixels, shared.instances().found.mean)
     result = shared.result(LAYERS[name].render_pass, plan)
@@ -105,14 +111,21 @@ def layer_image(shared: ViewPasses, plan: ExamplePlan, name: str, extent: str) -
 def _inside(shared: ViewPasses, plan: ExamplePlan, name: str, extent: str) -> np.ndarray:
     """(P,) which pixels of a layer's pass belong to its extent."""
     pixels = shared.result(LAYERS[name].render_pass, plan).pixels
-    if extent == "frame":
+    if extent == "frame" or _through_field(plan, name):
         return np.ones(len(pixels), dtype=bool)
     return np.isin(pixels, shared.covered() if LAYERS[name].geometry == "3dm" else shared.covered_by_either(plan))
+
+
+def _through_field(plan: ExamplePlan, name: str) -> bool:
+    """Whether a layer shows a field, which ends where its opacity does."""
+    return plan.field.kind != "none" and LAYERS[name].render_pass == "source"
 
 
 def _values(result: PassResult, name: str, unit: float) -> np.ndarray:
     """(P, C) values of a layer on the pixels of its pass. unit: metres per unit of the frame it was rendered in."""
     layer = LAYERS[name]
+    if name == "mask_field":
+        return np.clip(result.found.mean[:, OPACITY], 0, 1)
     if not layer.radiometric:
         values = first_hit_layers(result.found)[name.removesuffix("_rough")]
         return values * unit if layer.unit == "m" else values
@@ -136,6 +149,8 @@ def _evidence(shared: ViewPasses, plan: ExamplePlan) -> dict[str, np.ndarray]:
         names |= {name + suffix for name in EVIDENCE for suffix in ("", ERROR_SUFFIX)}
     if "first_hit_rough" in passes:
         names.add("mask_rough")
+    if plan.field.kind != "none" and "source" in passes:
+        names.add("mask_field")
     images = {name: layer_image(shared, plan, name, "object") for name in sorted(names)}
     return images | (_deviations(shared, plan) if "target" in passes else {})
 
@@ -160,7 +175,8 @@ def _record(shared: ViewPasses, plan: ExamplePlan, evidence: dict[str, np.ndarra
                      if name in RADIANCE_LAYERS),
         roughness_rms=rough.get("rms", 0.0), roughness_max=rough.get("maximum", 0.0),
         bounding_radius=rough.get("radius", 0.0),
-        roughness=(_roughness(shared, plan, rough, evidence),) if rough else (),
+        roughness=(_roughness(shared, plan, rough, evidence),) if "rms" in rough else (),
+        field=tuple(shared.fields.get(task, shared.mesh_root).record for task in tasks_of(plan)),
         lighting_sh=_by_colour(light.mean), lighting_sh_se=_by_colour(light.error))
 
 

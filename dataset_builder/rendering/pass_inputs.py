@@ -10,7 +10,8 @@ from typing import Any
 
 from dataset_builder.digest import digest
 from dataset_builder.label.example_plan import ExamplePlan, GoalPlan
-from dataset_builder.label.scene_plan import IlluminationPlan, PlacedObject, RoomPlan
+from dataset_builder.label.field_plan import FieldPlan
+from dataset_builder.label.scene_plan import IlluminationPlan, ObjectPlan, PlacedObject, RoomPlan
 from dataset_builder.label.scene_source import SceneSource
 from dataset_builder.layers import ALIKE, LAYERS, LIT, PASSES, Pass
 from dataset_builder.planning.effects.decisions import has_direct
@@ -122,6 +123,10 @@ def inputs_of(plan: ExamplePlan, name: str, steps: int | None = None) -> Inputs:
         return found
     samples = _samples(plan, name, steps_of(plan, name) if steps is None else steps)
     found |= {"pixels": plan.effects.of(name).extent, "samples": samples}
+    if name == "source" and plan.field.kind != "none":
+        # Seen alone: nothing of the room, its light or its passes matters
+        return {key: found[key] for key in ("pass", "seed", "object", "camera", "image size", "samples")} | {
+            "field": _plain(plan.field), "sky": sky_radiance(plan)}
     if name in ROUGH:
         found["rough mesh"] = _plain(plan.rough)
     if name in LIT:
@@ -136,6 +141,18 @@ def inputs_of(plan: ExamplePlan, name: str, steps: int | None = None) -> Inputs:
     if name in LIT or (name == "first_hit_rough" and lights_rough(plan)):
         found |= _light(plan, name if name in LIT else "rough")
     return found
+
+
+def field_inputs(target: ObjectPlan, field: FieldPlan) -> Inputs:
+    """What a field of an object depends on."""
+    return {"pass": "field", "object": _object(target), "field": _plain(field)}
+
+
+def shows_field(plan: ExamplePlan, name: str) -> bool:
+    """Whether what a pass finds hangs on a field that was made."""
+    rough = "rough" in name or name == "pbr"
+    kind = plan.rough.field.kind if rough else plan.field.kind if name == "source" else "none"
+    return kind not in ("none", "own")
 
 
 def key_of(inputs: Inputs, made_by: dict[str, str]) -> str:
@@ -168,7 +185,7 @@ def _openings(plan: ExamplePlan, name: str) -> list[Inputs]:
 
 def _light(plan: ExamplePlan, name: str) -> dict[str, Any]:
     """The lights that a pass simulates, and what is taken out of their way."""
-    source = name == "source"
+    source = name.startswith("source")
     light: IlluminationPlan = plan.source_light if source else plan.target_light
     lights = [_plain(light.lights[index]) for index in plan.effects.of(name).lights]
     found = {"lights": lights, "open": list(light.open)}
@@ -177,8 +194,12 @@ def _light(plan: ExamplePlan, name: str) -> dict[str, Any]:
 
 def _placed(placed: PlacedObject) -> dict[str, Any]:
     """What stands where; a file counts by its content, not by its path."""
-    path = frozenset({"source"} if placed.object.kind != "procedural" else ())
-    return {**_plain(placed), "object": _plain(placed.object, path) | {"scene": _source(placed.object.scene)}}
+    return {**_plain(placed), "object": _object(placed.object)}
+
+
+def _object(plan: ObjectPlan) -> Inputs:
+    path = frozenset({"source"} if plan.kind != "procedural" else ())
+    return _plain(plan, path) | {"scene": _source(plan.scene)}
 
 
 def _room(room: RoomPlan) -> dict[str, Any]:

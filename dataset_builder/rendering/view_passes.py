@@ -5,19 +5,19 @@ A pass runs when it is first needed, on the pixels of its layers, unless it is r
 examples of the view.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property, partial
 from math import ceil
-from pathlib import Path
-from time import perf_counter
 from typing import Any
 
 import numpy as np
 
-from dataset_builder.label.example_plan import ExamplePlan, RenderPlan
-from dataset_builder.layers import PASSES, Pass
+from dataset_builder.label.example_plan import ExamplePlan
+from dataset_builder.layers import Pass
 from dataset_builder.rendering import passes
+from dataset_builder.rendering.field_pass import field_sampler, field_window
+from dataset_builder.rendering.field_shelf import NO_SHELF, FieldShelf
 from dataset_builder.rendering.joined import InStep, light_paths
 from dataset_builder.rendering.light_probe import lighting
 from dataset_builder.rendering.pass_inputs import (
@@ -31,12 +31,11 @@ from dataset_builder.rendering.pass_inputs import (
     lights_rough,
     needed_passes,
     needs_lighting,
-    steps_of,
 )
-from dataset_builder.rendering.pass_memory import NO_MEMORY, PassFound, PassMemory, PassResult
-from dataset_builder.rendering.pass_steps import PassSteps, Pixels
+from dataset_builder.rendering.pass_memory import PassResult
 from dataset_builder.rendering.passes import FIRST_HIT_CHANNELS, WANTED, ViewSensor
-from dataset_builder.rendering.sampling.adaptive import Sample, Sampled
+from dataset_builder.rendering.sampled_passes import Pixels, SampledPasses
+from dataset_builder.rendering.sampling.adaptive import Sample
 from dataset_builder.rendering.sampling.estimate import groups_of
 from dataset_builder.rendering.sampling.moments import Estimate
 from dataset_builder.rendering.scene.open_scene import OpenScene
@@ -45,18 +44,11 @@ from dataset_builder.rendering.view_scenes import ViewScenes
 
 
 @dataclass(kw_only=True)
-class ViewPasses:
+class ViewPasses(SampledPasses):
     """Passes of the view that `plan` belongs to."""
 
-    plan: ExamplePlan
-    mesh_root: Path
-    memory: PassMemory = NO_MEMORY
-    """Where results are looked up and kept."""
-    spent: dict[str, float] = field(default_factory=dict)
-    """Seconds of the passes that ran since it was cleared."""
-    recalled: list[str] = field(default_factory=list)
-    """Passes that were remembered whole since it was cleared."""
-    _results: dict[tuple[str, ...], PassResult] = field(default_factory=dict)
+    fields: FieldShelf = NO_SHELF
+    """Where fields are found."""
 
     def run(self, plan: ExamplePlan) -> None:
         """Every pass that a layer of the example needs, in the order that opens the fewest scenes; none stays open."""
@@ -76,7 +68,7 @@ class ViewPasses:
     @cached_property
     def scenes(self) -> ViewScenes:
         """What is traced."""
-        return ViewScenes(plan=self.plan, mesh_root=self.mesh_root)
+        return ViewScenes(plan=self.plan, mesh_root=self.mesh_root, fields=self.fields)
 
     @property
     def view(self) -> ViewSensor:
@@ -87,9 +79,9 @@ class ViewPasses:
 
     def result(self, render_pass: Pass, plan: ExamplePlan) -> PassResult:
         """What a pass found that an example of this view needs."""
-        return {"first_hit": lambda _: self.first_hit(), "source": lambda _: self.source(), "target": self.target,
-                "rough": self.rough, "first_hit_rough": self.first_hit_rough, "pbr": self.pbr,
-                "empty": self.empty}[render_pass](plan)
+        return {"first_hit": lambda _: self.first_hit(), "source": lambda _: self.source(),
+                "source_clean": lambda _: self.source_clean(), "target": self.target, "rough": self.rough,
+                "first_hit_rough": self.first_hit_rough, "pbr": self.pbr, "empty": self.empty}[render_pass](plan)
 
     def first_hit(self) -> PassResult:
         """Light-free layers of the 3DM."""
@@ -107,7 +99,7 @@ class ViewPasses:
 
         return self._once(("first_hit_rough", str(plan.light), plan.rough.model_dump_json()), plan,
                           lambda: self.scenes.window(self.scenes.rough_object(plan.rough)), sampler, plan.rough.level,
-                          facts=lambda: self.scenes.twin(plan.rough).roughness.model_dump())
+                          facts=lambda: dict(self.scenes.twin(plan.rough).figures))
 
     def instances(self) -> PassResult:
         """Instance at every pixel's centre."""
@@ -117,8 +109,17 @@ class ViewPasses:
         return self._once((INSTANCE,), self.plan, self._frame, sampler)
 
     def source(self) -> PassResult:
+        """What is seen under the source illumination: the 3DM, or a field of it wherever that may be."""
+        if self.plan.field.kind == "none":
+            return self._lit(("source",), self.plan, self.scenes.source, self.covered)
+        return self._once(("source",), self.plan, lambda: field_window(self.scenes),
+                          lambda: field_sampler(self.scenes))
+
+    def source_clean(self) -> PassResult:
         """The 3DM under the source illumination, with what blocks it out of the way."""
-        return self._lit(("source",), self.plan, self.scenes.source, self.covered)
+        if self.plan.field.kind == "none":
+            return self.source()
+        return self._lit(("source_clean",), self.plan, self.scenes.source, self.covered)
 
     def target(self, plan: ExamplePlan) -> PassResult:
         """The 3DM under one target illumination."""
@@ -204,37 +205,6 @@ class ViewPasses:
         """Pixels of which the 3DM or the R3DM covers some."""
         return np.union1d(self.covered(), _with_mask(self.first_hit_rough(plan)))
 
-    def _frame(self) -> np.ndarray:
-        return np.arange(self._render.width * self._render.height)
-
-    # Sampling
-
-    @property
-    def _render(self) -> RenderPlan:
-        return self.plan.render
-
-    def _once(self, key: tuple[str, ...], plan: ExamplePlan, pixels: Pixels, sampler: Callable[[], Sample],
-              *seed: int, facts: Callable[[], Mapping[str, float]] = dict) -> PassResult:
-        """The result of the pass `key[0]`: what this view has of it, or what is remembered, or both and new samples.
-
-        pixels: of the object, unless the pass is planned on the frame; sampler: opens the scene; seed: numbers that the
-        pass's random numbers derive from, besides the name of what it is sampled as.
-        """
-        if key not in self._results:
-            name = key[0]
-            run = PassSteps(name=name, plan=plan, memory=self.memory, seeds=seed)
-            steps, found = self.memory.recall(plan, name)
-            if found and steps == steps_of(plan, name):
-                self.recalled.append(name)
-            else:
-                wide = name in PASSES and self.plan.effects.of(name).extent == "frame"
-                traced = found.pixels if found else self._frame() if wide else pixels()
-                start = perf_counter()
-                before = found or PassFound(pixels=traced, sampled=Sampled(halves=(Estimate.empty(),)), facts=facts())
-                found = run.sampled(before, steps, sampler, pixels)
-                self.spent[name] = self.spent.get(name, 0.0) + perf_counter() - start
-            self._results[key] = run.finished(found)
-        return self._results[key]
 
 
 def _with_mask(result: PassResult) -> np.ndarray:

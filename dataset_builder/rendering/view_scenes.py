@@ -8,17 +8,28 @@ from pathlib import Path
 
 import numpy as np
 
+from dataset_builder.assets.field_file import FieldFile
 from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.label.example_plan import ExamplePlan, RoughPlan
+from dataset_builder.label.field_plan import FieldPlan
 from dataset_builder.label.scene_plan import IlluminationPlan, PortalPlan
 from dataset_builder.layers import Pass
 from dataset_builder.planning.scene.box_shell import BoxShell
+from dataset_builder.rendering.field_shelf import NO_SHELF, FieldShelf, FieldTask
 from dataset_builder.rendering.pass_inputs import sky_radiance
 from dataset_builder.rendering.passes import ViewSensor
 from dataset_builder.rendering.scene.local_frame import LocalFrame
 from dataset_builder.rendering.scene.open_scene import Body, OpenScene, body_of, open_scene
 from dataset_builder.rendering.scene.seen_texels import seen_sides
-from dataset_builder.rendering.scene.triangle_soup import RoughTwin, Soup, clean, merge, rough_twin, surroundings
+from dataset_builder.rendering.scene.triangle_soup import (
+    RoughTwin,
+    Soup,
+    clean,
+    field_twin,
+    merge,
+    rough_twin,
+    surroundings,
+)
 from dataset_builder.rendering.surface.material_table import Textures
 from dataset_builder.rendering.transport.fog import Fog
 
@@ -33,6 +44,7 @@ class ViewScenes:
 
     plan: ExamplePlan
     mesh_root: Path
+    fields: FieldShelf = NO_SHELF
     _twins: dict[RoughPlan, RoughTwin] = field(default_factory=dict)
     _rough_bodies: dict[RoughPlan, Body] = field(default_factory=dict)
     """Of the last noise level only: they are large."""
@@ -66,12 +78,15 @@ class ViewScenes:
 
     @cached_property
     def _materials(self) -> Textures:
-        """Materials of the target and of everything about it: the same for every geometry of the view."""
-        render, materials = self.plan.render, [*self.clean_object.materials, *self._room.materials]
+        """Materials of the target and of everything about it: the same for every geometry of the 3DM."""
+        return self._uploaded(self.clean_object)
+
+    def _uploaded(self, target: Soup) -> Textures:
+        render, materials = self.plan.render, [*target.materials, *self._room.materials]
         if not render.texels_per_pixel:
             return Textures.upload(materials, render.texture_size, sky_radiance(self.plan))
         camera = Pinhole.of(self.view.camera, render.width, render.height)
-        sides = [side for soup in (self.clean_object, self._room)
+        sides = [side for soup in (target, self._room)
                  for side in seen_sides(soup, camera, render.texels_per_pixel, render.texture_size)]
         return Textures.upload(materials, sides, sky_radiance(self.plan))
 
@@ -81,7 +96,9 @@ class ViewScenes:
 
     def _body(self, target: Soup, room: Soup) -> Body:
         narrow = replace(target, corners=target.corners.astype(np.float32))
-        return body_of(merge([narrow, room]), self._materials, frozenset(self.plan.effects.features))
+        own = target.materials == self.clean_object.materials
+        return body_of(merge([narrow, room]), self._materials if own else self._uploaded(target),
+                       frozenset(self.plan.effects.features))
 
     @cached_property
     def _open_body(self) -> Body:
@@ -109,8 +126,18 @@ class ViewScenes:
     def twin(self, rough: RoughPlan) -> RoughTwin:
         """The R3DM of one noise level in the world, and how rough it is."""
         if rough not in self._twins:
-            self._twins[rough] = rough_twin(self.plan.target, rough, self.mesh_root)
+            self._twins[rough] = self._twin(rough)
         return self._twins[rough]
+
+    def _twin(self, rough: RoughPlan) -> RoughTwin:
+        if rough.field.kind == "none":
+            return rough_twin(self.plan.target, rough, self.mesh_root)
+        mesh = None if rough.field.kind == "own" else self.field(rough.field).mesh
+        return field_twin(self.plan.target, rough, self.mesh_root, mesh)
+
+    def field(self, plan: FieldPlan) -> FieldFile:
+        """A field of the target object. Raises UserError where it was not made."""
+        return self.fields.get(FieldTask(object=self.plan.target.object, field=plan), self.mesh_root)
 
     def window(self, soup: Soup) -> np.ndarray:
         """Pixels that the target object, of which `soup` holds the triangles, may cover; see `covered_window`."""
@@ -123,7 +150,7 @@ class ViewScenes:
 
     def source(self) -> OpenScene:
         """The 3DM under the source illumination, with what blocks it out of the way."""
-        return self._opened("source", lambda: self._open_body, *self._light(self.plan, "source"))
+        return self._opened("source", lambda: self._open_body, *self._light(self.plan, "source_clean"))
 
     def target(self, plan: ExamplePlan) -> OpenScene:
         """The 3DM under the target illumination of a plan."""
@@ -140,7 +167,7 @@ class ViewScenes:
 
     def _light(self, plan: ExamplePlan, render_pass: Pass) -> tuple[IlluminationPlan, tuple[PortalPlan, ...]]:
         """The lights that a pass simulates and the openings that they get in through, in the frame."""
-        light = plan.source_light if render_pass == "source" else plan.target_light
+        light = plan.source_light if render_pass.startswith("source") else plan.target_light
         effects = plan.effects.of(render_pass)
         kept = tuple(light.lights[index] for index in effects.lights)
         return (self.local_frame.illumination(light.model_copy(update={"lights": kept})),

@@ -8,8 +8,10 @@ from rich.table import Table
 
 from dataset_builder.label.example_label import ExampleLabel
 from dataset_builder.label.example_plan import ExamplePlan
+from dataset_builder.label.field_record import FieldRecord
 from dataset_builder.layers import LAYERS
 from dataset_builder.report.example_sheet import SheetRow, write_sheet
+from dataset_builder.shards.field_summary import fields_of
 from dataset_builder.shards.reader import Dataset, open_dataset
 from dataset_builder.spread import runs, shares
 from dataset_builder.tonemap import exposure, to_8bit
@@ -25,7 +27,7 @@ def summary_tables(folder: Path) -> list[Table]:
     """Tables for the terminal. Raises ShardError where there is no finished dataset."""
     dataset = open_dataset(folder, layers=())
     labels = [dataset.label(key) for keys in dataset.splits.values() for key in keys]
-    return [_splits(dataset, labels), _layers(dataset, labels), *_rejected(dataset)]
+    return [_splits(dataset, labels), _layers(dataset, labels), *_fields(labels), *_rejected(dataset)]
 
 
 def _splits(dataset: Dataset, labels: list[ExampleLabel]) -> Table:
@@ -54,6 +56,27 @@ def _layers(dataset: Dataset, labels: list[ExampleLabel]) -> Table:
                       f"{np.mean([value.mean for value in values]):.3g}",
                       f"{max(value.max for value in values):.3g}", error)
     return table
+
+
+def _fields(labels: list[ExampleLabel]) -> list[Table]:
+    """Every field that something was seen through or taken from, with the roughness of its mesh over the examples."""
+    found: dict[tuple[str, str], tuple[FieldRecord, str]] = {}
+    rough: dict[str, list[float]] = {}
+    for label in labels:
+        for gives, _, record in fields_of(label):
+            found.setdefault((label.plan.target.object.name, record.key), (record, " ".join(gives)))
+            if "r3dm" in gives and label.record.roughness:
+                rough.setdefault(record.key, []).append(label.record.roughness[0].normal_median)
+    if not found:
+        return []
+    table = Table("object", "field", "gives", "views", "PSNR", "worst", "IoU", "bodies", "dropped", "normals",
+                  title="fields")
+    for (name, key), (record, given) in found.items():
+        held_out = (f"{record.psnr:.1f}", f"{record.psnr_worst:.1f}", f"{record.opacity_iou:.3f}")
+        table.add_row(name, record.kind, given, str(record.views or ""), *(held_out if record.held_out else ("",) * 3),
+                      str(record.bodies), str(record.bodies_dropped),
+                      f"{np.median(rough[key]):.1f}°" if key in rough else "")
+    return [table]
 
 
 def _rejected(dataset: Dataset) -> list[Table]:
@@ -108,4 +131,5 @@ def cell_pixels(name: str, array: np.ndarray, factor: float) -> np.ndarray:
 
 def _sheet_lines(plan: ExamplePlan) -> list[str]:
     lights = " + ".join(light.kind for light in plan.target_light.lights)
-    return [plan.key, plan.split, plan.target.object.name, plan.room.name, lights, f"sigma {plan.rough.sigma:.4f}"]
+    return [plan.key, plan.split, plan.target.object.name, plan.room.name, lights,
+            plan.rough.name or f"sigma {plan.rough.sigma:.4f}"]

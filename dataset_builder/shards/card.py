@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterable, Sequence
 
 from dataset_builder.shards.card_text import noise, pitfalls, plain, recipes
-from dataset_builder.shards.manifest import STORED_ONCE, Manifest
+from dataset_builder.shards.manifest import STORED_ONCE, FieldSummary, Manifest
 
 NUMBERED = "NNNNNN-TTTTTTTT.tar"
 """How the name of a shard ends, with its number and its tag; the first of a split need not have number 0."""
@@ -76,7 +76,7 @@ def _shared(manifest: Manifest) -> str:
 def _generation(manifest: Manifest) -> str:
     return f"""## Generation
 
-Synthetic, by path tracing; generator {manifest.generator}. Every number of an example follows from its plan and every
+{_made(manifest)}; generator {manifest.generator}. Every number of an example follows from its plan and every
 plan from the spec and its seed: the same spec and versions give the same bytes. Spec digest `{manifest.spec_digest}`.
 
 Every example keeps these rules; `dataset-builder verify` checks them again:
@@ -84,7 +84,7 @@ Every example keeps these rules; `dataset-builder verify` checks them again:
 | rule | statement | tolerance |
 |---|---|---|
 {_rows((f"`{identity.name}`", identity.rule, f"{identity.tolerance:g}") for identity in manifest.identities)}
-{_sources(manifest)}## Excluded examples
+{_sources(manifest)}{_fields(manifest)}## Excluded examples
 
 {_rejected(manifest)}"""
 
@@ -94,13 +94,44 @@ def _sources(manifest: Manifest) -> str:
     if not manifest.parts:
         return ""
     kinds = {"file": "mesh file", "procedural": "embedded", "thing": "scene file"}
-    rows = _rows((_plain(part.source), kinds[part.kind], part.licence, _named(part.objects)) for part in manifest.parts)
+    rows = _rows((_plain(part.source), "capture" if part.captured else kinds[part.kind], part.licence,
+                  _named(part.objects)) for part in manifest.parts)
     return f"""### Sources
 
 | source | kind | licence | objects |
 |---|---|---|---|
 {rows}
 """
+
+
+def _made(manifest: Manifest) -> str:
+    return "By path tracing, with captures of real objects" if manifest.captures else "Synthetic, by path tracing"
+
+
+def _fields(manifest: Manifest) -> str:
+    """Where `i_s` and rough meshes come from, where that is not the clean mesh everywhere; else empty."""
+    if not manifest.fields:
+        return ""
+    gives = {"i_s": "`i_s`", "r3dm": "rough meshes"}
+    rows = _rows((one.split, one.kind + ", captured" * one.captures, " and ".join(gives[each] for each in one.gives),
+                  one.fields, one.views or "", one.resolution or "", *_held_out(one))
+                 for one in manifest.fields)
+    return f"""### Fields
+
+Where `i_s` is the image of a neural field (density: as NeRF has it; sdf: signed distance, as NeuS has it) or of
+Gaussian splats, that was fitted to images of the object alone, and it shows the object alone. Where the rough mesh is a
+field's, it was taken from it. All other `i_s` is rendered from clean meshes, and all other rough meshes are made of
+these. Captures have no clean mesh, hence no truth. PSNR (dB, sRGB-encoded, inside of the mask) and intersection over
+union (IoU) of opacity and mask are of held-out images; `record.field` of a label has the figures of its own field.
+
+| split | field | gives | objects | views | cells | PSNR | worst image | least IoU |
+|---|---|---|---|---|---|---|---|---|
+{rows}
+"""
+
+
+def _held_out(one: FieldSummary) -> tuple[str, str, str]:
+    return (f"{one.psnr:.1f}", f"{one.psnr_worst:.1f}", f"{one.opacity_iou:.3f}") if one.psnr else ("", "", "")
 
 
 def _named(objects: Sequence[str]) -> str:

@@ -44,7 +44,7 @@ def croissant(manifest: Manifest) -> str:
         "creator": {"@type": "sc:Organization", "name": manifest.creator}, "datePublished": manifest.date_published,
         "citeAs": f"{manifest.title}, version {manifest.version}, {manifest.creator}",
         "keywords": ["synthetic", "lighting transfer", "rendering", "openexr", "webdataset"], "isLiveDataset": False,
-        "rai:dataCollection": "Synthetic: path traced from procedural or licensed meshes; no people, no photographs.",
+        "rai:dataCollection": _collected(manifest),
         "prov:wasGeneratedBy": f"{manifest.generator}, spec {manifest.spec_digest}",
         "distribution": [*map(_shard, manifest.shards), _file_set(manifest, LABEL, "json", "application/json"),
                          *(_file_set(manifest, layer.name, f"{layer.name}.exr", "image/x-exr")
@@ -57,6 +57,14 @@ def croissant(manifest: Manifest) -> str:
 def _description(manifest: Manifest) -> str:
     text = manifest.description or manifest.title
     return f"{text} {STORED_ONCE}" if manifest.shared == "once" else text
+
+
+def _collected(manifest: Manifest) -> str:
+    fields = (" Some of the images i_s are those of neural fields, fitted to such renderings." if any(
+        not summary.captures and "i_s" in summary.gives for summary in manifest.fields) else "")
+    if manifest.captures:
+        return f"Path traced from procedural or licensed meshes and from captures of real objects.{fields}"
+    return f"Synthetic: path traced from procedural or licensed meshes; no people, no photographs.{fields}"
 
 
 def _shard(shard: Any) -> dict[str, Any]:

@@ -11,9 +11,12 @@ import numpy as np
 
 from dataset_builder.layers import EVERYWHERE, LAYERS, Extent, layers_of
 
-RANGE, REFLECTANCE, MASK, OUTSIDE, SHARED = "range", "reflectance", "mask", "outside", "shared"
+RANGE, REFLECTANCE, MASK, OUTSIDE, SHARED, FIELD = "range", "reflectance", "mask", "outside", "shared", "field"
 SHARED_LAYERS = layers_of("first_hit")
 """Layers that need no light: rendered once per view, so bit-identical in all of its examples."""
+
+SEEN = layers_of("source")
+"""Layers that show a field, where an example is seen through one."""
 
 _TOLERANCES = {"float32": {RANGE: 1e-5, REFLECTANCE: 1e-3}, "float16": {RANGE: 1e-3, REFLECTANCE: 2e-3}}
 
@@ -28,27 +31,35 @@ class Violation:
     """The figures in one sentence."""
 
 
-def identity_table(dtype: str) -> tuple[tuple[str, str, float], ...]:
-    """(name, rule, tolerance) of every identity that can be checked from the files, for layers stored as `dtype`."""
-    tolerance = _TOLERANCES[dtype]
+def identity_table(dtype: str, fields: bool = False) -> tuple[tuple[str, str, float], ...]:
+    """(name, rule, tolerance) of every identity that can be checked from the files, for layers stored as `dtype`.
+    fields: whether `i_s` of some examples is the image of a field."""
+    tolerance, of_field = _TOLERANCES[dtype], ", but for those of the image of a field," * fields
     return (
         (RANGE, "every value is finite and in its layer's range, to tolerance", tolerance[RANGE]),
         (REFLECTANCE, "d + r <= 1 + tolerance in every channel", tolerance[REFLECTANCE]),
         (MASK, "mask is not empty", 0.0),
-        (OUTSIDE, "layers of extent object are exactly 0 where the object covers nothing of the pixel", 0.0),
+        (OUTSIDE, f"layers of extent object{of_field} are exactly 0 where the object covers nothing of the pixel",
+         0.0),
         (SHARED, f"examples of one view share {', '.join(SHARED_LAYERS)}, bit by bit", 0.0),
+        *(((FIELD, "i_s of a field is 0 where mask_field is 0, to tolerance in units of its largest value",
+            tolerance[RANGE]),) if fields else ()),
     )
 
 
-def check_layers(layers: Mapping[str, np.ndarray], extents: Mapping[str, Extent],
-                 tolerances: Mapping[str, float]) -> list[Violation]:
-    """Every identity inside one example; `tolerances` by name as `identity_table` gives them."""
+def check_layers(layers: Mapping[str, np.ndarray], extents: Mapping[str, Extent], tolerances: Mapping[str, float],
+                 field: bool = False) -> list[Violation]:
+    """Every identity inside one example; `tolerances` by name as `identity_table` gives them. field: whether its `i_s`
+    is the image of a field, as `plan.field` of its label says."""
     found = [violation for name, array in layers.items() for violation in in_range(name, array, tolerances[RANGE])]
     if "d" in layers and "r" in layers:
         found += reflectance_sum(layers["d"], layers["r"], tolerances[REFLECTANCE])
     if "mask" in layers:
         found += mask_not_empty(layers["mask"])
-        found += outside_object(layers, extents)
+        rendered = {name: array for name, array in layers.items() if not (field and name in SEEN)}
+        found += outside_object(rendered, extents)
+    if field and {"i_s", "mask_field"} <= set(layers):
+        found += outside_field(layers["i_s"], layers["mask_field"], tolerances[FIELD])
     return found
 
 
@@ -108,6 +119,16 @@ def outside_object(layers: Mapping[str, np.ndarray], extents: Mapping[str, Exten
             reason = f"{name}: expected 0 outside the object, got {count} pixels that are not"
             found.append(Violation(identity=OUTSIDE, reason=reason))
     return found
+
+
+def outside_field(i_s: np.ndarray, mask_field: np.ndarray, tolerance: float) -> list[Violation]:
+    """The image of a field is 0 where its opacity is: not exactly, since 1 less what passes rounds to 0 before the
+    light does."""
+    beyond = (i_s > tolerance * max(float(i_s.max(initial=0)), 0.0)).any(axis=2) & (mask_field[..., 0] == 0)
+    if not (count := int(np.count_nonzero(beyond))):
+        return []
+    return [Violation(identity=FIELD, reason=f"i_s: expected 0 where mask_field is 0, got {count} pixels that are not, "
+                                             f"up to {float(i_s[beyond].max()):g}")]
 
 
 def shared_in_view(first: Mapping[str, str], other: Mapping[str, str]) -> list[Violation]:

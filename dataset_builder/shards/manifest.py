@@ -23,6 +23,7 @@ STORED_ONCE = ("Files with equal pixels of examples of one view are stored once 
                "example that has them. The index of the shard says for each example where its files are; readers that "
                "see only the tar find what an example does not share.")
 M = TypeVar("M", bound=Model)
+Gives = Literal["i_s", "r3dm"]
 LAYOUT_DATE = "2026-11-23"
 """Day this layout was fixed: the `datePublished` of a dataset that gives none, since two builds must be equal bytes."""
 
@@ -55,6 +56,29 @@ class IdentityRecord(Model):
     name: str
     rule: str
     tolerance: float
+
+
+class FieldSummary(Model):
+    """Fields of one kind that examples of a split are seen through, or take rough meshes from."""
+
+    split: str
+    kind: Literal["density", "sdf", "splats"]
+    gives: tuple[Gives, ...]
+    """Whether `i_s` is their image, and whether their meshes are the rough meshes."""
+    captures: bool
+    """Whether the objects are captures, which have no clean mesh."""
+    fields: int
+    """How many different ones."""
+    views: int
+    """Images that each was fitted to, at the least; 0 for splats, which were fitted elsewhere."""
+    resolution: int
+    """Cells along a side of their grids, at the least; 0 for splats."""
+    psnr: float
+    """Of held-out images, dB: mean over those that have some; 0 where none has."""
+    psnr_worst: float
+    """Of the worst image of all."""
+    opacity_iou: float
+    """Of held-out images and opacity, of the worst field; 0 where none has any."""
 
 
 class SplitRecord(Model):
@@ -109,6 +133,17 @@ class Manifest(Model):
     totals: Totals
     rejected: tuple[Rejected, ...]
     parts: tuple[ObjectSource, ...] = ()
+    fields: tuple[FieldSummary, ...] = ()
+
+    @property
+    def through_fields(self) -> bool:
+        """Whether `i_s` of some examples is the image of a field."""
+        return any("i_s" in summary.gives for summary in self.fields)
+
+    @property
+    def captures(self) -> bool:
+        """Whether something of what is seen is a capture of a real object."""
+        return any(part.captured for part in self.parts)
 
     @model_validator(mode="after")
     def _names_differ(self) -> "Manifest":
@@ -127,8 +162,10 @@ def shard_slot(spec: DatasetSpec, split: str, number: int) -> str:
 def make_manifest(spec: DatasetSpec, *, layers: Mapping[str, Extent], shards: Sequence[ShardIndex],
                   rejected: Iterable[Rejected], spec_digest: str, generator: str, creator: str = "dataset-builder",
                   url: str = "", date_published: str = LAYOUT_DATE, denoised: Iterable[Denoised] = (),
-                  parts: Iterable[ObjectSource] = ()) -> Manifest:
+                  parts: Iterable[ObjectSource] = (), fields: Iterable[FieldSummary] = ()) -> Manifest:
     """The manifest of a dataset whose examples hold `layers` (name -> extent) and lie in `shards`, in that order."""
+    fields = tuple(fields)
+    seen = any("i_s" in summary.gives for summary in fields)
     refused = tuple(sorted(rejected, key=lambda item: item.key))
     empty = Manifest(
         name=spec.name, version=spec.version, title=spec.title or spec.name, description=spec.description,
@@ -138,10 +175,10 @@ def make_manifest(spec: DatasetSpec, *, layers: Mapping[str, Extent], shards: Se
         layers=tuple(layer_record(name, layers[name], spec.storage.dtype) for name in LAYERS if name in layers),
         denoised=tuple(denoised), shared=spec.storage.shared,
         identities=tuple(IdentityRecord(name=name, rule=rule, tolerance=tolerance)
-                         for name, rule, tolerance in identity_table(spec.storage.dtype)),
+                         for name, rule, tolerance in identity_table(spec.storage.dtype, seen)),
         splits=tuple(SplitRecord(name=split.name, examples=0, shards=()) for split in spec.splits), shards=(),
         totals=Totals(examples=0, shards=0, bytes=0, rejected=len(refused)), rejected=refused,
-        parts=tuple(parts),
+        parts=tuple(parts), fields=fields,
     )
     return with_shards(empty, [index.shard for index in shards])
 

@@ -76,7 +76,7 @@ def _manifest(manifest: Manifest) -> Iterator[Problem]:
         for value, count in Counter(values).items():
             if count > 1:
                 yield _problem(MANIFEST, "shards", f"expected different shards, got {count} of {what} {value}")
-    table = identity_table(manifest.layers[0].dtype)
+    table = identity_table(manifest.layers[0].dtype, manifest.through_fields)
     if tuple((identity.name, identity.rule, identity.tolerance) for identity in manifest.identities) != table:
         yield _problem(MANIFEST, "identities", f"expected those of layers stored as {manifest.layers[0].dtype}")
     if unknown := {shard.split for shard in shards} - {split.name for split in manifest.splits}:

@@ -15,9 +15,18 @@ from dataset_builder.spec.ply_references import ply_references
 from dataset_builder.spec.problems import shown
 from dataset_builder.spec.usd_references import USD_SUFFIXES, usd_references
 
+FIELD_SUFFIX = ".npz"
+"""Of fields, whose meshes are read as any mesh is."""
+SPLAT_FORMATS = {".spz": "SPZ", ".splat": "antimatter15's format", ".ksplat": "a format of GaussianSplats3D"}
+"""Formats of Gaussian splats alone: how they are called, by suffix."""
+SPLATS = ("KHR_gaussian_splatting", "ParticleField3DGaussianSplat")
+"""What splats are called in formats that hold meshes too."""
+MADE_OF_SPLATS = "make an object of its splats: `dataset-builder import capture FILE`"
+SCALED_FIELD = "scale, turn and place it where it is made: `dataset-builder import capture`"
 REFERENCES: dict[str, Callable[[Path], Iterable[FileReference]]] = {
     ".glb": gltf_references, ".gltf": gltf_references, ".obj": obj_references, ".off": lambda path: (),
-    ".ply": ply_references, ".stl": lambda path: (), **dict.fromkeys(USD_SUFFIXES, usd_references)}
+    ".ply": ply_references, ".stl": lambda path: (), FIELD_SUFFIX: lambda path: (),
+    **dict.fromkeys(USD_SUFFIXES, usd_references)}
 """What finds the files that a mesh file names, by its suffix."""
 MESH_SUFFIXES = tuple(REFERENCES)
 OTHER_FORMATS = {
@@ -54,10 +63,24 @@ def broken_suffix_rule(name: str) -> tuple[str, str]:
     suffix = Path(name).suffix.lower()
     if suffix in MESH_SUFFIXES:
         return "", ""
+    if suffix in SPLAT_FORMATS:
+        called = SPLAT_FORMATS[suffix]
+        hint = MADE_OF_SPLATS if suffix == ".spz" else "write the splats as .ply, with SuperSplat or splat-transform"
+        return f"expected a mesh or a field, got {shown(name)}: {called} holds Gaussian splats", hint
     if suffix in OTHER_FORMATS:
         called, program = OTHER_FORMATS[suffix]
         return f"expected a format that is read, got {shown(name)}: {called} is not read", f"export glTF from {program}"
     return f"expected a file that ends in one of {' '.join(MESH_SUFFIXES)}, got {shown(name)}", ""
+
+
+def splat_hint(said: Iterable[str]) -> str:
+    """What to do with a file without a mesh that says this of itself; empty where none of it means splats."""
+    return MADE_OF_SPLATS if any(name in text for text in said for name in SPLATS) else ""
+
+
+def names_field(file: str) -> bool:
+    """Whether a file is a field, by its suffix."""
+    return Path(file).suffix.lower() == FIELD_SUFFIX
 
 
 class OutsideError(ValueError):

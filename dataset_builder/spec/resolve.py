@@ -22,6 +22,7 @@ from dataset_builder.spec.licences import FREE
 from dataset_builder.spec.mesh_source import MeshSource
 from dataset_builder.spec.model import Model
 from dataset_builder.spec.named_files import key_of, keyed_scene, keyed_split, scene_references, split_references
+from dataset_builder.spec.own_fields import check_own_field, check_own_targets
 from dataset_builder.spec.problems import dotted, problems_of, shown
 from dataset_builder.spec.scene import ObjectSpec, RoomSpec, SceneSpec
 from dataset_builder.spec.scene_files import find_scene
@@ -140,6 +141,7 @@ class Resolver:
             spec = spec.model_copy(update={"splits": tuple(map(keyed_split, spec.splits))})
             self.problems += check_splits(spec, document, self.meshes)
             self.problems += check_scenes(spec, document, _found(self.scenes), self.scene_files)
+            self.problems += check_own_targets(spec, document, _found(self.objects))
             licence = check_licence(spec, document, _licences(_found(self.objects), _found(self.scenes)))
             if isinstance(licence, Problem):
                 self.problems.append(licence)
@@ -183,7 +185,7 @@ class Resolver:
         spec = self.objects[key] = self._validated(document, ObjectSpec)
         if spec is None:
             return
-        self.problems += check_object(spec, document)
+        self.problems += [*check_object(spec, document), *check_own_field(spec, document)]
         mesh = find_mesh(spec, document, (self.root.parent / key).parent)
         if isinstance(mesh, Problem):
             self.problems.append(mesh)

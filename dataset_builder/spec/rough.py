@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, Tag, model_validator
 
+from dataset_builder.spec.field import FieldSpec
 from dataset_builder.spec.model import Model, broken
 from dataset_builder.spec.numbers import AnyNumber, PositiveInt, branches, check_within, within
 
@@ -169,8 +170,8 @@ Step = Annotated[
     | Annotated[ThinStep, Tag("|thin")] | Annotated[CloseHolesStep, Tag("|close_holes")],
     branches(_kind, f"expected a mapping whose kind is one of {', '.join(STEPS)}"),
 ]
-Level = AnyNumber | str | tuple[Step, ...]
-"""A sigma, the name of a level, or steps."""
+Level = AnyNumber | str | tuple[Step, ...] | FieldSpec
+"""A sigma, the name of a level, steps, or a field that the mesh is taken from."""
 
 
 class RoughSpec(Model):
@@ -184,6 +185,9 @@ class RoughSpec(Model):
     gives several."""
     steps: tuple[Step, ...] | None = None
     """Steps in place of `sigma`, one after the other; their lengths are in bounding-sphere radii."""
+    fields: tuple[FieldSpec, ...] = ()
+    """Neural fields whose meshes are rough meshes, each as a level after those of `sigma`, `level` or `steps`; with
+    `sigma: null` they are all there is."""
     edge_length: within(low=1e-4) = 0.04  # type: ignore[valid-type]
     """Target edge length in metres; levels and steps take their shortest correlation length or width where that is
     less."""
@@ -206,7 +210,7 @@ class RoughSpec(Model):
     def _one_way(self) -> "RoughSpec":
         ways = [name for name in ("sigma", "level", "steps") if getattr(self, name) is not None
                 and (name != "sigma" or name in self.model_fields_set)]
-        if len(ways) > 1 or (self.sigma is None and not ways):
+        if len(ways) > 1 or (self.sigma is None and not ways and not self.fields):
             raise broken(f"expected one of sigma, level and steps, got {' and '.join(ways) or 'none'} (null takes "
                          "one out)", path=(ways[-1] if ways else "sigma",))
         return self
@@ -215,6 +219,6 @@ class RoughSpec(Model):
     def levels(self) -> tuple[Level, ...]:
         """The noise levels, one or more."""
         if self.steps is not None:
-            return (self.steps,)
+            return (self.steps, *self.fields)
         asked: Any = self.sigma if self.level is None else self.level
-        return asked if isinstance(asked, tuple) else (asked,)
+        return (*(asked if isinstance(asked, tuple) else () if asked is None else (asked,)), *self.fields)

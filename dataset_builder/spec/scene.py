@@ -87,7 +87,7 @@ class ObjectSpec(Model):
     params: dict[str, AnyNumber] = {}
     """Parameters of the family that differ from its own distributions."""
     file: str | None = None
-    """Mesh file (.glb .gltf .obj .off .ply .stl .usd .usda .usdc .usdz), relative to this spec."""
+    """Mesh file (.glb .gltf .obj .off .ply .stl .npz .usd .usda .usdc .usdz), relative to this spec."""
     materials: dict[str, MaterialSpec] = {}
     """Changes by name of the material; `*` is every material. `dataset-builder families` lists the names of a family.
     An unknown name is an error that lists the known ones."""
@@ -136,6 +136,9 @@ class SceneSpec(Model):
     """A medium that fills the room; clear air if omitted."""
     target: Literal["near", "wall", "floor"] = "floor"
     """Where the target object stands; `near` is `floor`. Things of the scene itself stay where they are."""
+    space: Annotated[float, Field(ge=0, le=100)] = 0.0
+    """Metres of floor on all sides of the target that walls and furniture keep from, to look at it from all round.
+    Furniture that is to stand nearer is left out."""
 
     @model_validator(mode="after")
     def _one_place(self) -> "SceneSpec":

@@ -15,7 +15,14 @@ from dataset_builder.spec.document import Path as KeyPath
 from dataset_builder.spec.file_reference import MOST_BYTES, FileReference
 from dataset_builder.spec.file_scene import SceneFileSpec
 from dataset_builder.spec.front3d_references import front3d_references
-from dataset_builder.spec.mesh_source import MESH_SUFFIXES, MeshSource, OutsideError, broken_suffix_rule, references
+from dataset_builder.spec.mesh_source import (
+    FIELD_SUFFIX,
+    MESH_SUFFIXES,
+    MeshSource,
+    OutsideError,
+    broken_suffix_rule,
+    references,
+)
 from dataset_builder.spec.problems import name_alike, nearest, shown
 from dataset_builder.spec.usd_references import USD_SUFFIXES
 
@@ -127,7 +134,7 @@ def _broken(spec: SceneFileSpec, document: Document, folder: Path) -> Iterable[t
 
 
 _ONLY = {"models": (FRONT_SUFFIX,), "textures": (FRONT_SUFFIX,), "variants": USD_SUFFIXES,
-         "up": tuple(suffix for suffix in MESH_SUFFIXES if suffix not in USD_SUFFIXES),
+         "up": tuple(suffix for suffix in MESH_SUFFIXES if suffix not in (*USD_SUFFIXES, FIELD_SUFFIX)),
          "roots": tuple(suffix for suffix in MESH_SUFFIXES)}
 """Keys that only files of some suffixes have a use for."""
 

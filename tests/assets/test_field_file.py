@@ -1,5 +1,6 @@
 """A field's file: what is written is read, the same field has the same bytes, and damage is told."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -68,3 +69,16 @@ def test_a_missing_file_and_another_kind_are_told(tmp_path: Path) -> None:
     np.savez(tmp_path / "c.npz", field=np.array([{"pickled": 1}], dtype=object))
     with pytest.raises(UserError, match="expected a whole field"):
         read_field(tmp_path / "c.npz")
+
+
+@pytest.mark.parametrize(("name", "value"), [("radius", 0.0), ("radius", float("nan")), ("white", 0.0),
+                                             ("centre", (0.0, float("inf"), 0.0))])
+def test_numbers_that_no_field_has_are_refused(name: str, value: object) -> None:
+    with pytest.raises(UserError, match=f"field: {name}: expected"):
+        replace(made(), **{name: value})
+
+
+@pytest.mark.parametrize("value", [-0.1, 1.5, float("nan")])
+def test_colours_are_shares(value: float) -> None:
+    with pytest.raises(UserError, match=r"expected colours in \[0, 1\]"):
+        replace(made(), mesh=replace(MESH, colors=np.full((1, 3, 4), value)))

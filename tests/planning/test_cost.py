@@ -68,8 +68,8 @@ def test_what_a_view_shares_is_counted_once(load: Load, dataset_data: dict[str, 
 
 
 def test_what_nobody_asked_for_does_not_run() -> None:
-    none = {"source": 0, "target": 0, "rough": 0, "first_hit": 1, "first_hit_rough": 0, "instance": 0,
-            "pbr": 0, "empty": 0}
+    none = {"source": 0, "source_clean": 0, "target": 0, "rough": 0, "first_hit": 1, "first_hit_rough": 0,
+            "instance": 0, "pbr": 0, "empty": 0}
     assert pass_runs([("d", "object")], 4, 3) == none
     assert pass_runs([("i_t", "object")], 4, 3) == none | {"target": 4}
     assert pass_runs([("instance", "object")], 4, 3) == none | {"instance": 1}
@@ -167,8 +167,8 @@ def test_planning_every_view_leaves_no_error_and_is_the_sum(load: Load) -> None:
     assert (whole.examples, whole.views, whole.tried, whole.planned) == (52, 14, 14, 14)
     assert astuple(whole.error) == (0, 0, 0, 0, 0)
     assert whole.total.passes == 12 * (1 + 2 + 4 + 1 + 4) + 2 * (1 + 1 + 2 + 1 + 2) == sum(whole.runs.values())
-    assert whole.runs == {"source": 14, "target": 26, "rough": 52, "first_hit": 14, "first_hit_rough": 52,
-                          "instance": 0, "pbr": 0, "empty": 0}
+    assert whole.runs == {"source": 14, "source_clean": 0, "target": 26, "rough": 52, "first_hit": 14,
+                          "first_hit_rough": 52, "instance": 0, "pbr": 0, "empty": 0}
     by_hand = sum(view_cost(planner.example(ref), 1, 1, 0.4, "float32", RATES).bytes for ref in planner.examples)
     assert whole.total.bytes == pytest.approx(by_hand)
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from dataset_builder.geometry.pinhole import Pinhole
+from dataset_builder.label.field_plan import FieldPlan
 from dataset_builder.label.scene_plan import CameraPlan, FogPlan
 from dataset_builder.release.cells import Cells, cell_side, cells_of, eroded
 from dataset_builder.release.consistency import RULES, check_facts, facts
@@ -67,6 +68,21 @@ def spoilt(honest: Mapping[str, Example], kind: str) -> list[dict[str, Any]]:
     source = Source(dataset=InMemory(examples=honest), partner=partners(list(honest)))  # type: ignore[arg-type]
     return [replace(example, layers={**example.layers, **KINDS[kind](source, key, dict(example.layers))})
             for key, example in honest.items()]
+
+
+def test_images_of_fields_are_not_held_to_the_source_light(honest: dict[str, Example]) -> None:
+    """A gamma of i_s is refused where it is rendered; of a field i_s_clean is looked at, or nothing."""
+    def seen(one: Example, **layers: np.ndarray) -> Example:
+        plan = one.plan.model_copy(update={"field": FieldPlan(kind="density")})
+        return replace(one, plan=plan, layers={**one.layers, "i_s": one.layers["i_s"] ** 0.4, **layers})
+
+    assert "source_slope" in refused(checks(replace(one, layers=seen(one).layers) for one in honest.values()))
+    without = checks(seen(one) for one in honest.values())
+    assert refused(without) == set() and not without["source_slope"].judged and without["albedo_slope"].judged
+    clean = checks(seen(one, i_s_clean=one.layers["i_s"]) for one in honest.values())
+    assert refused(clean) == set() and clean["source_slope"].judged
+    spoilt_clean = checks(seen(one, i_s_clean=one.layers["i_s"] ** 0.4) for one in honest.values())
+    assert "source_slope" in refused(spoilt_clean)
 
 
 def test_honest_layers_keep_every_bound(honest: dict[str, Example]) -> None:

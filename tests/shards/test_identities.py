@@ -191,3 +191,42 @@ def test_nan_evidence_never_passes() -> None:
     e = footprint(2)
     e["s"][0, 0, 0] = np.nan
     assert check_gates({"mask": np.ones((4, 5, 1), np.float32)}, GatesSpec(coverage=(0, 1)), e) != []
+
+
+def test_the_image_of_a_field_ends_where_its_opacity_does() -> None:
+    layers = make_layers("train/000000")
+    extents: dict[str, Extent] = {**EXTENTS, "i_s": "object", "mask_field": "object"}
+    inside = (layers["mask"] > 0).astype(np.float32)
+    opacity = np.zeros_like(layers["mask"])
+    opacity[1:5, 2:7] = 0.5
+    i_s = np.ones((*opacity.shape[:2], 3), np.float32) * opacity
+    seen = layers | {"i_s": i_s, "mask_field": opacity, "i_t": layers["i_t"] * inside}
+    with_field = {name: tolerance for name, _, tolerance in identity_table("float32", True)}
+    assert {each.identity for each in check_layers(seen, extents, with_field)} == {"outside"}
+    assert check_layers(seen, extents, with_field, True) == []
+    # What rounding leaves of an opacity of 0 is no light
+    seen["i_s"][0, 0] = 5e-6 * seen["i_s"].max()
+    assert check_layers(seen, extents, with_field, True) == []
+    seen["i_s"][0, 0] = 0.01
+    violation, = check_layers(seen, extents, with_field, True)
+    assert (violation.identity, violation.reason) == (
+        "field", "i_s: expected 0 where mask_field is 0, got 1 pixels that are not, up to 0.01")
+    del seen["mask_field"]
+    assert check_layers(seen, extents, with_field, True) == []
+
+
+def test_the_table_tells_of_fields_where_there_are_some() -> None:
+    plain, seen = identity_table("float16"), identity_table("float16", True)
+    assert [name for name, _, _ in seen if name not in dict.fromkeys(each[0] for each in plain)] == ["field"]
+    assert [name for name, rule, _ in seen if "image of a field" in rule] == ["outside"]
+
+
+def test_a_field_beside_its_mesh_is_rejected() -> None:
+    mask = np.zeros((8, 8, 1), np.float32)
+    mask[2:6, 2:6] = 1
+    bounds = GatesSpec(mask_overlap=0.7, coverage=(0, 1))
+    moved = np.roll(mask, 1, axis=1)
+    assert check_gates({"mask_field": mask}, bounds, {"mask": mask}) == []
+    violation, = check_gates({"mask_field": moved}, bounds, {"mask": mask})
+    assert (violation.identity, violation.reason) == (
+        "mask_overlap", "expected intersection over union of mask and mask_field in [0.7, 1], got 0.6")

@@ -108,7 +108,7 @@ def test_one_broken_rule_is_one_problem(in_folder, extra: str, message: str) -> 
      "objects/chair.yaml:1: file: expected a format that is read, got 'a.step': STEP is not read (export glTF from "
      "FreeCAD)"),
     ("objects/chair.yaml", "file: a.jpg\nlicence: CC0-1.0\n",
-     "expected a file that ends in one of .glb .gltf .obj .off .ply .stl .usd .usda .usdc .usdz, got 'a.jpg'"),
+     "expected a file that ends in one of .glb .gltf .obj .off .ply .stl .npz .usd .usda .usdc .usdz, got 'a.jpg'"),
     ("scenes/den.yaml", "room: ../rooms/dem.yaml\n", "scenes/den.yaml:1: room: expected a spec file, found none at "
      "'../rooms/dem.yaml' (nearest known file: den.yaml)"),
     ("scenes/den.yaml", "furniture: []\n", "scenes/den.yaml:1: expected exactly one of `room` and `file`, got neither"),

@@ -26,6 +26,7 @@ from dataset_builder.assets.readers.gltf_primitives import (
     triangle_count,
 )
 from dataset_builder.assets.readers.gltf_values import Entry
+from dataset_builder.spec.mesh_source import splat_hint
 
 HONOURED = frozenset({
     "KHR_mesh_quantization", "KHR_texture_transform", "KHR_materials_variants", DRACO, INSTANCING, VISIBILITY, BASIS,
@@ -60,7 +61,8 @@ def _check_required(gltf: GltfFile, honoured: frozenset[str]) -> None:
     unknown = [name for name in gltf.root.names("extensionsRequired") if name not in honoured]
     if unknown:
         gltf.root.refuse(f"expected only extensions that are honoured, got a need of {listed(unknown)}",
-                         "export the model without it, or convert it with gltf-transform", key="extensionsRequired")
+                         splat_hint(unknown) or "export the model without it, or convert it with gltf-transform",
+                         key="extensionsRequired")
 
 
 @dataclass(eq=False)

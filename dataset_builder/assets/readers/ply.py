@@ -16,6 +16,7 @@ from dataset_builder.assets.readers.color_scale import as_shares
 from dataset_builder.assets.readers.ply_tables import Lists, Table, ply_tables
 from dataset_builder.assets.readers.polygon_checks import checked_triangles, content_of, crossing, polygon_counts
 from dataset_builder.spec.file_reference import is_inside
+from dataset_builder.spec.mesh_source import MADE_OF_SPLATS
 from dataset_builder.spec.ply_references import PlyHeader, ply_header
 
 POSITION = ("x", "y", "z")
@@ -82,7 +83,7 @@ def _faces(path: Path, tables: dict[str, Table], vertices: int) -> _Faces:
         corners = _strip_corners(_whole(path, strips.values), strips.counts)
         return _Faces(indices=corners.reshape(-1), counts=np.full(len(corners), 3), columns={})
     if set(tables["vertex"]) >= SPLAT:
-        refuse(path, f"expected faces, got a cloud of {vertices} Gaussian splats", "extract a mesh from it")
+        refuse(path, f"expected faces, got a cloud of {vertices} Gaussian splats", MADE_OF_SPLATS)
     if face and lists is None:
         refuse(path, f"expected faces with a list {CORNERS[0]}, got {', '.join(face)}")
     refuse(path, f"expected faces, got none: a cloud of {vertices} points", "reconstruct a surface of it")

@@ -13,6 +13,7 @@ from dataset_builder.assets.readers.usd_meshes import has_faces
 from dataset_builder.assets.readers.usd_parts import UsdParts
 from dataset_builder.assets.readers.usd_stage import OpenStage, stage_of
 from dataset_builder.assets.readers.usd_walk import UsdNode, UsdWalk
+from dataset_builder.spec.mesh_source import splat_hint
 
 if TYPE_CHECKING:
     from pxr import Usd
@@ -43,7 +44,7 @@ def _read(opened: OpenStage, max_texture: int) -> FileModel:
         parts += taken.parts(node.prim, node.name, opened.metres @ node.matrix, rounds=rounds)
     lost = lost_words(walk)
     if not found:
-        refuse(opened.path, f"expected mesh prims, got {', '.join(lost) or 'none'}")
+        refuse(opened.path, f"expected mesh prims, got {', '.join(lost) or 'none'}", splat_hint(lost))
     roots = {node.name.split("/")[1] for node in found}
     several = (f"meshes of {len(roots)} root prims, whatever defaultPrim says",) if len(roots) > 1 else ()
     return FileModel(

@@ -1,4 +1,4 @@
-"""Mesh files as scenes: glTF by its nodes, .obj by its objects or groups, .ply, .stl and .off as one thing.
+"""Mesh files as scenes: glTF by its nodes, .obj by its objects or groups, .ply, .stl, .off and fields as one thing.
 
 An object of an .obj file whose groups name different parts of a building is parted by them, `OBJECT/GROUP`, unless the
 spec's `parts` gives its whole name.
@@ -12,7 +12,7 @@ import numpy as np
 
 from dataset_builder.assets.file_model import FileModel, counted, refuse, unique
 from dataset_builder.assets.mesh_file import checked_references, file_named, left_out_of, scaled_world
-from dataset_builder.assets.readers import obj, off, ply, stl
+from dataset_builder.assets.readers import obj, off, own_field, ply, stl
 from dataset_builder.assets.scene_model import SceneModel, SceneThing
 from dataset_builder.assets.scene_readers.gltf_scene import read_gltf_scene
 from dataset_builder.assets.scene_readers.roles import classified, is_building
@@ -20,10 +20,11 @@ from dataset_builder.assets.scene_readers.thing_assets import thing_asset
 from dataset_builder.assets.scene_readers.thing_tree import category_in
 from dataset_builder.errors import UserError, printable
 from dataset_builder.label.scene_source import SceneSource
+from dataset_builder.spec.mesh_source import FIELD_SUFFIX, splat_hint
 
 GLTF = (".glb", ".gltf")
 WHOLE: dict[str, Callable[[Path, int], FileModel]] = {
-    ".obj": obj.read, ".ply": ply.read, ".stl": stl.read, ".off": off.read}
+    ".obj": obj.read, ".ply": ply.read, ".stl": stl.read, ".off": off.read, FIELD_SUFFIX: own_field.read}
 """What reads the formats without a hierarchy."""
 MESH_SCENES = (*GLTF, *WHOLE)
 """Suffixes of mesh files that are read as scenes."""
@@ -43,7 +44,8 @@ def read(source: SceneSource, root: Path, max_texture: int) -> SceneModel:
         else:
             scene = _flat_scene(_model(path, source, max_texture), path, source, world_from_file)
         if not scene.things:
-            refuse(path, "expected things with triangles, got none", "; ".join(scene.faults[:3]))
+            refuse(path, "expected things with triangles, got none",
+                   "; ".join(scene.faults[:3]) or splat_hint(scene.left_out))
         things, decided = classified(scene.things, source)
     return replace(scene, things=things, left_out=(*scene.left_out, *decided))
 

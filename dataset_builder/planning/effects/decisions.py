@@ -10,6 +10,7 @@ from typing import Any, get_args
 
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.label.example_plan import Decision, EffectsPlan, Feature, PassEffects, RenderPlan
+from dataset_builder.label.field_plan import FieldPlan
 from dataset_builder.label.scene_plan import FogPlan, IlluminationPlan, PlacedObject, PortalPlan, RoomPlan, Vector
 from dataset_builder.layers import ALIKE, EVERYWHERE, LAYERS, LIT, PASSES, Extent
 from dataset_builder.planning.effects.caustics_told import throws_caustics, told
@@ -25,6 +26,10 @@ ALBEDO = {"i_s": "d", "i_t": "d"}
 """Layers that carry the colour of the surface, and what shows it. Lighting carries none."""
 
 NORMAL = {"3dm": "normal", "r3dm": "normal_rough"}
+NO_FIELD = FieldPlan()
+FIELDS = {"density": "a neural field of the object (volume density)",
+          "sdf": "a neural field of the object (signed distance)", "own": "the object's own capture"}
+"""Fields as decisions name them."""
 FACTOR = 16
 """How many times the dataset's spp a reference has that denoised layers are measured against: a quarter of the noise.
 """
@@ -72,27 +77,34 @@ class _Scene:
     render: RenderPlan
     target_area: float
     """Its surface, square metres."""
+    field: FieldPlan
+    """What the source pass sees, where it is no mesh."""
 
 
 def plan_effects(*, spec: RenderSpec, room: RoomPlan, shell: Shell, diagonal: float, target: PlacedObject,
                  furniture: tuple[PlacedObject, ...], source_light: IlluminationPlan, target_light: IlluminationPlan,
-                 fog: FogPlan, render: RenderPlan, mesh_root: Path, where: str = "") -> EffectsPlan:
+                 fog: FogPlan, render: RenderPlan, mesh_root: Path, where: str = "",
+                 field: FieldPlan = NO_FIELD, taken: bool = False) -> EffectsPlan:
     """What is simulated for one example, with reasons. diagonal: longest way through the air, metres. where: the view,
-    as errors name it.
+    as errors name it. field: what `i_s` shows in place of the mesh. taken: whether R3DMs of the view are
+    taken from fields.
 
     Features, and what the light-free and source passes simulate, follow from the view alone: no target light changes
     them. Raises PlanError where a mesh file is not the one that was planned, and where no light of a pass that runs can
     reach the object.
     """
-    light: dict[str, IlluminationPlan] = {name: source_light if name == "source" else target_light for name in LIT}
-    _require_light(shell, target.position, light, render, where)
+    light: dict[str, IlluminationPlan] = {name: source_light if name.startswith("source") else target_light
+                                          for name in LIT}
+    seen = {"source"} if field.kind != "none" else set()
+    _require_light(shell, target.position, light, [name for name in LIT if _runs(render, name) and name not in seen],
+                   where)
     if spec.effects == "all":
         return _everything(spec, render, light)
     use = scene_use(room, (target, *furniture), mesh_root)
     scene = _Scene(spec=spec, shell=shell, near=target.position, diagonal=diagonal, use=use, light=light, fog=fog,
-                   render=render, target_area=use.area_of(target.object.name))
+                   render=render, target_area=use.area_of(target.object.name), field=field)
     planned = [_plan_pass(scene, name) for name in PASSES]
-    features, on_surfaces = scene_features(use, fog, render)
+    features, on_surfaces = scene_features(use, fog, render, taken)
     lit = [(each.light, each.entry.transport) for each in planned if each.light and _runs(render, each.light.name)]
     decisions = (*(decision for each in planned for decision in each.decisions), *told(lit), *_light_free(render),
                  *on_surfaces)
@@ -129,6 +141,12 @@ def _plan_pass(scene: _Scene, name: str) -> _Planned:
     extent, about = _extent(scene.render, name)
     runs = _runs(scene.render, name)
     on_pass = Decision(effect=f"pass {name}", choice=extent if runs else "not run", reason=about)
+    if name == "source" and scene.field.kind != "none":
+        shown = FIELDS[scene.field.kind]
+        reason = f"i_s is the image of {shown}, seen alone, in the light that it was made in"
+        return _Planned(entry=_entry(name, "object", max_depth=1),
+                        decisions=(Decision(effect=f"pass {name}", choice="field" if runs else "not run",
+                                            reason=reason if runs else about),))
     if name not in LIT:
         return _Planned(entry=_entry(name, extent, max_depth=1), decisions=(on_pass,))
     kept, on_lights = _lights(scene, name)
@@ -204,16 +222,16 @@ def _daylight(scene: _Scene, name: str, kept: Sequence[int]) -> tuple[tuple[Port
     return daylight(name, [light.lights[index] for index in kept], scene.shell, light.open, scene.near)
 
 
-def _require_light(shell: Shell, near: Vector, light: dict[str, IlluminationPlan], render: RenderPlan,
+def _require_light(shell: Shell, near: Vector, light: dict[str, IlluminationPlan], running: Sequence[str],
                    where: str) -> None:
-    """Raise PlanError for every pass that would run in the dark."""
+    """Raise PlanError for every pass of those running that would run in the dark."""
     problems = []
-    for name in (name for name in LIT if _runs(render, name)):
+    for name in running:
         found = reaching(light[name], shell, near)
         if not any(each.kept for each in found):
             why = said(light[name].lights, found) or "there are none"
             rule = f"expected a light that reaches the object in the pass {name}, got none: {why}"
-            problems.append(Problem(where=where, path="source" if name == "source" else "target", rule=rule,
+            problems.append(Problem(where=where, path="source" if name.startswith("source") else "target", rule=rule,
                                     hint=shell.brighter))
     if problems:
         raise PlanError(problems)

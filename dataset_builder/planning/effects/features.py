@@ -55,15 +55,20 @@ def names(uses: Sequence[str]) -> str:
     return ", ".join(uses[:NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
-def scene_features(use: SceneUse, fog: FogPlan,
-                   render: RenderPlan) -> tuple[tuple[Feature, ...], tuple[Decision, ...]]:
-    """The features that a scene calls for, in the order of `Feature`, and the decisions about its surfaces and air."""
+def scene_features(use: SceneUse, fog: FogPlan, render: RenderPlan,
+                   taken: bool = False) -> tuple[tuple[Feature, ...], tuple[Decision, ...]]:
+    """The features that a scene calls for, in the order of `Feature`, and the decisions about its surfaces and air.
+    taken: whether the R3DM is taken from a field, which gives it vertices with colours."""
     calling = {feature: [each for each in use.materials if _calls(feature, each)]
                for feature in get_args(Feature) if feature in {*_CALLS, *_OWN}}
     on = {feature for feature, found in calling.items() if found} | ({"fog"} if fog.extinction > 0 else set())
+    on |= {"colours"} if taken else set()
     features = tuple(feature for feature in get_args(Feature) if feature in on)
     decisions = [_said(feature, found, len(use.materials)) for feature, found in calling.items()
                  if feature not in ("textures", "dispersion")]
+    if taken:
+        decisions = [each for each in decisions if each.effect != "colours"] + [Decision(
+            effect="colours", choice="on", reason="the rough mesh is taken from a field, in the colours seen there")]
     return features, (_textures(calling["textures"], render), *decisions, _dispersion(calling["dispersion"]),
                       _fog(fog), *_nowhere(use), _normals(use), *_files(use))
 

@@ -1,6 +1,6 @@
 """The objects of a plan as heaps of triangles with materials: what the renderer is given, still without a renderer."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import lru_cache
 from pathlib import Path
@@ -11,9 +11,9 @@ import numpy as np
 from dataset_builder.assets.asset import Asset, Material
 from dataset_builder.geometry.edges import corner_normals
 from dataset_builder.geometry.mesh import TriangleMesh, joined_colors, transform
-from dataset_builder.geometry.rough_base import RoughBase
+from dataset_builder.geometry.rough_base import RoughBase, bounding_radius
 from dataset_builder.geometry.rough_steps import base_of, roughened
-from dataset_builder.geometry.roughness import Roughness, measure_roughness
+from dataset_builder.geometry.roughness import measure_roughness
 from dataset_builder.label.example_plan import ExamplePlan, RoughPlan
 from dataset_builder.label.scene_plan import ObjectPlan, PlacedObject, RoomPlan
 from dataset_builder.planning.scene.assets_of_plan import (
@@ -27,6 +27,8 @@ from dataset_builder.planning.scene.recent import Recent
 from dataset_builder.planning.scene.room_parts import RoomPart, room_parts
 from dataset_builder.seeding import rng
 
+MATT = Material(name="field", base_color=(1.0, 1.0, 1.0), specular=0.0)
+"""Of meshes from fields, whose vertices have the colours."""
 KEPT_BASES, KEPT_MAPS = 16, 8
 KEPT_ROOMS, KEPT_BYTES = 16, 1 << 29
 NARROW = {"normals": np.float32, "uvs": np.float32, "material": np.int32, "instance": np.int32, "part": np.int8}
@@ -82,8 +84,8 @@ class RoughTwin:
     """A placed R3DM."""
 
     soup: Soup
-    roughness: Roughness
-    """Its measured distance from the 3DM."""
+    figures: Mapping[str, float]
+    """Its measured distance from the 3DM, as `Roughness` names it; of an object that is a field, its `radius` alone."""
 
 
 def soup_of(mesh: TriangleMesh, normals: np.ndarray, materials: tuple[Material, ...], world: np.ndarray,
@@ -176,7 +178,21 @@ def rough_twin(placed: PlacedObject, plan: RoughPlan, mesh_root: Path) -> RoughT
     rough = roughened(base, asset.mesh, plan)
     mesh, normals = rough.mesh, corner_normals(rough.mesh, creases=rough.creases)
     soup = soup_of(mesh, normals, asset.materials, world_from_object(placed), placed.instance)
-    return RoughTwin(soup=soup, roughness=measure_roughness(mesh, asset.mesh, rng(int(plan.seed), "roughness")))
+    return RoughTwin(soup=soup, figures=_measured(mesh, asset.mesh, plan))
+
+
+def field_twin(placed: PlacedObject, plan: RoughPlan, mesh_root: Path, mesh: TriangleMesh | None) -> RoughTwin:
+    """The R3DM of a placed object that is taken from a field: matt, in the colours that the field shows. mesh: the
+    field's, in the object's frame; None where the object is a field itself, and its mesh the R3DM."""
+    asset = asset_of(placed.object, mesh_root)
+    rough, materials = (mesh, (MATT,)) if mesh is not None else (asset.mesh, asset.materials)
+    soup = soup_of(rough, corner_normals(rough), materials, world_from_object(placed), placed.instance)
+    return RoughTwin(soup=soup, figures={"radius": bounding_radius(rough)} if mesh is None else
+                     _measured(rough, asset.mesh, plan))
+
+
+def _measured(rough: TriangleMesh, clean: TriangleMesh, plan: RoughPlan) -> dict[str, float]:
+    return measure_roughness(rough, clean, rng(int(plan.seed), "roughness")).model_dump()
 
 
 @lru_cache(maxsize=KEPT_BASES)

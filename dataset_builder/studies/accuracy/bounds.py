@@ -120,7 +120,7 @@ def named(factor: float) -> str:
 
 def _edge_plan(bench: Bench, ref: ExampleRef, length: float) -> ExamplePlan:
     levels = ", ".join("0" for _ in bench.spec.dataset.rough.levels)
-    plain = ("rough.level=null", "rough.steps=null", "rough.edge=null")
+    plain = ("rough.level=null", "rough.steps=null", "rough.fields=[]", "rough.edge=null")
     return bench.plan(ref, bench.spp(bench.budget.passes), *plain, f"rough.sigma=[{levels}]",
                       f"rough.edge_length={length!r}", "storage.standard_errors=true", layers={EDGE_LAYER: "object"})
 

@@ -1,0 +1,1 @@
+"""Fields: what objects are seen through, and the meshes taken from them."""
