@@ -58,9 +58,11 @@ def render_example(spec: "LoadedSpec", example: "int | ExamplePlan", *, backend:
     """One example in memory, by its index or by a plan: what `open_dataset` reads of it once the dataset is built.
 
     Layers by name, (H, W, C) float32, and the label under `meta`, bit for bit; only how far denoised layers may be
-    trusted, which a build measures on other examples, is left out. Gates are not applied. backend: auto | cuda | llvm,
+    trusted, which a build measures on other examples, is left out. Gates are not applied. A field that the example
+    needs is made first and kept as long as the process lives. backend: auto | cuda | llvm,
     one for the life of the process. Raises UserError where the example cannot be planned or rendered.
     """
+    from dataset_builder.engine.field_tasks import passing_shelf
     from dataset_builder.engine.unit import example_of
     from dataset_builder.rendering.backend import activate
     from dataset_builder.rendering.examples import render_view
@@ -69,7 +71,7 @@ def render_example(spec: "LoadedSpec", example: "int | ExamplePlan", *, backend:
     chosen = plan(spec, example) if isinstance(example, int) else example
     with _RENDERING:
         activate(backend)
-        rendered, = render_view([chosen], spec.path.parent)
+        rendered, = render_view([chosen], spec.path.parent, fields=passing_shelf([chosen], spec.path.parent, backend))
     return as_read(example_of(rendered), dtype=spec.dataset.storage.dtype)
 
 

@@ -1,7 +1,7 @@
 """Build a dataset: decide keep or build per shard, run the missing views, publish each shard when its examples are
 there."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -11,6 +11,7 @@ from dataset_builder.digest import digest
 from dataset_builder.engine import local
 from dataset_builder.engine.byte_store import CACHE_SIZE, require_store
 from dataset_builder.engine.calibration import calibrate
+from dataset_builder.engine.field_tasks import FieldNews, make_fields
 from dataset_builder.engine.made_by import versions
 from dataset_builder.engine.outcomes import Rejections, Timings
 from dataset_builder.engine.shard_tasks import ShardTask, decide, shard_tasks, split_digests
@@ -50,6 +51,8 @@ class Event:
     """How many examples there are to make: the first event of all."""
     denoised: tuple[Denoised, ...] = ()
     """How far denoised layers may be trusted."""
+    field: FieldNews | None = None
+    """Of one field that is finished."""
     outcomes: tuple[Outcome, ...] = ()
     """Of the examples of one unit."""
     shard: ShardIndex | None = None
@@ -75,7 +78,7 @@ class _Progress:
 
 def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: int | None = None,
           only: Sequence[int] = (), replace_other: bool = False, cache: Path | None = None,
-          cache_size: int = CACHE_SIZE) -> Iterator[Event]:
+          cache_size: int = CACHE_SIZE, told: Callable[[FieldNews], None] = lambda news: None) -> Iterator[Event]:
     """Build `loaded` into `folder`, yielding news, first of all how many examples there are to make.
 
     backend: auto | cuda | llvm. workers: processes that render, None for one per core, or a single one on a GPU.
@@ -102,7 +105,7 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
     chosen = _chosen(planner.examples, only)
     check_images(loaded)
     probe(planner)
-    made_by = versions(job.backend, denoise)
+    made_by = versions(job.backend, loaded.dataset)
     if not folder.exists():
         # Refused before anything is made
         _require_space(folder, loaded.dataset, len(chosen))
@@ -117,11 +120,22 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
         wanted = [ref for task in missing for ref in task.examples if ref in chosen]
         _require_space(folder, loaded.dataset, len(wanted))
         yield Event(wanted=len(wanted))
+        known = dict(rejections.known)
+        # Denoised layers are measured on examples of the whole dataset
+        needing = [ref for ref in (planner.examples if denoise else wanted) if ref.key not in known]
+        for event in make_fields(job, needing, frozenset(wanted), run=local.run, workers=workers, told=told):
+            if isinstance(event, FieldNews):
+                timings.add_field(event)
+                yield Event(field=event)
+            else:
+                _note(event, progress, rejections)
+                yield Event(outcomes=event)
+        wanted = [ref for ref in wanted if ref.key in known or ref.key not in progress.rejected]
         if denoise:
             job = replace(job, denoised=calibrate(loaded, job, made_by, run=local.run, workers=workers))
             yield Event(denoised=job.denoised)
         try:
-            for outcomes in _outcomes(wanted, job, workers, rejections.known):
+            for outcomes in _outcomes(wanted, job, workers, known):
                 _note(outcomes, progress, rejections)
                 timings.add(outcomes)
                 yield Event(outcomes=tuple(outcomes))
@@ -162,10 +176,9 @@ def _note(outcomes: Sequence[Outcome], progress: _Progress, rejections: Rejectio
     for outcome in outcomes:
         if outcome.rejected:
             progress.rejected[outcome.ref.key] = outcome.rejected
-            if not outcome.kept:
-                rejections.add(outcome.rejected)
         else:
             progress.digests[outcome.ref.key] = outcome.digest
+    rejections.add([outcome.rejected for outcome in outcomes if outcome.rejected and not outcome.kept])
 
 
 def _publish(task: ShardTask, folder: Path, loaded: LoadedSpec, made_by: dict[str, str],

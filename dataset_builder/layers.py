@@ -8,9 +8,14 @@ from typing import Literal
 
 Geometry = Literal["3dm", "r3dm", "field"]
 Extent = Literal["object", "frame"]
-Pass = Literal["source", "target", "rough", "first_hit", "first_hit_rough", "source_clean"]
-PASSES: tuple[Pass, ...] = ("first_hit", "source", "source_clean", "target", "first_hit_rough", "rough")
+Pass = Literal["source", "target", "rough", "first_hit", "first_hit_rough", "source_clean", "empty", "pbr"]
+PASSES: tuple[Pass, ...] = ("first_hit", "source", "source_clean", "target", "first_hit_rough", "rough", "pbr", "empty")
 """In the order that they run and plans tell of them; records keep that of `Pass`."""
+LIT: tuple[Pass, ...] = ("source", "source_clean", "target", "rough", "pbr", "empty")
+"""Those that need light."""
+ALIKE: tuple[Pass, ...] = ("target", "pbr", "empty")
+"""The same view under the target light with the 3DM, with the R3DM and without: they share spp and random numbers, so
+that differences between them are smooth."""
 EVERYWHERE = ("mask", "mask_rough", "mask_field", "instance")
 """Layers that say by themselves where the object is, so that their extent is no matter."""
 
@@ -44,7 +49,7 @@ class Layer:
     @property
     def radiometric(self) -> bool:
         """True where the value needs light, so that it has Monte Carlo noise and a standard error."""
-        return self.render_pass in ("source", "source_clean", "target", "rough") and self.unit == RADIANCE
+        return self.render_pass in LIT and self.unit == RADIANCE
 
 
 _TABLE = (
@@ -67,6 +72,12 @@ _TABLE = (
     Layer(name="air", symbol="A", geometry="3dm", render_pass="target", channels=3, low=-INF, high=INF, unit=RADIANCE,
           meaning="what fog adds to i_t between camera and first surface, less what it absorbs or scatters away; 0 "
                   "without fog"),
+    Layer(name="i_t_empty", symbol="I_0", geometry="3dm", render_pass="empty", channels=3, low=0, high=INF,
+          unit=RADIANCE, meaning="outgoing radiance of the scene without the target object under the target "
+                                 "illumination"),
+    Layer(name="i_pbr", symbol="I_PBR", geometry="r3dm", render_pass="pbr", channels=3, low=0, high=INF,
+          unit=RADIANCE, meaning="outgoing radiance of the scene with the rough mesh in it under the target "
+                                 "illumination"),
     Layer(name="mask_rough", symbol="M'", geometry="r3dm", render_pass="first_hit_rough", channels=1, low=0, high=1,
           unit="1", meaning="share of the pixel that the rough mesh of the target object covers"),
     Layer(name="depth", symbol="z", geometry="3dm", render_pass="first_hit", channels=1, low=0, high=INF, unit="m",
@@ -103,6 +114,11 @@ LAYERS: dict[str, Layer] = {layer.name: layer for layer in (*_TABLE, *_ERRORS, *
 
 PAPER_LAYERS = ("i_s", "d", "r", "i_t", "s_prime", "mask")
 """The tuple of the paper (section 5.1.1), which every dataset holds unless its spec says otherwise."""
+
+
+def sampled_as(render_pass: str) -> str:
+    """The pass whose spp and random numbers a pass has."""
+    return "target" if render_pass in ALIKE else render_pass.removesuffix("_clean")
 
 
 def layers_of(render_pass: Pass) -> tuple[str, ...]:

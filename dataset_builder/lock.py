@@ -11,12 +11,13 @@ from dataset_builder.files import output_errors
 
 
 @contextmanager
-def locked(path: Path, *, folder: Path, work: str) -> Iterator[None]:
+def locked(path: Path, *, folder: Path, work: str, wait: bool = False) -> Iterator[None]:
     """Hold the lock file `path` and keep every other `work` out of `folder` meanwhile; the file is gone afterwards.
 
-    Raises OutputError where the file cannot be written, and, naming the process, where another holds it.
+    Raises OutputError where the file cannot be written, and, naming the process, where another holds it; with `wait`
+    it waits for that one instead.
     """
-    descriptor = _acquire(path, folder, work)
+    descriptor = _acquire(path, folder, work, wait)
     try:
         yield
     finally:
@@ -28,13 +29,13 @@ def locked(path: Path, *, folder: Path, work: str) -> Iterator[None]:
             os.close(descriptor)
 
 
-def _acquire(path: Path, folder: Path, work: str) -> int:
+def _acquire(path: Path, folder: Path, work: str, wait: bool) -> int:
     while True:
         with output_errors(folder):
             path.parent.mkdir(parents=True, exist_ok=True)
             descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
         try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
         except BlockingIOError as error:
             holder = os.pread(descriptor, 32, 0).decode(errors="replace").strip() or "unknown"
             os.close(descriptor)

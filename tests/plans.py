@@ -13,7 +13,7 @@ from dataset_builder.label.scene_plan import (
     PlacedObject,
     RoomPlan,
 )
-from dataset_builder.layers import Pass
+from dataset_builder.layers import PASSES, Pass
 
 PAPER = (
     ("i_s", "frame"), ("d", "object"), ("r", "object"), ("i_t", "frame"), ("s_prime", "object"), ("mask", "object"),
@@ -37,8 +37,7 @@ def light_plan(kind: str = "area", radiance: tuple[float, float, float] = (12.0,
 
 def effects_plan(max_depth: int = 6) -> EffectsPlan:
     """Opaque surfaces under one light, on the object."""
-    names = ("first_hit", "source", "target", "first_hit_rough", "rough")
-    passes = tuple(PassEffects(name=name, extent="object", lights=(0,), max_depth=max_depth) for name in names)
+    passes = tuple(PassEffects(name=name, extent="object", lights=(0,), max_depth=max_depth) for name in PASSES)
     return EffectsPlan(features=("textures", "specular"), passes=passes, decisions=())
 
 

@@ -11,7 +11,7 @@ from dataset_builder.engine.source import imports_of, inside, read_sources
 ORDER = (
     ("__main__",), ("cli.main",), ("cli",), ("cli.common",), ("report",),
     ("studies.accuracy", "studies.effects", "studies.noise", "studies.stress", "studies.tables"), ("studies",),
-    ("release",), ("exporting", "importing"),
+    ("release",), ("exporting", "importing"), ("importing.captures",),
     ("lightnet.results", "lightnet.training"), ("lightnet.methods",), ("lightnet.measures",), ("lightnet.data",),
     ("lightnet",),
     ("api",), ("builder",), ("engine",), ("shards",),
@@ -40,7 +40,7 @@ HOMES = {
     "matplotlib": "report", "pyvista": "report", "mapbox_earcut": "assets.readers.polygons", "ray": "engine",
     "DracoPy": "assets.readers.gltf_primitives", "meshopt": "assets.readers.gltf_file",
     "opengl_basisu": "assets.readers.gltf_images",
-    "torch": ("lightnet", "release"), "tensorboard": "lightnet.training", "skimage": "lightnet.results",
+    "torch": ("lightnet", "release"), "tensorboard": "lightnet.training", "skimage": ("lightnet.results", "geometry.marching", "rendering.field.field_figures"),
     "flip_evaluator": "studies.image_errors", "pyoidn": "rendering.oidn",
     "pxr": ("assets.readers", "assets.scene_readers", "exporting", "spec.usd_references", "spec.usd_trial"),
 }

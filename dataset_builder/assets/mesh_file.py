@@ -13,7 +13,7 @@ from dataset_builder.assets.asset import Asset, Material
 from dataset_builder.assets.even_colours import with_even_colours
 from dataset_builder.assets.file_model import GREY, ROUGHNESS, FileModel, FilePart, refuse
 from dataset_builder.assets.image_maps import ImageFile, check_image
-from dataset_builder.assets.readers import field_mesh, gltf, obj, off, ply, stl, usd
+from dataset_builder.assets.readers import gltf, obj, off, own_field, ply, stl, usd
 from dataset_builder.assets.repair_text import pieces_text, repair_notes, repair_text
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.geometry.mesh import TriangleMesh, concatenate, transform
@@ -34,7 +34,7 @@ from dataset_builder.spec.usd_references import USD_SUFFIXES
 
 READERS: dict[str, Callable[[Path, int], FileModel]] = {
     ".glb": gltf.read, ".gltf": gltf.read, ".obj": obj.read, ".off": off.read, ".ply": ply.read, ".stl": stl.read,
-    FIELD_SUFFIX: field_mesh.read, **dict.fromkeys(USD_SUFFIXES, usd.read)}
+    FIELD_SUFFIX: own_field.read, **dict.fromkeys(USD_SUFFIXES, usd.read)}
 """What reads a file by its suffix: functions of its path and the longest side of a texture."""
 STANDING = 1e-5
 """Share of its diagonal that the mesh of a field may be off its place: welding moves vertices by a tenth of it."""

@@ -70,18 +70,20 @@ def _build(options: argparse.Namespace) -> int:
     from dataset_builder.engine.unit import BuildJob, Outcome
     from dataset_builder.rendering.backend import choose
     from dataset_builder.report.against_table import runs_line
-    from dataset_builder.report.console import build_table, follow, rejected_lines
+    from dataset_builder.report.build_progress import Following
+    from dataset_builder.report.console import build_table, rejected_lines
     from dataset_builder.spec.load import load_dataset
 
     console, start = plain_console(), perf_counter()
     loaded = load_dataset(options.spec, options.overrides)
     console.print(f"backend: {choose(options.backend).summary}", highlight=False)
     folder = options.out or DATASETS / loaded.dataset.name
+    shown = Following(console)
     news = build(loaded, folder, backend=options.backend, workers=options.workers, only=options.example,
-                 replace_other=options.replace, cache=options.cache, cache_size=options.cache_size)
+                 replace_other=options.replace, cache=options.cache, cache_size=options.cache_size, told=shown.field)
     outcomes: list[Outcome] = []
     manifest = None
-    for event in follow(news, console):
+    for event in shown.events(news):
         outcomes += event.outcomes
         manifest = event.manifest or manifest
     rejected = manifest.rejected if manifest else [outcome.rejected for outcome in outcomes if outcome.rejected]

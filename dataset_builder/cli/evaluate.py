@@ -11,10 +11,12 @@ if TYPE_CHECKING:
     from dataset_builder.lightnet.results.compose_input import ComposeInput
     from dataset_builder.lightnet.settings import DataSpec
 
-FILES = {"i_s": "--i-s", "s_prime": "--s-prime", "mask": "--mask", "background": "--background"}
-OPTIONAL = {"mask_rough": "--mask-rough"}
+FILES = {"i_s": "--i-s", "s_prime": "--s-prime", "mask": "--mask"}
+SCENES = {"background": "--background", "empty": "--empty"}
+OPTIONS = {**FILES, **SCENES, "mask_rough": "--mask-rough"}
 HELP = {"i_s": "the object under plain light, I_s", "s_prime": "raw lighting of its rough mesh in the scene, S'",
         "mask": "share of each pixel that the object covers, M", "background": "frame of the whole scene, I_PBR",
+        "empty": "frame of the scene without the object, under the same light",
         "mask_rough": "mask of the rough mesh, to find where S' does not show the object"}
 
 
@@ -33,6 +35,8 @@ def add(verbs: common.Verbs) -> None:
     verb.add_argument("--checkpoint", type=Path, action="append", required=True, help="repeat to compare several")
     verb.add_argument("--split", help="split to measure on (default: the one held out, or one not trained on)")
     verb.add_argument("--examples", type=common.positive, help="spread evenly over the split (default: all)")
+    verb.add_argument("--sequence", action="store_true", help="measure views that follow each other: their deviations, "
+                      "and the flicker between neighbours")
     verb.add_argument("--out", type=Path, help="folder for the results (default: evaluation, beside the checkpoint)")
     common.add_networks(verb, trains=False)
     text = "put a predicted object back into a frame of its scene, for an example of a dataset or your own EXR files"
@@ -42,8 +46,9 @@ def add(verbs: common.Verbs) -> None:
     verb.add_argument("--example", default="", metavar="KEY", help="example to compose, by its key")
     verb.add_argument("--index", type=int, default=0, help="or by its index in the split (default: the first)")
     verb.add_argument("--split", help="split that --index refers to (default: as of evaluate)")
-    for name, option in {**FILES, **OPTIONAL}.items():
+    for name, option in OPTIONS.items():
         verb.add_argument(option, type=Path, metavar="FILE", dest=name, help=HELP[name])
+    verb.add_argument("--no-shadow", action="store_true", help="put it into the scene without the object, as it is")
     verb.add_argument("--out", type=Path, help="folder for the results (default: composite, beside the checkpoint)")
     common.add_networks(verb, trains=False)
 
@@ -68,21 +73,31 @@ def _evaluate(options: argparse.Namespace) -> int:
 
     from dataset_builder.files import require_writable
     from dataset_builder.lightnet.data.lighting_dataset import LightingDataset, splits_of
-    from dataset_builder.lightnet.results.evaluate import contender, evaluate, load_all, trivial
+    from dataset_builder.lightnet.results import sequences as steps
+    from dataset_builder.lightnet.results.evaluate import ScoreRow, contender, evaluate, load_all, trivial
     from dataset_builder.report import evaluation_page as page
+    from dataset_builder.report import sequence_page
     from dataset_builder.report.example_sheet import write_sheet
     from dataset_builder.spread import spread_indices
 
+    if options.sequence and options.examples:
+        raise UserError(f"--examples: expected none beside --sequence, which needs every view, got {options.examples}")
     console, loaded = common.wide_console(), load_all(options.checkpoint, options.device)
     data = next(iter(loaded.values())).spec.data
-    dataset = LightingDataset(options.folder, options.split or data.measured(splits_of(options.folder)), data)
+    split = options.split or (steps.sequence_split(options.folder) if options.sequence else
+                              data.measured(splits_of(options.folder)))
+    dataset = LightingDataset(options.folder, split, data)
+    sequences = steps.sequences_of(dataset) if options.sequence else []
     out = options.out or options.checkpoint[0].parent / "evaluation"
     require_writable(out)
     indices = spread_indices(len(dataset), options.examples or 0)
     trained = [contender(name, one) for name, one in loaded.items()]
     contenders = [*trained, *trivial()]
-    rows = list(track(evaluate(contenders, dataset, indices), total=len(indices) * len(contenders), console=console,
-                      description="predictions"))
+    found = list(track(
+        steps.evaluate_sequences(contenders, dataset, sequences) if options.sequence else
+        evaluate(contenders, dataset, indices), console=console, description="predictions",
+        total=len(indices) * len(contenders) + sum(one.neighbours for one in sequences) * (len(contenders) + 1)))
+    rows = [row for row in found if isinstance(row, ScoreRow)]
     here = (dataset.name, dataset.split)
     evaluation = page.Evaluation(
         dataset=dataset.name, split=dataset.split, rows=rows, notes={one.name: one.note for one in contenders},
@@ -91,7 +106,14 @@ def _evaluate(options: argparse.Namespace) -> int:
     page.write_page(evaluation, out)
     write_sheet(page.example_rows(rows, trained, dataset), out / page.EXAMPLES)
     console.print(page.console_table(evaluation))
-    for line in page.verdict_lines(evaluation):
+    lines = page.verdict_lines(evaluation)
+    if options.sequence:
+        report = sequence_page.SequenceReport(
+            dataset=dataset.name, split=dataset.split, sequences=sequences, scores=rows, keys=dataset.keys,
+            flickers=[row for row in found if isinstance(row, steps.FlickerRow)])
+        sequence_page.write_sequence_page(report, out)
+        lines += [f"{report.extent}; mean ± standard deviation over views:", *sequence_page.steadiness_lines(report)]
+    for line in lines:
         console.print(line, highlight=False, soft_wrap=True)
     console.print(f"results: {out}", highlight=False, soft_wrap=True)
     return 0
@@ -104,7 +126,7 @@ def _compose(options: argparse.Namespace) -> int:
 
     trained = load_trained(options.checkpoint, options.device)
     frame = _frame(options, trained.spec.data)
-    composite = compose(trained, frame)
+    composite = compose(trained, frame, shadow=not options.no_shadow)
     out = options.out or options.checkpoint.parent / "composite"
     files = write_composite(composite, panels(frame, composite), out, title=frame.name)
     print(f"{frame.name}: {composite.predicted.sum()} pixels predicted, {composite.filled.sum()} filled at the rim")
@@ -118,12 +140,16 @@ def _frame(options: argparse.Namespace, data: "DataSpec") -> "ComposeInput":
     from dataset_builder.lightnet.data.lighting_dataset import splits_of
     from dataset_builder.lightnet.results.compose_input import input_from_dataset, input_from_files
 
-    files = {name: path for name in (*FILES, *OPTIONAL) if (path := getattr(options, name))}
+    files = {name: path for name in OPTIONS if (path := getattr(options, name))}
     if options.folder:
         if files:
             raise UserError("expected a dataset or files, got both")
         split = options.split or data.measured(splits_of(options.folder))
         return input_from_dataset(options.folder, key=options.example, split=split, index=options.index)
-    if missing := [option for name, option in FILES.items() if name not in files]:
-        raise UserError(f"expected a dataset, or files of {', '.join(FILES.values())}: {', '.join(missing)} missing")
+    scenes = " or ".join(SCENES.values())
+    missing = [option for name, option in FILES.items() if name not in files]
+    missing += [] if files.keys() & SCENES.keys() else [scenes]
+    if missing:
+        raise UserError(f"expected a dataset, or files of {', '.join(FILES.values())} and {scenes}: "
+                        f"{', '.join(missing)} missing")
     return input_from_files(files)

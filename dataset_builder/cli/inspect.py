@@ -22,6 +22,8 @@ def add(verbs: common.Verbs) -> None:
     common.add_folder(inspect)
     inspect.add_argument("--sheet", type=Path, help="where to write the contact sheet (default: in the dataset)")
     inspect.add_argument("--rows", type=common.positive, default=12, help="examples on the contact sheet (default: 12)")
+    inspect.add_argument("--sequence", metavar="NAME", help="write a strip and an animation of views that follow "
+                         "each other, by the name in their labels, and nothing else")
     common.add_folder(common.add_verb(verbs, "verify", _verify, "check every file, example and identity of a dataset"))
     families = common.add_verb(verbs, "families", _families, "embedded furniture and its parameters")
     families.add_argument("family", nargs="?")
@@ -52,7 +54,12 @@ def _doctor(options: argparse.Namespace) -> int:
 
 def _inspect(options: argparse.Namespace) -> int:
     from dataset_builder.report.dataset_summary import summary_tables, write_contact_sheet
+    from dataset_builder.report.sequence_preview import write_preview
 
+    if options.sequence:
+        found = write_preview(options.folder, options.sequence)
+        print(f"strip: {found.strip}\nanimation of {found.views} views: {found.animation}")
+        return 0
     for table in summary_tables(options.folder):
         common.plain_console().print(table)
     sheet = options.sheet or options.folder / "previews" / "contact_sheet.png"

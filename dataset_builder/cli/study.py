@@ -121,7 +121,8 @@ def _effects(options: argparse.Namespace) -> int:
 
 def _noise(options: argparse.Namespace) -> int:
     from dataset_builder.lightnet.training.events import Finished
-    from dataset_builder.report.console import follow, rejected_lines
+    from dataset_builder.report.build_progress import Following
+    from dataset_builder.report.console import rejected_lines
     from dataset_builder.report.noise_page import NoiseResults, sentences, write_page
     from dataset_builder.report.training_lines import lines_of
     from dataset_builder.studies.noise import level_trainings
@@ -132,7 +133,7 @@ def _noise(options: argparse.Namespace) -> int:
     study = _noise_study(options)
     require(study)
     print(study.sentence, flush=True)
-    for built in follow(make(study), common.plain_console()):
+    for built in Following(common.plain_console()).events(make(study)):
         for line in rejected_lines(built.manifest.rejected if built.manifest else (), study.dataset):
             print(line)
     passes = count_passes(study)

@@ -6,12 +6,12 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from dataset_builder.engine.made_by import pass_versions, plan_digest, versions
+from dataset_builder.engine.made_by import plan_digest, versions
 from dataset_builder.engine.unit import BuildJob
 from dataset_builder.errors import PlanError, ShardError
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.planning.plan import Planner
-from dataset_builder.rendering.pass_inputs import Inputs, all_passes, inputs_of, key_of
+from dataset_builder.rendering.pass_inputs import Inputs, all_passes, inputs_of
 from dataset_builder.shards.folder import Claim, require_ours
 from dataset_builder.shards.published_examples import PublishedExamples
 from dataset_builder.shards.reader import open_dataset
@@ -52,7 +52,7 @@ def against(planner: Planner, folder: Path, job: BuildJob) -> Against:
     keeps. Raises ShardError where a dataset in the folder cannot be read, OutputError where a build would refuse it."""
     spec = planner.loaded.dataset
     require_ours(folder, Claim(name=spec.name, version=spec.version))
-    made_by, pass_made_by = versions(job.backend, bool(spec.render.denoise.layers)), pass_versions(job.backend)
+    made_by, memory = versions(job.backend, spec), job.memory
     published, old = PublishedExamples(folder), _plans_in(folder)
     passes, seen, kept, unplanned = dict[str, PassRuns](), set[str](), 0, 0
     for plan in _plans(planner):
@@ -64,7 +64,7 @@ def against(planner: Planner, folder: Path, job: BuildJob) -> Against:
         before = old.get(_place(plan))
         for name in all_passes(plan):
             inputs = inputs_of(plan, name)
-            if (key := key_of(inputs, pass_made_by)) in seen:
+            if (key := memory.key(plan, name)) in seen:
                 continue
             seen.add(key)
             runs = passes.setdefault(name, PassRuns())

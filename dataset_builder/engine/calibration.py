@@ -95,8 +95,8 @@ def measure(job: BuildJob, ref: ExampleRef) -> tuple[int, dict[str, Figures], tu
     try:
         plan = planner.example(ref)
         mesh_root = planner.loaded.path.parent
-        asked = [_layers(as_asked(plan, repeat), mesh_root) for repeat in range(REPEATS)]
-        reference = _layers(converged(plan), mesh_root)
+        asked = [_layers(as_asked(plan, repeat), mesh_root, job) for repeat in range(REPEATS)]
+        reference = _layers(converged(plan), mesh_root, job)
     except UserError as error:
         if isinstance(error, OutputError):
             raise
@@ -133,11 +133,11 @@ def _changed(plan: ExamplePlan, name: str, **changed: object) -> ExamplePlan:
     return plan.model_copy(update={"render": render})
 
 
-def _layers(plan: ExamplePlan, mesh_root: Path) -> Images:
+def _layers(plan: ExamplePlan, mesh_root: Path, job: BuildJob) -> Images:
     # Verbs that render nothing import this module, too; they need not wait for Mitsuba
     from dataset_builder.rendering.examples import render_view
 
-    example, = render_view([plan], mesh_root)
+    example, = render_view([plan], mesh_root, fields=job.fields)
     return example.layers
 
 

@@ -12,16 +12,27 @@ from dataset_builder.rendering.backend import renderer_versions
 from dataset_builder.shards.writer import writer_versions
 from dataset_builder.spec.dataset import DatasetSpec
 
+FIELD_LIBRARY = "scikit-image"
+"""What fields need besides the renderer."""
 
-def versions(backend: str, denoise: bool = False) -> dict[str, str]:
-    """Versions of whatever turns a plan into bytes: a change of any makes an example another one.
 
-    denoise: whether layers are denoised; the denoiser must be installed then.
-    """
-    names = ("mapbox_earcut", "open3d", "pillow", "scipy", *((oidn.PACKAGE,) if denoise else ()))
+def versions(backend: str, spec: DatasetSpec) -> dict[str, str]:
+    """Versions of whatever turns a plan of a dataset into bytes: a change of any makes an example another one. The
+    denoiser must be installed where layers are denoised."""
+    denoise = bool(spec.render.denoise.layers)
+    names = ("mapbox_earcut", "open3d", "pillow", "scipy", *((oidn.PACKAGE,) if denoise else ()),
+             *((FIELD_LIBRARY,) if spec.fields else ()))
     libraries = {name: importlib.metadata.version(name) for name in names}
-    code = source.source_digest(source.UNIT, *((source.CALIBRATION,) if denoise else ()))
+    code = source.source_digest(source.UNIT, *((source.CALIBRATION,) if denoise else ()),
+                                *((source.FIELDS,) if spec.fields else ()))
     return {**writer_versions(), **renderer_versions(backend), **libraries, "source": code}
+
+
+def field_versions(backend: str) -> dict[str, str]:
+    """Versions of whatever makes fields."""
+    names = ("mapbox_earcut", "numpy", "open3d", "pillow", "scipy", FIELD_LIBRARY)
+    libraries = {name: importlib.metadata.version(name) for name in names}
+    return {**renderer_versions(backend), **libraries, "source": source.source_digest(source.FIELDS)}
 
 
 def pass_versions(backend: str) -> dict[str, str]:

@@ -1,10 +1,11 @@
 """What is noted of outcomes between the runs of a build: which examples failed a gate, and how long each took."""
 
 import csv
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from io import StringIO
 from pathlib import Path
 
+from dataset_builder.engine.field_tasks import FieldNews
 from dataset_builder.engine.maker_file import MakerFile
 from dataset_builder.engine.rejected_pixels import PICTURES, pictures
 from dataset_builder.engine.unit import Outcome
@@ -13,6 +14,8 @@ from dataset_builder.shards.folder import SECONDS, next_of
 from dataset_builder.shards.manifest import Rejected
 
 HEADER = ("key", "step", "seconds")
+KEY_DIGITS = 8
+"""Of a field's key, enough to tell several fields of an object apart."""
 
 
 class Rejections:
@@ -27,14 +30,16 @@ class Rejections:
                 if path.name.partition(".")[0] not in self.known:
                     path.unlink()
 
-    def add(self, rejected: Rejected) -> None:
-        """Remember one. Raises OutputError where it cannot be written."""
-        self.known[rejected.key] = rejected
-        self._file.write(self.known.values())
+    def add(self, rejected: Sequence[Rejected]) -> None:
+        """Remember some. Raises OutputError where they cannot be written."""
+        if rejected:
+            self.known |= {item.key: item for item in rejected}
+            self._file.write(self.known.values())
 
 
 class Timings:
-    """Seconds by example and step: `plan`, a pass, `denoise`, `encode`, in a file beside the dataset.
+    """Seconds by example and step: `plan`, a pass, `denoise`, `encode`, in a file beside the dataset; and by object,
+    those of the images of its field and of the fit.
 
     They depend on the machine and the day, and would make two builds of the same dataset differ, so no shard holds
     them. What a step made for several examples of a view counts for the first of them. An earlier run's figures stay
@@ -51,6 +56,11 @@ class Timings:
             if outcome.seconds and not outcome.kept:
                 self._known = {pair: value for pair, value in self._known.items() if pair[0] != outcome.ref.key}
                 self._known |= {(outcome.ref.key, step): f"{value:.4f}" for step, value in outcome.seconds.items()}
+
+    def add_field(self, news: FieldNews) -> None:
+        """Take the figures of a field that was made; an object may have several."""
+        step = f"{news.kind} {news.key[:KEY_DIGITS]}"
+        self._known |= {(news.object, f"{name} of {step}"): f"{value:.4f}" for name, value in news.seconds.items()}
 
     def write(self) -> None:
         """Write all of them, by key. Raises OutputError where that cannot be done."""

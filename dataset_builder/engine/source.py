@@ -18,6 +18,8 @@ UNIT = "engine.unit"
 PASSES = "rendering.view_passes"
 CALIBRATION = "engine.calibration"
 """What the figures of denoised layers come from, which their examples carry."""
+FIELDS = "rendering.field_maker"
+"""What fields come from, that examples may be seen through."""
 
 UNTOLD = ("returns", "annotation", "type_comment", "type_params")
 """Fields of a syntax tree's nodes that only tell types."""

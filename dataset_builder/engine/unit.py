@@ -12,7 +12,7 @@ import numpy as np
 from dataset_builder.assets.texel_memory import TexelMemory, sharing_texels
 from dataset_builder.digest import digest, sha256_file
 from dataset_builder.engine.byte_store import CACHE_SIZE, PASSES, ByteStore
-from dataset_builder.engine.made_by import pass_versions, plan_digest, versions
+from dataset_builder.engine.made_by import field_versions, pass_versions, plan_digest, versions
 from dataset_builder.engine.rejected_pixels import keep_pixels
 from dataset_builder.errors import OutputError, PlanError, Problem, SpecError, UserError
 from dataset_builder.label.example_label import Denoised
@@ -20,6 +20,8 @@ from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.planning.catalogue import ExampleRef, ViewUnit
 from dataset_builder.planning.plan import Planner
 from dataset_builder.rendering.backend import activate
+from dataset_builder.rendering.field_shelf import FieldShelf
+from dataset_builder.rendering.pass_memory import PassMemory
 from dataset_builder.shards.example import Example, encode_members, preview
 from dataset_builder.shards.folder import MANIFEST, WORK
 from dataset_builder.shards.gates import check_gates
@@ -41,6 +43,9 @@ PLANNING = "planning"
 
 TEXTURES_LOCK = "textures.lock"
 """File below `.build` that a process locks while it reads a large texture."""
+
+FIELDS = "fields"
+"""Folder of fields, below `.build` or that of the cache."""
 
 RENDERING = "rendering"
 """Gate that an example fails whose plan asks for what cannot be made, such as a mesh beyond all bounds."""
@@ -80,6 +85,16 @@ class BuildJob:
     def store(self) -> ByteStore:
         """Where results of passes are kept: in the output folder unless the job names another one."""
         return ByteStore(self.cache or self.folder / WORK / PASSES, self.cache_size)
+
+    @property
+    def fields(self) -> FieldShelf:
+        """Where fields are kept: beside results of passes."""
+        return FieldShelf(folder=(self.cache or self.folder / WORK) / FIELDS, made_by=field_versions(self.backend))
+
+    @property
+    def memory(self) -> PassMemory:
+        """Results of passes in the store."""
+        return PassMemory(self.store, pass_versions(self.backend), self.fields.made_by)
 
     @property
     def texels(self) -> TexelMemory:
@@ -136,17 +151,15 @@ def _outcomes(job: BuildJob, unit: ViewUnit) -> list[Outcome]:
 def _make(planned: Sequence[tuple[ExampleRef, ExamplePlan]], loaded: LoadedSpec, job: BuildJob) -> Iterator[Outcome]:
     # Verbs that render nothing import this module, too; they need not wait for Mitsuba
     from dataset_builder.rendering.examples import render_view
-    from dataset_builder.rendering.pass_memory import PassMemory
 
-    made_by = versions(job.backend, bool(loaded.dataset.render.denoise.layers))
+    made_by = versions(job.backend, loaded.dataset)
     staging = Staging(job.folder)
     digests = {ref.key: plan_digest(plan, loaded.dataset, made_by, job.denoised) for ref, plan in planned}
     missing = [(ref, plan) for ref, plan in planned if not _taken_over(ref, digests[ref.key], staging, job)]
     there = {ref.key for ref, _ in planned} - {ref.key for ref, _ in missing}
     yield from (Outcome(ref=ref, digest=digests[ref.key], kept=True) for ref, _ in planned if ref.key in there)
     if missing:
-        memory = PassMemory(job.store, pass_versions(job.backend))
-        rendered = render_view([plan for _, plan in missing], loaded.path.parent, memory)
+        rendered = render_view([plan for _, plan in missing], loaded.path.parent, job.memory, job.fields)
         yield from _finished(missing, rendered, digests, loaded.dataset, job)
 
 

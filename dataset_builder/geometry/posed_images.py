@@ -40,3 +40,10 @@ class PosedImages:
         return PosedImages(pixels=self.pixels[chosen], poses=self.poses[chosen], focal=self.focal[chosen],
                            centre=self.centre[chosen],
                            names=tuple(self.names[k] for k in np.arange(len(self.pixels))[chosen] if self.names))
+
+    def rays(self, number: int, column: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(P, 3) origins and unit directions, in the frame, through film positions (P,) of one image, pixels."""
+        pose, local = self.poses[number], np.stack([column, row], axis=1) - self.centre[number]
+        turned = np.column_stack([local / self.focal[number], np.ones(len(local))]) @ pose[:3, :3].T
+        return (np.broadcast_to(pose[:3, 3], turned.shape),
+                turned / np.linalg.norm(turned, axis=1, keepdims=True))

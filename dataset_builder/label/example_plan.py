@@ -16,9 +16,9 @@ from dataset_builder.label.scene_plan import (
     PortalPlan,
     RoomPlan,
 )
-from dataset_builder.layers import Extent, Pass
+from dataset_builder.label.sequence_plan import SequencePlan
+from dataset_builder.layers import Extent, Pass, sampled_as
 from dataset_builder.spec.model import Model
-from dataset_builder.spec.render import spp_of
 
 
 class Decision(Model):
@@ -185,7 +185,7 @@ class RenderPlan(Model):
 
     def parts(self, render_pass: str) -> tuple[int, ...]:
         """The parts of a pass's spp, in order."""
-        name = spp_of(render_pass)
+        name = "first_hit" if render_pass.startswith("first_hit") else sampled_as(render_pass)
         several = tuple(part.spp for part in self.spp_parts if part.render_pass == name)
         return several or (getattr(self, f"spp_{name}"),)
 
@@ -213,6 +213,8 @@ class ExamplePlan(Model):
     """What else stands in the room."""
     camera: CameraPlan
     """Where it is seen from."""
+    sequence: SequencePlan = SequencePlan()
+    """Its place among views that follow each other."""
     source_light: IlluminationPlan
     """The light of `i_s`."""
     target_light: IlluminationPlan

@@ -15,6 +15,8 @@ class FieldRecord(Model):
     """`density`: volume density (NeRF); `sdf`: signed distance (NeuS); `splats`: Gaussian splats."""
     truth: bool
     """Whether there is a clean mesh to compare with; captures have none."""
+    masked: bool = True
+    """Whether these images had masks; without, what stood behind the object within the field's ball is part of it."""
     views: int
     """Images that it was fitted to; 0 for splats, which were fitted elsewhere."""
     held_out: int

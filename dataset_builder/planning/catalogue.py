@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from itertools import groupby, product
 
 from dataset_builder.errors import PlanError
+from dataset_builder.label.sequence_plan import SequencePlan
 from dataset_builder.seeding import rng
 from dataset_builder.spec.dataset import DatasetSpec, SplitSpec
 
@@ -33,7 +34,7 @@ class ViewRef:
     """One camera of a pair."""
 
     number: int
-    """Counts the split's views in shuffled order."""
+    """Counts the split's views in the order of `views_of`."""
     pair: PairRef
     camera: int
     """Counts the cameras of the pair."""
@@ -80,10 +81,20 @@ def pairs_of(split: SplitSpec) -> tuple[PairRef, ...]:
 
 
 def views_of(spec: DatasetSpec, split: SplitSpec) -> tuple[ViewRef, ...]:
-    """All views of a split, shuffled so that neighbours in a shard differ in object and scene."""
+    """All views of a split, shuffled so that neighbours in a shard differ in object and scene; those of orbits pair by
+    pair in their order."""
     cameras = list(product(pairs_of(split), range(split.views)))
-    order = rng(spec.seed, split.name, "order").permutation(len(cameras))
+    order = range(len(cameras)) if spec.camera_of(split.name).orbit else \
+        rng(spec.seed, split.name, "order").permutation(len(cameras))
     return tuple(ViewRef(number=number, pair=cameras[k][0], camera=cameras[k][1]) for number, k in enumerate(order))
+
+
+def sequence_of(spec: DatasetSpec, view: ViewRef) -> SequencePlan:
+    """The place of a view among those of its orbit; empty where it is of none."""
+    pair, split = view.pair, spec.split_of(view.pair.split)
+    if spec.camera_of(pair.split).orbit is None:
+        return SequencePlan()
+    return SequencePlan(name=f"{pair.split}-{pair.object:02d}-{pair.scene:02d}", frame=view.camera, frames=split.views)
 
 
 def _examples(spec: DatasetSpec) -> Iterator[ExampleRef]:

@@ -88,7 +88,8 @@ def stored_bytes(layers: Iterable[tuple[str, Extent]], frame: int, coverage: flo
 def expected_bytes(spec: DatasetSpec, count: int, staged: int = 0) -> int:
     """Stored bytes of `count` examples in shards and of `staged`, which share no files, before any is planned, the
     object in the middle of the coverage asked for."""
-    frame, coverage, layers = spec.image.width * spec.image.height, sum(spec.camera.coverage) / 2, layers_asked(spec)
+    frame, layers = spec.image.width * spec.image.height, layers_asked(spec)
+    coverage = max(sum(spec.camera_of(split.name).coverage) for split in spec.splits) / 2
     most = {name: max(_files(spec, split)[name] for split in spec.splits) for name, _ in layers}
     return round(sum(number * stored_bytes(layers, frame, coverage, spec.storage.dtype, Rates(), files)
                      for number, files in ((count, most), (staged, dict.fromkeys(most, 1.0)))))

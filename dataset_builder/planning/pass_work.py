@@ -61,7 +61,7 @@ def pass_runs(layers: Iterable[tuple[str, Extent]], lights: int, levels: int) ->
     layer. The rough one shares the scene of each light and level, and runs in each.
     """
     asked = {pass_of(name) for name, _ in layers} | {"first_hit"}
-    if "rough" in asked:
+    if asked & {"rough", "pbr"}:
         asked.add("first_hit_rough")
     times = _times(lights, levels)
     return {name: times[name] if name in asked else 0 for name in RUNS}
@@ -102,5 +102,5 @@ def files_per_example(layer: str, lights: int, levels: int, per_shard: int) -> f
 def _times(lights: int, levels: int) -> dict[str, int]:
     """Runs of every pass for one view, were all of them asked for."""
     each = lights * levels
-    return {"source": 1, "source_clean": 1, "target": lights, "rough": each, "first_hit": 1, "first_hit_rough": each,
-            INSTANCE: 1}
+    return {"source": 1, "source_clean": 1, "target": lights, "empty": lights, "rough": each, "pbr": each,
+            "first_hit": 1, "first_hit_rough": each, INSTANCE: 1}

@@ -10,7 +10,7 @@ from dataset_builder.label.example_plan import ExamplePlan, GoalPlan, RenderPlan
 from dataset_builder.label.field_plan import FieldPlan
 from dataset_builder.label.scene_plan import IlluminationPlan, ObjectPlan
 from dataset_builder.layers import LAYERS, Extent
-from dataset_builder.planning.catalogue import ExampleRef, PairRef, ViewRef, examples
+from dataset_builder.planning.catalogue import ExampleRef, PairRef, ViewRef, examples, sequence_of, views_of
 from dataset_builder.planning.effects.decisions import plan_effects
 from dataset_builder.planning.field_recipe import field_plan, in_world
 from dataset_builder.planning.rough_plan import rough_notes, rough_of_field, rough_plan
@@ -22,7 +22,9 @@ from dataset_builder.planning.scene.recent import Recent
 from dataset_builder.planning.scene.scene_models import scene_facts
 from dataset_builder.planning.scene.things import target_plan
 from dataset_builder.planning.view.cameras import PlannedCamera, place_camera
-from dataset_builder.planning.view.lights import LitView, sky_share, source_light, target_light, unit_irradiance
+from dataset_builder.planning.view.lights import source_light, target_light, unit_irradiance
+from dataset_builder.planning.view.lit_view import lit_view
+from dataset_builder.planning.view.orbit import Orbit, orbit_camera, plan_orbit
 from dataset_builder.planning.view.scene_cameras import own_camera
 from dataset_builder.planning.view.scene_lights import check_lights_differ, scene_light
 from dataset_builder.seeding import derive_seed, rng
@@ -55,9 +57,9 @@ class Planner:
 
     def __init__(self, loaded: LoadedSpec):
         self.loaded = loaded
-        self._splits = {split.name: split for split in loaded.dataset.splits}
         self._arrangements = Recent[Arrangement](4, KEPT_BYTES, _bytes_of)
         self._views = Recent[ViewPlan](4, KEPT_BYTES, lambda view: _bytes_of(view.arrangement))
+        self._orbits = Recent[Orbit](4)
         self._lights = Recent[tuple[IlluminationPlan, str]](64)
 
     @cached_property
@@ -98,29 +100,50 @@ class Planner:
         return self.contents[pair.split].scenes[pair.scene]
 
     def _view(self, ref: ViewRef) -> ViewPlan:
-        spec, arrangement, scene = self.loaded.dataset, self.arrangement(ref.pair), self._scene(ref.pair)
-        root, where = self.loaded.path.parent, _where(ref, arrangement)
+        spec, arrangement = self.loaded.dataset, self.arrangement(ref.pair)
         with self._odd_size_named(arrangement.target.object):
-            if scene.file is not None and scene.file.cameras == "own":
-                view = own_camera(arrangement, scene_facts(scene.room, root).cameras, spec.camera, spec.image,
-                                  ref.camera, where)
-            else:
-                view = place_camera(arrangement, spec.camera, spec.image, rng(spec.seed, *ref.path, "camera"), where)
-        seen, target = self._splits[ref.pair.split].source, arrangement.target
-        field = field_plan(spec, seen if seen.image else None, ref.pair, target.object, root)
-        source = (in_world(field.light, target.yaw, spec.source.open) if field.light.lights else
-                  source_light(spec.source, partial(rng, spec.seed, *ref.path, "source"), root))
+            view = self._camera(ref, arrangement)
+        seen, root = spec.split_of(ref.pair.split).source, self.loaded.path.parent
+        field = field_plan(spec, seen if seen.image else None, ref.pair, arrangement.target.object, root)
+        source = (in_world(field.light, arrangement.target.yaw, spec.source.open) if field.light.lights else
+                  source_light(spec.source, partial(rng, spec.seed, *self._lit(ref).path, "source"), root))
         return ViewPlan(arrangement=arrangement, view=view, source=source, field=field)
+
+    def _camera(self, ref: ViewRef, arrangement: Arrangement) -> PlannedCamera:
+        spec, scene, where = self.loaded.dataset, self._scene(ref.pair), _where(ref, arrangement)
+        camera = spec.camera_of(ref.pair.split)
+        if scene.file is not None and scene.file.cameras == "own":
+            found = scene_facts(scene.room, self.loaded.path.parent).cameras
+            return own_camera(arrangement, found, camera, spec.image, ref.camera, where)
+        if camera.orbit is None:
+            return place_camera(arrangement, camera, spec.image, rng(spec.seed, *ref.path, "camera"), where)
+        views = spec.split_of(ref.pair.split).views
+        orbit = self._orbits.get(ref.pair, lambda: plan_orbit(arrangement, camera, spec.image, views,
+                                                              rng(spec.seed, *ref.pair.path, "orbit")))
+        return orbit_camera(arrangement, orbit, camera, spec.image, ref.camera, where)
+
+    def _lit(self, ref: ViewRef) -> ViewRef | PairRef:
+        """What has the lights of a view: itself, or its pair."""
+        return ref.pair if self.loaded.dataset.split_of(ref.pair.split).lights_per == "pair" else ref
+
+    def _lit_views(self, ref: ViewRef) -> list[PlannedCamera]:
+        """The views that the lights of a view are for: itself, or all of its pair that can be had."""
+        if self._lit(ref) == ref:
+            return [self.view(ref).view]
+        spec, found = self.loaded.dataset, list[PlannedCamera]()
+        for other in views_of(spec, spec.split_of(ref.pair.split)):
+            with suppress(PlanError):
+                found += [self.view(other).view] if other.pair == ref.pair else []
+        return found
 
     def light(self, ref: ViewRef, number: int) -> tuple[IlluminationPlan, str]:
         """Target light `number` of a view and its note. Raises PlanError where none lights the target as asked."""
-        return self._lights.get((ref, number), lambda: self._light(ref, number))
+        return self._lights.get((self._lit(ref), number), lambda: self._light(ref, number))
 
     def _light(self, ref: ViewRef, number: int) -> tuple[IlluminationPlan, str]:
         spec, plan = self.loaded.dataset, self.view(ref)
-        lit = LitView(arrangement=plan.arrangement, camera=plan.view.camera, sight=plan.view.sight,
-                      unit=unit_irradiance(plan.source), sky=sky_share(plan.arrangement, plan.view.sight))
-        stream = partial(rng, spec.seed, *ref.path, "light", number)
+        lit = lit_view(plan.arrangement, self._lit_views(ref), unit_irradiance(plan.source))
+        stream = partial(rng, spec.seed, *self._lit(ref).path, "light", number)
         scene, root = self._scene(ref.pair), self.loaded.path.parent
         where = f"{_where(ref, plan.arrangement)}, light {number}"
         with self._odd_size_named(plan.arrangement.target.object):
@@ -136,7 +159,7 @@ class Planner:
         light, note = self.light(ref.view, ref.light)
         arrangement = shared.arrangement
         render = render_plan(spec, ref.view, from_file=arrangement.room.kind != "procedural")
-        fog, levels = self._scene(ref.view.pair).fog, self._splits[ref.view.pair.split].levels(spec.rough)
+        fog, levels = self._scene(ref.view.pair).fog, spec.split_of(ref.view.pair.split).levels(spec.rough)
         effects = plan_effects(spec=spec.render, room=arrangement.room, shell=arrangement.shell,
                                diagonal=arrangement.diagonal(shared.view.camera.position),
                                target=arrangement.target, furniture=arrangement.furniture,
@@ -151,8 +174,8 @@ class Planner:
         return ExamplePlan(
             schema_version=SCHEMA_VERSION, key=ref.key, index=ref.index, split=ref.view.pair.split, view=ref.view.name,
             light=ref.light, room=arrangement.room, target=arrangement.target, furniture=arrangement.furniture,
-            camera=shared.view.camera, source_light=shared.source, target_light=light,
-            rough=rough, fog=fog, field=shared.field, render=render, effects=effects,
+            camera=shared.view.camera, sequence=sequence_of(spec, ref.view), source_light=shared.source,
+            target_light=light, rough=rough, fog=fog, field=shared.field, render=render, effects=effects,
             notes=(*arrangement.notes, shared.view.note, note, *rough_notes(rough, clean)))
 
 

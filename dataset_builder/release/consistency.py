@@ -11,9 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
+from dataset_builder.errors import UserError
 from dataset_builder.label.example_label import RenderRecord
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.layers import PAPER_LAYERS
+from dataset_builder.lightnet.data.truth import problem_of
 from dataset_builder.release import light_checks, shape_checks
 from dataset_builder.release.cells import Cells, cells_of
 from dataset_builder.release.dataset_check import Check, Rule
@@ -63,10 +65,12 @@ def check_facts(found: Iterable[Facts]) -> list[Check]:
 def read_facts(folder: Path, examples: int = EXAMPLES) -> Iterator[Facts]:
     """Facts of at most `examples` examples of a finished dataset, spread evenly over its splits, one after the other.
 
-    No more than one example's pixels are in memory at a time. Raises ShardError where the dataset cannot be read or
-    misses a layer of the paper's tuple.
+    No more than one example's pixels are in memory at a time. Raises ShardError where the dataset cannot be read, and
+    UserError where it misses a layer of the paper's tuple.
     """
     known = {layer.name for layer in load_manifest(folder).layers}
+    if lacking := problem_of(str(folder), known, PAPER_LAYERS, "hold against each other"):
+        raise UserError([lacking])
     dataset = open_dataset(folder, layers=[*PAPER_LAYERS, *(name for name in HELPFUL if name in known)])
     keys = [key for split in dataset.splits.values() for key in split]
     for place in spread_indices(len(keys), examples):

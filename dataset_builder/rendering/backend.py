@@ -120,3 +120,10 @@ def activate(wanted: str = "auto", threads: int = 0) -> Backend:
     if threads:
         dr.set_thread_count(threads)
     return backend
+
+
+def active() -> str:
+    """What `activate` was called for in this process: cuda or llvm."""
+    import mitsuba as mi
+
+    return "cuda" if mi.variant().startswith("cuda") else "llvm"

@@ -10,7 +10,7 @@ import numpy as np
 
 from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.planning.scene.assets_of_plan import world_from_object
-from dataset_builder.rendering.field.looks import look_of
+from dataset_builder.rendering.field.seen import look_of
 from dataset_builder.rendering.pass_inputs import sky_radiance
 from dataset_builder.rendering.sampling.adaptive import Sample
 from dataset_builder.rendering.sampling.estimate import Samplers
@@ -42,14 +42,15 @@ def field_sampler(scenes: ViewScenes) -> Sample:
     # From the frame of the passes to that of the object
     turn = placed[:3, :3].T
     origin = turn @ (np.array(frame.origin) - placed[:3, 3])
-    rotation = mi.Matrix3f(dr.opaque(mi.Matrix3f, mi.ScalarMatrix3f(turn.tolist())))
-    moved, unit = dr.opaque(mi.Point3f, mi.ScalarPoint3f(origin.tolist())), dr.opaque(mi.Float, frame.unit)
+    rows = [mi.Vector3f(*(dr.opaque(mi.Float, value) for value in row)) for row in turn.tolist()]
+    moved = mi.Vector3f(*(dr.opaque(mi.Float, value) for value in origin.tolist()))
+    unit = dr.opaque(mi.Float, frame.unit)
     gain = dr.opaque(mi.Float, sky_radiance(scenes.plan) / file.white)
 
     def integrand(samplers: Samplers, position: mi.Vector2f) -> list[mi.Float]:
         ray = primary_ray(sensor, position)
-        start, way = mi.Point3f(rotation @ mi.Vector3f(ray.o)) * unit + moved, rotation @ ray.d
-        colour, opacity = look(start, way, mi.Bool(True))
+        start, way = (mi.Vector3f(*(dr.dot(row, vector) for row in rows)) for vector in (mi.Vector3f(ray.o), ray.d))
+        colour, opacity = look(mi.Point3f(start * unit + moved), way, mi.Bool(True))
         return [*(colour * gain), opacity]
 
     def sample(pixels: np.ndarray, spp: int, batches: int, seed: int) -> Estimate:

@@ -1,9 +1,11 @@
 """Where fields are kept: files by the digest of all that they were made from. Nothing here makes one."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
+from typing import Literal
 
 from dataset_builder.assets.field_file import FieldFile, read_field
 from dataset_builder.errors import UserError
@@ -23,6 +25,21 @@ class FieldTask:
 
     object: ObjectPlan
     field: FieldPlan
+
+
+@dataclass(frozen=True, kw_only=True)
+class FieldProgress:
+    """How far the making of a field is."""
+
+    stage: Literal["images", "fit"]
+    step: int
+    """Images or steps that are done."""
+    steps: int
+    """Of all of them."""
+    loss: float = 0.0
+    """Of a fit."""
+    psnr: float = 0.0
+    """Of a fit, inside of the masks of images that it is fitted to, dB."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,6 +67,12 @@ class FieldShelf:
     def get(self, task: FieldTask, mesh_root: Path) -> FieldFile:
         """A field. Raises UserError where it was not made, or where its file is damaged."""
         return _read(self.path(task, mesh_root), self.key(task))
+
+    def find(self, task: FieldTask, mesh_root: Path) -> FieldFile | None:
+        """A field; None where it was not made, or where its file is damaged."""
+        with suppress(UserError):
+            return self.get(task, mesh_root)
+        return None
 
 
 NO_SHELF = FieldShelf()

@@ -13,7 +13,7 @@ from dataset_builder.label.example_plan import ExamplePlan, GoalPlan
 from dataset_builder.label.field_plan import FieldPlan
 from dataset_builder.label.scene_plan import IlluminationPlan, ObjectPlan, PlacedObject, RoomPlan
 from dataset_builder.label.scene_source import SceneSource
-from dataset_builder.layers import LAYERS, PASSES, Pass
+from dataset_builder.layers import LAYERS, LIT, PASSES, Pass
 from dataset_builder.planning.effects.decisions import has_direct
 from dataset_builder.spec.model import Model
 
@@ -24,7 +24,8 @@ without light that has bounced."""
 DIRECT_DEPTH = 2
 """Edges of the longest path of `DIRECT`: from the camera to the object, and on to a light."""
 
-RADIANCE = ("source", "source_clean", "target", "rough")
+ROUGH = ("first_hit_rough", "rough", "pbr")
+"""Passes that trace the R3DM."""
 RUNS = (*PASSES, INSTANCE, LIGHTING, DIRECT)
 """Everything that is rendered as a pass of its own."""
 
@@ -38,12 +39,17 @@ Inputs = dict[str, Any]
 def needed_passes(plan: ExamplePlan) -> tuple[Pass, ...]:
     """The passes that the layers of an example need, in order; the first always, for it finds the object's pixels."""
     return tuple(name for name in PASSES if name == "first_hit" or asked(plan, name)
-                 or (name == "first_hit_rough" and asked(plan, "rough")))
+                 or (name == "first_hit_rough" and lights_rough(plan)))
 
 
 def needs_lighting(plan: ExamplePlan) -> bool:
     """Whether an example has layers under its target illumination."""
-    return asked(plan, "target") or asked(plan, "rough")
+    return any(asked(plan, name) for name in LIT if name != "source")
+
+
+def lights_rough(plan: ExamplePlan) -> bool:
+    """Whether the R3DM is seen under light."""
+    return asked(plan, "rough") or asked(plan, "pbr")
 
 
 def asked(plan: ExamplePlan, render_pass: Pass) -> bool:
@@ -91,7 +97,7 @@ def inputs_of(plan: ExamplePlan, name: str, steps: int | None = None) -> Inputs:
                      "effects": list(plan.effects.features), "texture size": plan.render.texture_size}
     if plan.render.texels_per_pixel:
         found["texels"] = [plan.render.texels_per_pixel, plan.render.width, plan.render.height, _plain(plan.camera)]
-    if "emission" in plan.effects.features and name in (*RADIANCE, LIGHTING):
+    if "emission" in plan.effects.features and name in (*LIT, LIGHTING):
         found["emission"] = sky_radiance(plan)
     if name == LIGHTING:
         return found | _light(plan, "target") | {"path length": _path_length(plan, "target"),
@@ -105,23 +111,30 @@ def inputs_of(plan: ExamplePlan, name: str, steps: int | None = None) -> Inputs:
         # Seen alone: nothing of the room, its light or its passes matters
         return {key: found[key] for key in ("pass", "seed", "object", "camera", "image size", "samples")} | {
             "field": _plain(plan.field), "sky": sky_radiance(plan)}
-    if name.endswith("rough"):
+    if name in ROUGH:
         found["rough mesh"] = _plain(plan.rough)
-    if name in RADIANCE:
+    if name in LIT:
         found["path length"] = _path_length(plan, name)
         effects = plan.effects.of(name)
         found["openings"] = _openings(plan, name)
         found["transport"] = [effects.transport, effects.caustics]
         if found["pixels"] == "object" or samples["goals"]:
             samples["object"] = _object_pixels(plan, name)
-    if name in RADIANCE or (name == "first_hit_rough" and asked(plan, "rough")):
-        found |= _light(plan, name if name in RADIANCE else "rough")
+    if name in LIT or (name == "first_hit_rough" and lights_rough(plan)):
+        found |= _light(plan, name if name in LIT else "rough")
     return found
 
 
 def field_inputs(target: ObjectPlan, field: FieldPlan) -> Inputs:
     """What a field of an object depends on."""
     return {"pass": "field", "object": _object(target), "field": _plain(field)}
+
+
+def shows_field(plan: ExamplePlan, name: str) -> bool:
+    """Whether what a pass finds hangs on a field that was made."""
+    rough = "rough" in name or name == "pbr"
+    kind = plan.rough.field.kind if rough else plan.field.kind if name == "source" else "none"
+    return kind not in ("none", "own")
 
 
 def key_of(inputs: Inputs, made_by: dict[str, str]) -> str:
@@ -139,7 +152,7 @@ def _samples(plan: ExamplePlan, name: str, steps: int) -> dict[str, Any]:
 
 def _object_pixels(plan: ExamplePlan, name: str) -> dict[str, Any]:
     """What says which pixels are the object's: the samples of the light-free passes, where they are taken."""
-    free = ("first_hit", "first_hit_rough") if name == "rough" else ("first_hit",)
+    free = ("first_hit", "first_hit_rough") if name in ROUGH else ("first_hit",)
     return {"parts": plan.render.parts("first_hit"), "pixels": [plan.effects.of(one).extent for one in free]}
 
 

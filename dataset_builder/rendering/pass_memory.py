@@ -8,8 +8,9 @@ from zipfile import BadZipFile
 
 import numpy as np
 
+from dataset_builder.digest import digest
 from dataset_builder.label.example_plan import ExamplePlan
-from dataset_builder.rendering.pass_inputs import inputs_of, key_of, steps_of
+from dataset_builder.rendering.pass_inputs import inputs_of, key_of, shows_field, steps_of
 from dataset_builder.rendering.sampling.adaptive import Sampled, Stop
 from dataset_builder.rendering.sampling.moments import Estimate
 
@@ -52,17 +53,18 @@ class PassResult:
 
 
 class PassMemory:
-    """Results of passes in a store, under the versions that made them; without a store, nothing is remembered."""
+    """Results of passes in a store, under the versions that made them, and those of fields where a field is seen;
+    without a store, nothing is remembered."""
 
-    def __init__(self, store: Store | None, made_by: Mapping[str, str]):
-        self._store, self._made_by = store, dict(made_by)
+    def __init__(self, store: Store | None, made_by: Mapping[str, str], field_made_by: Mapping[str, str] | None = None):
+        self._store, self._made_by, self._field_made_by = store, dict(made_by), dict(field_made_by or {})
 
     def recall(self, plan: ExamplePlan, name: str) -> tuple[int, PassFound | None]:
         """Steps of a pass that are known, as many as possible, and what they found."""
         if self._store is None:
             return 0, None
         for steps in range(steps_of(plan, name), 0, -1):
-            data = self._store.get(self._key(plan, name, steps))
+            data = self._store.get(self.key(plan, name, steps))
             if data and (found := from_bytes(data)):
                 return steps, found
         return 0, None
@@ -70,10 +72,14 @@ class PassMemory:
     def keep(self, plan: ExamplePlan, name: str, steps: int, found: PassFound) -> None:
         """Remember what the first `steps` of a pass found. Raises OutputError where the disk refuses."""
         if self._store is not None:
-            self._store.put(self._key(plan, name, steps), to_bytes(found))
+            self._store.put(self.key(plan, name, steps), to_bytes(found))
 
-    def _key(self, plan: ExamplePlan, name: str, steps: int) -> str:
-        return key_of(inputs_of(plan, name, steps), self._made_by)
+    def key(self, plan: ExamplePlan, name: str, steps: int | None = None) -> str:
+        """Key of what the first `steps` of a pass find, or all."""
+        made_by = dict(self._made_by)
+        if shows_field(plan, name):
+            made_by["field"] = digest(self._field_made_by)
+        return key_of(inputs_of(plan, name, steps), made_by)
 
 
 NO_MEMORY = PassMemory(None, {})

@@ -25,11 +25,13 @@ RADIANCE = ("image", "shading", "specular", "shading_squared", "air")
 """All that a radiance pass can find, three channels each, in their order."""
 WANTED: Mapping[str, frozenset[str]] = {"source": frozenset({"image"}),
                                         "source_clean": frozenset({"image"}), "target": frozenset(RADIANCE),
-                                        "rough": frozenset({"shading"})}
+                                        "rough": frozenset({"shading"}), "pbr": frozenset(RADIANCE),
+                                        "empty": frozenset(RADIANCE)}
 """What each radiance pass is run for, by its layers and by the gates, which check the target pass as a whole. It is the
-same for all examples: what a pass found can be shared without asking what for."""
+same for all examples: what a pass found can be shared without asking what for. Passes that are `layers.ALIKE` are run
+for the same, since what is wanted decides which way a path goes from the first surface."""
 RADIANCE_LAYERS = {"i_s": "image", "i_s_clean": "image", "i_t": "image", "s": "shading", "s_prime": "shading",
-                   "spec": "specular", "air": "air"}
+                   "spec": "specular", "air": "air", "i_t_empty": "image", "i_pbr": "image"}
 """Channels of a radiance pass that a layer takes."""
 FIRST_HIT_CHANNELS = {"mask": slice(0, 1), "d": slice(1, 4), "r": slice(4, 7), "normal": slice(7, 10),
                       "depth": slice(10, 11), "met": slice(11, 12), "d_squared": slice(12, 15)}

@@ -24,7 +24,7 @@ from dataset_builder.rendering.pass_inputs import (
     INSTANCE,
     LIGHTING,
     all_passes,
-    asked,
+    lights_rough,
     needed_passes,
     needs_lighting,
 )
@@ -52,8 +52,8 @@ class ViewPasses(SampledPasses):
                 self.instances()
             for render_pass in needed_passes(plan):
                 self.result(render_pass, plan)
-            if DIRECT in all_passes(plan):
-                self.rough_direct(plan)
+                if render_pass == "rough" and DIRECT in all_passes(plan):
+                    self.rough_direct(plan)
             if needs_lighting(plan):
                 self.lighting(plan)
         finally:
@@ -75,7 +75,7 @@ class ViewPasses(SampledPasses):
         """What a pass found that an example of this view needs."""
         return {"first_hit": lambda _: self.first_hit(), "source": lambda _: self.source(),
                 "source_clean": lambda _: self.source_clean(), "target": self.target, "rough": self.rough,
-                "first_hit_rough": self.first_hit_rough}[render_pass](plan)
+                "first_hit_rough": self.first_hit_rough, "pbr": self.pbr, "empty": self.empty}[render_pass](plan)
 
     def first_hit(self) -> PassResult:
         """Light-free layers of the 3DM."""
@@ -124,6 +124,17 @@ class ViewPasses(SampledPasses):
         return self._lit(("rough", str(plan.light), plan.rough.model_dump_json()), plan, lambda: self._rough(plan),
                          lambda: self.covered_by_either(plan), plan.light, plan.rough.level)
 
+    def pbr(self, plan: ExamplePlan) -> PassResult:
+        """The whole scene with the R3DM in it under one target illumination, by the target pass's random numbers."""
+        return self._lit(("pbr", str(plan.light), plan.rough.model_dump_json()), plan, lambda: self._rough(plan),
+                         lambda: self.covered_by_either(plan), plan.light)
+
+    def empty(self, plan: ExamplePlan) -> PassResult:
+        """The scene without the target object under one target illumination, by the target pass's random numbers: what
+        the object changes nothing of has the same bits, but for light that is found by paths from the lamps."""
+        return self._lit(("empty", str(plan.light)), plan, lambda: self.scenes.surroundings(plan), self.covered,
+                         plan.light)
+
     def rough_direct(self, plan: ExamplePlan) -> PassResult:
         """As `rough`, without light that has bounced: the same pixels, as many samples as that took on average, all of
         them its own."""
@@ -149,7 +160,7 @@ class ViewPasses(SampledPasses):
         return self._once((LIGHTING, str(plan.light)), plan, lambda: np.zeros(1, dtype=np.int64), sampler, plan.light)
 
     def _rough(self, plan: ExamplePlan) -> OpenScene:
-        return self.scenes.rough(plan, lit=asked(plan, "rough"))
+        return self.scenes.rough(plan, lit=lights_rough(plan))
 
     def _lit(self, key: tuple[str, ...], plan: ExamplePlan, opened: Callable[[], OpenScene], covered: Pixels,
              *seed: int) -> PassResult:

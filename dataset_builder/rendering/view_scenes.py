@@ -111,7 +111,8 @@ class ViewScenes:
     def _empty_body(self) -> Body:
         """The clean scene without the target object, whose materials keep their places."""
         hidden = self.clean_object.only(np.zeros(len(self.clean_object.corners), dtype=bool))
-        return self._body(hidden, self._room)
+        # Light paths are aimed as they are where the object stands: that is no matter of right or wrong, but of noise
+        return replace(self._body(hidden, self._room), casters=self._clean_body.casters)
 
     def _rough_body(self, rough: RoughPlan) -> Body:
         if rough not in self._rough_bodies:

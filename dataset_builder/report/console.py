@@ -1,15 +1,13 @@
-"""What the terminal shows: progress with rate and time left, tables, and hard cases as they are done."""
+"""What the terminal shows: tables, and hard cases as they are done."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
-from dataset_builder.builder import Event
 from dataset_builder.engine.rejected_pixels import pixels_of
 from dataset_builder.engine.unit import Outcome
 from dataset_builder.errors import printable
@@ -24,20 +22,6 @@ NAME, NUMBER, VERDICT = 31, 10, 7
 """Widths of columns; the expectation takes what is left."""
 MOST_REASONS = 3
 """Reasons why views cannot be planned that are printed."""
-
-
-def follow(events: Iterable[Event], console: Console) -> Iterator[Event]:
-    """Pass events on while a progress bar shows them, out of as many examples as the first event wants."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]}"),
-               TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn())
-    with Progress(*columns, console=console) as progress:
-        bar = progress.add_task("examples", total=None, rate="")
-        for event in events:
-            task = progress.tasks[0]
-            speed = task.finished_speed or task.speed
-            progress.update(bar, total=task.total if event.wanted is None else event.wanted,
-                            advance=len(event.outcomes), rate=f"{speed:.2f}/s" if speed else "")
-            yield event
 
 
 def rejected_lines(rejected: Iterable[Rejected], folder: Path) -> list[str]:

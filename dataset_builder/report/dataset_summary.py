@@ -71,9 +71,9 @@ def _fields(labels: list[ExampleLabel]) -> list[Table]:
         return []
     table = Table("object", "field", "gives", "views", "PSNR", "worst", "IoU", "bodies", "dropped", "normals",
                   title="fields")
-    for (name, key), (record, gives) in found.items():
+    for (name, key), (record, given) in found.items():
         held_out = (f"{record.psnr:.1f}", f"{record.psnr_worst:.1f}", f"{record.opacity_iou:.3f}")
-        table.add_row(name, record.kind, gives, str(record.views or ""), *(held_out if record.held_out else ("",) * 3),
+        table.add_row(name, record.kind, given, str(record.views or ""), *(held_out if record.held_out else ("",) * 3),
                       str(record.bodies), str(record.bodies_dropped),
                       f"{np.median(rough[key]):.1f}°" if key in rough else "")
     return [table]

@@ -15,13 +15,15 @@ PLAIN = {
     "s": "the light that falls on its clean mesh, as if the object were white and matte",
     "spec": "what is left of the picture without its matte part: highlights, reflections, views through glass",
     "air": "what fog in front of a surface adds, less what it hides",
+    "i_t_empty": "the scene under its lamps with the object taken away",
+    "i_pbr": "the whole scene under its lamps with the rough mesh in it",
     "mask_rough": "how much of each pixel the rough mesh covers; its outline is a little off the clean one's",
     "depth": "how far away the surface is, in metres straight ahead of the camera",
     "normal": "which way the surface faces, in the axes of the room",
     "normal_rough": "which way the surface of the rough mesh faces",
     "instance": "which object is in the middle of the pixel, as a number",
-    "i_s_clean": "`i_s` as the clean mesh has it, where `i_s` is the image of a neural field",
-    "mask_field": "how much of each pixel is covered by what `i_s` shows",
+    "i_s_clean": "the same look, always drawn from the clean mesh, where `i_s` may show a neural field",
+    "mask_field": "how opaque what `i_s` shows is: a neural field, or the object itself",
 }
 """Every layer but standard errors and layers before denoising, in plain words; `docs/layers.md` has the same."""
 

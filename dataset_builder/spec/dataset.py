@@ -4,56 +4,16 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, ConfigDict, Field, Tag, model_validator
 
-from dataset_builder.layers import LAYERS, PAPER_LAYERS, Extent
-from dataset_builder.spec.field import SeenSpec, require_seen
+from dataset_builder.layers import ALIKE, LAYERS, PAPER_LAYERS, Extent
+from dataset_builder.spec.camera import CameraSpec
+from dataset_builder.spec.field import FieldSpec, SeenSpec, require_seen
 from dataset_builder.spec.file_scene import ThingQuery
 from dataset_builder.spec.licences import Licence
 from dataset_builder.spec.light import SourceSpec, TargetSpec
 from dataset_builder.spec.model import Model, broken
-from dataset_builder.spec.numbers import (
-    AnyNumber,
-    Interval,
-    PositiveInt,
-    Share,
-    Uniform,
-    branches,
-    interval,
-    within,
-)
+from dataset_builder.spec.numbers import Interval, Share, branches, interval
 from dataset_builder.spec.render import ImageSpec, RenderSpec
 from dataset_builder.spec.rough import Level, RoughSpec
-
-
-def _clearance(value: Any) -> str | None:
-    if isinstance(value, str):
-        return "|auto" if value == "auto" else None
-    return "|metres" if isinstance(value, (int, float)) and not isinstance(value, bool) else None
-
-
-Clearance = Annotated[
-    Annotated[float, Field(ge=0), Tag("|metres")] | Annotated[Literal["auto"], Tag("|auto")],
-    branches(_clearance, "expected a number or auto"),
-]
-
-
-class CameraSpec(Model):
-    """Random viewpoints from which the object is visible."""
-
-    fov: within(low=1, high=170) = 45.0  # type: ignore[valid-type]
-    """Horizontal field of view in degrees."""
-    elevation: within(low=-89, high=89) = Uniform(uniform=(5.0, 45.0))  # type: ignore[valid-type]
-    """Degrees above the horizon, seen from the object."""
-    azimuth: AnyNumber = Uniform(uniform=(-180.0, 180.0))
-    """Degrees about the object, 0 in front of it."""
-    coverage: Annotated[Interval, interval(0, 1)] = (0.08, 0.6)
-    """Minimum and maximum share of the frame that the object covers; the camera distance is drawn to reach it."""
-    visibility: Share = 0.6
-    """Minimum share of the object's silhouette that is in the frame and not occluded."""
-    clearance: Clearance = "auto"
-    """Minimum distance from the camera to any surface, in metres. auto: 0.15, or half the object's bounding radius
-    where that is less."""
-    attempts: PositiveInt = 200
-    """Maximum number of draws before planning gives up."""
 
 
 def _known_layer(name: str) -> str:
@@ -127,7 +87,12 @@ class SplitSpec(Model):
     views: Count = 1
     """Cameras per pair."""
     lights: Count = 1
-    """Target lights per view."""
+    """Target lights per view, or per pair."""
+    lights_per: Literal["view", "pair"] = "view"
+    """What has source and target lights of its own. view: each view. pair: all views of a pair are lit the same, by
+    lights that are in no view's way and are judged by what all of them see."""
+    camera: CameraSpec | None = None
+    """Viewpoints of this split, in place of the dataset's `camera` as a whole."""
     source: SeenSpec = SeenSpec()
     """What `i_s` shows, and where rough meshes come from: the clean mesh, or a neural field of each object."""
 
@@ -194,7 +159,7 @@ class DatasetSpec(Model):
     rough: RoughSpec = RoughSpec()
     """How rough meshes are made."""
     camera: CameraSpec = CameraSpec()
-    """Viewpoints."""
+    """Viewpoints of splits that have none of their own."""
     source: SourceSpec = SourceSpec()
     """Source light."""
     target: TargetSpec = TargetSpec()
@@ -205,6 +170,14 @@ class DatasetSpec(Model):
     """Files."""
     splits: Annotated[tuple[SplitSpec, ...], Field(min_length=1)]
     """One or more, with different names."""
+
+    def split_of(self, name: str) -> SplitSpec:
+        """The split of that name."""
+        return next(split for split in self.splits if split.name == name)
+
+    def camera_of(self, split: str) -> CameraSpec:
+        """Viewpoints of the split of that name."""
+        return self.split_of(split).camera or self.camera
 
     @model_validator(mode="after")
     def _few_enough_examples(self) -> "DatasetSpec":
@@ -226,9 +199,25 @@ class DatasetSpec(Model):
                                  known=tuple(self.layers))
         return self
 
+    @property
+    def fields(self) -> bool:
+        """Whether any example needs a field that is to be made."""
+        return any(split.source.image or any(isinstance(level, FieldSpec) for level in split.levels(self.rough))
+                   for split in self.splits)
+
     @model_validator(mode="after")
     def _fields_are_seen_alone(self) -> "DatasetSpec":
         require_seen({split.name: split.source for split in self.splits}, self.layers, self.render.denoise.layers)
+        return self
+
+    @model_validator(mode="after")
+    def _differences_are_smooth(self) -> "DatasetSpec":
+        alike = [name for name in self.layers if LAYERS[name].render_pass in ALIKE and not name.endswith("_se")]
+        goals = [name for name in self.render.accuracy if name in alike]
+        if goals and len({LAYERS[name].render_pass for name in alike}) > 1:
+            others = ", ".join(name for name in alike if LAYERS[name].render_pass != LAYERS[goals[0]].render_pass)
+            raise broken(f"expected a fixed spp, since {goals[0]} shares its random numbers with {others}, got a goal "
+                         "(set render.spp.target instead)", path=("render", "accuracy", goals[0]))
         return self
 
     @model_validator(mode="after")

@@ -38,9 +38,9 @@ class FieldSpec(Model):
     """Width and height of these images in pixels."""
     spp: PositiveInt = 64
     """Samples per pixel of these images; a multiple of 4."""
-    resolution: Annotated[int, Field(ge=16, le=512)] = 128
+    resolution: Annotated[int, Field(ge=32, le=512)] = 128
     """Cells along a side of the field's grid."""
-    steps: Annotated[int, Field(ge=1, le=100_000)] = 300
+    steps: Annotated[int, Field(ge=10, le=100_000)] = 300
     """Steps of the fit."""
     gates: FieldGatesSpec = FieldGatesSpec()
     """What it must meet."""
@@ -66,7 +66,8 @@ class SeenSpec(FieldSpec):
 
     @model_validator(mode="after")
     def _field_asked_for(self) -> "SeenSpec":
-        if self.kind == "mesh" and (extra := sorted(self.model_fields_set - {"kind"})):
+        changed = [name for name, each in type(self).model_fields.items() if getattr(self, name) != each.default]
+        if self.kind == "mesh" and (extra := sorted(changed)):
             raise broken(f"expected `kind: field` beside {', '.join(extra)}, got kind mesh", path=("kind",))
         return self
 

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, Tag, model_validator
 
-from dataset_builder.layers import LAYERS
+from dataset_builder.layers import LAYERS, sampled_as
 from dataset_builder.spec.model import Model, broken
 from dataset_builder.spec.numbers import PositiveInt, branches
 
@@ -31,11 +31,6 @@ class ImageSpec(Model):
     """Pixels."""
 
 
-def spp_of(render_pass: str) -> str:
-    """Whose spp a pass takes: light-free passes share one, and so do both ways to `i_s`."""
-    return "first_hit" if render_pass.startswith("first_hit") else render_pass.removesuffix("_clean")
-
-
 def _one_or_many(value: Any) -> str:
     return "|many" if isinstance(value, list | tuple) else "|one"
 
@@ -59,7 +54,7 @@ class SppSpec(Model):
     source: Spp = 64
     """`i_s`."""
     target: Spp = 64
-    """`i_t`, `s`, `spec`."""
+    """`i_t`, `s`, `spec`, `air`, `i_t_empty`, `i_pbr`."""
     rough: Spp = 64
     """`s_prime`."""
 
@@ -72,7 +67,7 @@ class SppSpec(Model):
 
     def parts(self, render_pass: str) -> tuple[int, ...]:
         """The parts that the samples of a pass are taken in, one or more."""
-        spp = getattr(self, spp_of(render_pass))
+        spp = getattr(self, sampled_as(render_pass))
         return spp if isinstance(spp, tuple) else (spp,)
 
     def total(self, render_pass: str) -> int:

@@ -136,6 +136,9 @@ class SceneSpec(Model):
     """A medium that fills the room; clear air if omitted."""
     target: Literal["near", "wall", "floor"] = "floor"
     """Where the target object stands; `near` is `floor`. Things of the scene itself stay where they are."""
+    space: Annotated[float, Field(ge=0, le=100)] = 0.0
+    """Metres of floor on all sides of the target that walls and furniture keep from, to look at it from all round.
+    Furniture that is to stand nearer is left out."""
 
     @model_validator(mode="after")
     def _one_place(self) -> "SceneSpec":

@@ -10,12 +10,13 @@ from zipfile import BadZipFile
 import numpy as np
 
 from dataset_builder.digest import digest
+from dataset_builder.engine.field_tasks import passing_shelf
 from dataset_builder.engine.source import source_digest
 from dataset_builder.files import write_atomic
 from dataset_builder.label.example_label import RenderRecord
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.layers import LAYERS
-from dataset_builder.rendering.backend import renderer_versions
+from dataset_builder.rendering.backend import active, renderer_versions
 from dataset_builder.rendering.examples import Rendered, render_view
 from dataset_builder.rendering.pass_inputs import DIRECT
 from dataset_builder.studies.sampled import rerendered
@@ -33,8 +34,9 @@ PIXELS = ("rendering.examples", "rendering.backend")
 
 
 def render(plan: ExamplePlan, mesh_root: Path) -> Rendered:
-    """One example; `rendering.backend.activate` must have run in this process."""
-    return next(render_view([plan], mesh_root))
+    """One example; `rendering.backend.activate` must have run in this process. Fields that it needs are made and kept
+    as long as the process lives."""
+    return next(render_view([plan], mesh_root, fields=passing_shelf([plan], mesh_root, active())))
 
 
 def timed(plan: ExamplePlan, mesh_root: Path, repeats: int = REPEATS) -> Rendered:

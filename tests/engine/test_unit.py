@@ -43,12 +43,12 @@ def rejected(index: int) -> Rejected:
 def test_rejections_are_remembered_for_the_same_spec_and_versions(tmp_path: Path) -> None:
     first = Rejections(tmp_path, "spec", MADE_BY)
     assert first.known == {}
-    first.add(rejected(1))
-    first.add(rejected(4))
+    first.add([rejected(1)])
+    first.add([rejected(4)])
     assert Rejections(tmp_path, "spec", MADE_BY).known == {"00000001": rejected(1), "00000004": rejected(4)}
     another = Rejections(tmp_path, "another", MADE_BY)
     assert another.known == {}
-    another.add(rejected(7))
+    another.add([rejected(7)])
     assert Rejections(tmp_path, "spec", MADE_BY).known.keys() == {"00000001", "00000004"}
     assert Rejections(tmp_path, "spec", {**MADE_BY, "numpy": "2.1"}).known == {}
 

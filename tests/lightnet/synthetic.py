@@ -70,7 +70,7 @@ def write_synthetic(folder: Path, *, train: int = 6, held_out: int = 3, size: in
     """Write a finished dataset with the splits `train` and `evaluation`; returns its folder.
 
     train, held_out: examples of each split; or, by name, splits. levels: noise levels; neighbouring examples are the
-    levels of one view under one light. layers: those of the paper, `mask_rough`, `s` (S) and `spec`.
+    levels of one view under one light. layers: those of the paper, `mask_rough`, `s`, `spec`, `i_t_empty` and `i_pbr`.
     """
     counts, named = dict[str, range](), {"train": train, "evaluation": held_out} if splits is None else splits
     for name, count in named.items():
@@ -83,7 +83,7 @@ def write_synthetic(folder: Path, *, train: int = 6, held_out: int = 3, size: in
             for number in range(0, len(indices), per_shard):
                 examples = [synthetic_example(index, split, size=size, levels=levels, seed=seed, layers=layers)
                             for index in indices[number:number + per_shard]]
-                indexes.append(_publish(folder, spec, split, number // per_shard, examples))
+                indexes.append(publish(folder, spec, split, number // per_shard, examples))
         publish_dataset(folder, make_manifest(spec, layers=dict(spec.layers), shards=indexes, rejected=(),
                                               spec_digest=digest("synthetic"), generator="formulas"))
         Staging(folder).clear()
@@ -136,7 +136,7 @@ def _light(stream: np.random.Generator) -> Light:
                  direction=direction / np.linalg.norm(direction))
 
 
-def _trace(shape: Shape, camera: CameraPlan, size: int, scale: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def trace(shape: Shape, camera: CameraPlan, size: int, scale: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Mask (H, W, 1), unit normals and places relative to the centre in radii (H, W, 3), means of FINE^2 rays."""
     x, y, z = camera_frame(camera)
     steps = ((np.arange(size * FINE) + 0.5) / (size * FINE) * 2 - 1) * np.tan(np.radians(camera.fov) / 2)
@@ -173,8 +173,8 @@ def _unit_box(origin: np.ndarray, ways: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 def _layers(shape: Shape, camera: CameraPlan, light: Light, *, size: int, sigma: float, look: np.random.Generator,
             noise: np.random.Generator) -> dict[str, np.ndarray]:
-    mask, normal, place = _trace(shape, camera, size, 1.0)
-    mask_rough, swollen, rough_place = _trace(shape, camera, size, SWELLING)
+    mask, normal, place = trace(shape, camera, size, 1.0)
+    mask_rough, swollen, rough_place = trace(shape, camera, size, SWELLING)
     either = (mask > 0) | (mask_rough > 0)
     rough_normal = np.where(mask_rough > 0, swollen, normal) + TILT * sigma * _facets(noise, size)
     rough_normal /= np.linalg.norm(rough_normal, axis=2, keepdims=True)
@@ -183,14 +183,15 @@ def _layers(shape: Shape, camera: CameraPlan, light: Light, *, size: int, sigma:
     d = (np.where(np.sin(11 * place @ look.normal(size=3)) > 0, 1.0, 0.5)[..., None] * look.uniform(0.3, 0.75, 3)
          * covered).astype(np.float32)
     r = (look.uniform(0.03, 0.12) * (1 + 0.5 * place[..., 2:]) * np.ones(3) * covered).astype(np.float32)
-    s = (_shading(normal, place, light, shadow) * covered).astype(np.float32)
-    spec = (r * _glint(normal, camera, light) * covered).astype(np.float32)
+    s = (shading(normal, place, light, shadow) * covered).astype(np.float32)
+    spec = (r * glint(normal, camera, light) * covered).astype(np.float32)
     wall = np.linspace(0.8, 0.3, size)[:, None, None] * np.ones((1, size, 3))
-    dome = 0.75 + 0.25 * normal[..., 2:]
+    dome, behind = 0.75 + 0.25 * normal[..., 2:], wall * light.ambient
+    s_prime = shading(rough_normal, np.where(mask_rough > 0, rough_place, place), light, shadow) * either
     return {"mask": mask, "mask_rough": mask_rough, "d": d, "r": r, "s": s, "spec": spec,
-            "i_t": np.where(covered, d * s + spec, wall * light.ambient),
-            "i_s": np.where(covered, d * dome + 0.8 * r * dome, wall),
-            "s_prime": _shading(rough_normal, np.where(mask_rough > 0, rough_place, place), light, shadow) * either}
+            "i_t": np.where(covered, d * s + spec, behind),
+            "i_t_empty": behind, "i_pbr": np.where(mask_rough > 0, 0.5 * s_prime, behind), "s_prime": s_prime,
+            "i_s": np.where(covered, d * dome + 0.8 * r * dome, wall)}
 
 
 def _facets(noise: np.random.Generator, size: int) -> np.ndarray:
@@ -199,13 +200,13 @@ def _facets(noise: np.random.Generator, size: int) -> np.ndarray:
     return noise.normal(size=(side, side, 3)).repeat(3, 0).repeat(3, 1)[:size, :size]
 
 
-def _shading(normal: np.ndarray, place: np.ndarray, light: Light, shadow: np.ndarray) -> np.ndarray:
+def shading(normal: np.ndarray, place: np.ndarray, light: Light, shadow: np.ndarray) -> np.ndarray:
     """What a white Lambertian surface sends back; a soft shadow lies over one side of the object."""
     lit = 0.3 + 0.7 / (1 + np.exp(-4 * (place @ shadow + 0.4)))
     return light.ambient + np.maximum(normal @ light.direction, 0)[..., None] * lit[..., None] * light.lamp / np.pi
 
 
-def _glint(normal: np.ndarray, camera: CameraPlan, light: Light) -> np.ndarray:
+def glint(normal: np.ndarray, camera: CameraPlan, light: Light) -> np.ndarray:
     """Radiance that a glossy lobe gathers."""
     half = light.direction + camera_frame(camera)[2]
     lobe = np.maximum(normal @ (half / np.linalg.norm(half)), 0) ** GLOSS * (GLOSS + 2) / (2 * np.pi)
@@ -230,7 +231,7 @@ def _spec(layers: Sequence[str], size: int, per_shard: int, names: Sequence[str]
     })
 
 
-def _publish(folder: Path, spec: DatasetSpec, split: str, number: int, examples: Sequence[Example]) -> ShardIndex:
+def publish(folder: Path, spec: DatasetSpec, split: str, number: int, examples: Sequence[Example]) -> ShardIndex:
     staging, staged = Staging(folder), []
     for example in examples:
         name = digest([example.plan.model_dump(mode="json"), __version__])

@@ -48,11 +48,12 @@ def test_the_cost_of_a_view_by_hand(load: Load, dataset_data: dict[str, Any]) ->
 
 @pytest.mark.parametrize("per_shard", [1, 2, 3, 4, 6, 7, 12, 48, 100])
 @pytest.mark.parametrize(("layer", "lights", "levels"), [
-    ("d", 2, 3), ("i_s", 2, 3), ("instance", 2, 3), ("i_t", 2, 3), ("i_t", 1, 3), ("s_prime", 2, 3), ("s_se", 3, 2)])
+    ("d", 2, 3), ("i_s", 2, 3), ("instance", 2, 3), ("i_t", 2, 3), ("i_t", 1, 3), ("s_prime", 2, 3), ("s_se", 3, 2),
+    ("i_t_empty", 2, 3), ("i_pbr", 2, 3)])
 def test_files_per_example_as_counted(layer: str, lights: int, levels: int, per_shard: int) -> None:
     """Over whole periods of views and shards: a file for every pair of a block of equal examples and a shard."""
     count = lights * levels * per_shard
-    block = {"s_prime": 1, "i_t": levels, "s_se": levels}.get(layer, lights * levels)
+    block = {"s_prime": 1, "i_pbr": 1, "i_t": levels, "i_t_empty": levels, "s_se": levels}.get(layer, lights * levels)
     files = len({(example // block, example // per_shard) for example in range(count)})
     assert files_per_example(layer, lights, levels, per_shard) == pytest.approx(files / count)
 
@@ -68,12 +69,14 @@ def test_what_a_view_shares_is_counted_once(load: Load, dataset_data: dict[str, 
 
 def test_what_nobody_asked_for_does_not_run() -> None:
     none = {"source": 0, "source_clean": 0, "target": 0, "rough": 0, "first_hit": 1, "first_hit_rough": 0,
-            "instance": 0}
+            "instance": 0, "pbr": 0, "empty": 0}
     assert pass_runs([("d", "object")], 4, 3) == none
     assert pass_runs([("i_t", "object")], 4, 3) == none | {"target": 4}
     assert pass_runs([("instance", "object")], 4, 3) == none | {"instance": 1}
     assert pass_runs([("mask_rough", "object")], 4, 3)["first_hit_rough"] == 12
     assert pass_runs([("s_prime_se", "object")], 4, 3)["rough"] == 12
+    assert pass_runs([("i_t_empty", "frame")], 4, 3) == none | {"empty": 4}
+    assert pass_runs([("i_pbr", "frame")], 4, 3) == none | {"pbr": 12, "first_hit_rough": 12}
 
 
 def test_masks_and_instances_on_the_frame_leave_the_light_free_passes_at_the_object(
@@ -165,7 +168,7 @@ def test_planning_every_view_leaves_no_error_and_is_the_sum(load: Load) -> None:
     assert astuple(whole.error) == (0, 0, 0, 0, 0)
     assert whole.total.passes == 12 * (1 + 2 + 4 + 1 + 4) + 2 * (1 + 1 + 2 + 1 + 2) == sum(whole.runs.values())
     assert whole.runs == {"source": 14, "source_clean": 0, "target": 26, "rough": 52, "first_hit": 14,
-                          "first_hit_rough": 52, "instance": 0}
+                          "first_hit_rough": 52, "instance": 0, "pbr": 0, "empty": 0}
     by_hand = sum(view_cost(planner.example(ref), 1, 1, 0.4, "float32", RATES).bytes for ref in planner.examples)
     assert whole.total.bytes == pytest.approx(by_hand)
 

@@ -15,7 +15,7 @@ from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.resolve import LoadedSpec
 
 Load = Callable[..., LoadedSpec]
-FIELD = {"kind": "field", "views": 24, "size": 32, "resolution": 24, "steps": 40, "spp": 4}
+FIELD = {"kind": "field", "views": 24, "size": 32, "resolution": 32, "steps": 40, "spp": 4}
 
 
 def seen(data: dict[str, Any], split: int = 1, **source: Any) -> dict[str, Any]:
@@ -48,7 +48,7 @@ def test_the_field_is_the_objects(load: Load, dataset_data: dict[str, Any]) -> N
     one, two = (fields.pop() for fields in by_object.values())
     assert one.seed != two.seed and one.light.lights[1].direction != two.light.lights[1].direction
     assert all(plan.rough.field == plan.field for plan in found)
-    assert {plan.rough.name for plan in found} == {"density-24-24"}
+    assert {plan.rough.name for plan in found} == {"density-24-32"}
     assert all(plan.field.kind == "none" for plan in plans(load, dataset_data, "train"))
 
 

@@ -83,7 +83,8 @@ def test_a_mask_needs_no_light_and_looks_about_the_object_only(plan: Plan, trace
     assert name == "first_hit" and not lit
     assert np.count_nonzero(example.layers["mask"]) <= pixels < 24 * 20
     assert {entry.name: entry.paths for entry in example.record.passes} == {
-        "first_hit": pixels * 16, "first_hit_rough": 0, "source": 0, "target": 0, "rough": 0}
+        "first_hit": pixels * 16, "first_hit_rough": 0, "source": 0, "source_clean": 0, "target": 0, "rough": 0,
+        "empty": 0, "pbr": 0}
 
 
 def test_light_is_traced_on_the_object_only(plan: Plan, traced: list[tuple[str, int, bool]]) -> None:

@@ -18,10 +18,12 @@ from dataset_builder.rendering.pass_inputs import (
 )
 from tests.plans import effects_plan, example_plan
 
-PASSES = ("first_hit", "instance", "source", "target", "first_hit_rough", "rough", "lighting")
-UNDER_TARGET = {"target", "rough", "first_hit_rough", "lighting"}
-LIT = {"source", "target", "rough"}
-LAYERS = tuple((name, "object") for name in ("i_s", "i_t", "s_prime", "d", "mask", "mask_rough", "instance"))
+PASSES = ("first_hit", "instance", "source", "target", "first_hit_rough", "rough", "pbr", "empty", "lighting")
+UNDER_TARGET = {"target", "rough", "pbr", "empty", "first_hit_rough", "lighting"}
+LIT = {"source", "target", "rough", "pbr", "empty"}
+OF_ROUGH = {"first_hit_rough", "rough", "pbr"}
+LAYERS = tuple((name, "object") for name in ("i_s", "i_t", "s_prime", "d", "mask", "mask_rough", "instance",
+                                              "i_t_empty", "i_pbr"))
 Edit = Callable[[ExamplePlan], ExamplePlan]
 
 
@@ -95,14 +97,14 @@ EDITS: dict[str, tuple[Edit, set[str]]] = {
               set(PASSES)),
     "emission": (within("target.object", materials=(MaterialChange(name="*", values=(
         Param(name="emission.0", value=2.0),)),)), set(PASSES)),
-    "noise": (within("rough", sigma=0.02), {"first_hit_rough", "rough"}),
-    "level": (within("rough", level=4), {"first_hit_rough", "rough"}),
+    "noise": (within("rough", sigma=0.02), OF_ROUGH),
+    "level": (within("rough", level=4), OF_ROUGH),
     "steps of noise": (within("rough", steps=(RoughStep(kind="smooth", along="isotropic", values=()),)),
-                       {"first_hit_rough", "rough"}),
+                       OF_ROUGH),
     "name of a level": (within("rough", name="heavy"), set()),
-    "triangles of a scan": (within("rough", coarsen=True), {"first_hit_rough", "rough"}),
-    "noise at the support": (within("rough", above_support=True), {"first_hit_rough", "rough"}),
-    "spp of the target": (within("render", spp_target=128), {"target"}),
+    "triangles of a scan": (within("rough", coarsen=True), OF_ROUGH),
+    "noise at the support": (within("rough", above_support=True), OF_ROUGH),
+    "spp of the target": (within("render", spp_target=128), {"target", "pbr", "empty"}),
     "spp of the light-free passes": (within("render", spp_first_hit=128), {"first_hit", "first_hit_rough", *LIT}),
     "roulette": (within("render", rr_depth=9), LIT | {"lighting"}),
     "target object": (within("target.object", seed="7"), set(PASSES)),

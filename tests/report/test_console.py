@@ -27,7 +27,6 @@ from dataset_builder.report.console import (
     decisions_table,
     duration,
     estimate_table,
-    follow,
     pass_seconds,
     rejected_lines,
 )
@@ -68,20 +67,6 @@ def outcome(index: int, **seconds: float) -> Outcome:
     (27_000, "7 h 30 min"), (100_000, "27 h 46 min")])
 def test_durations(seconds: float, text: str) -> None:
     assert duration(seconds) == text
-
-
-def test_progress_counts_to_what_the_build_wants() -> None:
-    events = [Event(wanted=3), Event(outcomes=(outcome(0), outcome(1))), Event(), Event(outcomes=(outcome(2),))]
-    stream = StringIO()
-    console = Console(file=stream, width=120, force_terminal=True)
-    assert list(follow(events, console)) == events
-    assert "3/3" in stream.getvalue()
-
-
-def test_progress_of_nothing() -> None:
-    stream = StringIO()
-    assert list(follow([Event(wanted=0)], Console(file=stream, width=120, force_terminal=True))) == [Event(wanted=0)]
-    assert "0/0" in stream.getvalue()
 
 
 def test_what_a_build_made(small_dataset: Path) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from dataset_builder.assets.file_model import FileModel, counted, refuse, unique
 from dataset_builder.assets.mesh_file import checked_references, file_named, left_out_of, scaled_world
-from dataset_builder.assets.readers import field_mesh, obj, off, ply, stl
+from dataset_builder.assets.readers import obj, off, own_field, ply, stl
 from dataset_builder.assets.scene_model import SceneModel, SceneThing
 from dataset_builder.assets.scene_readers.gltf_scene import read_gltf_scene
 from dataset_builder.assets.scene_readers.roles import classified, is_building
@@ -24,7 +24,7 @@ from dataset_builder.spec.mesh_source import FIELD_SUFFIX, splat_hint
 
 GLTF = (".glb", ".gltf")
 WHOLE: dict[str, Callable[[Path, int], FileModel]] = {
-    ".obj": obj.read, ".ply": ply.read, ".stl": stl.read, ".off": off.read, FIELD_SUFFIX: field_mesh.read}
+    ".obj": obj.read, ".ply": ply.read, ".stl": stl.read, ".off": off.read, FIELD_SUFFIX: own_field.read}
 """What reads the formats without a hierarchy."""
 MESH_SCENES = (*GLTF, *WHOLE)
 """Suffixes of mesh files that are read as scenes."""

@@ -14,6 +14,7 @@ from dataset_builder.label.example_label import ExampleLabel
 from dataset_builder.lightnet.data.assemble import ExamplePart, lighting_of, whole
 from dataset_builder.lightnet.data.batch import Batch
 from dataset_builder.lightnet.data.ranges import target_exposure
+from dataset_builder.lightnet.data.truth import problem_of
 from dataset_builder.lightnet.settings import DataSpec
 from dataset_builder.shards.reader import load_manifest, open_dataset
 
@@ -131,10 +132,8 @@ def require(folder: Path, split: str) -> None:
     """Raise UserError where a dataset lacks a layer to train on, or the split."""
     manifest = load_manifest(folder)
     layers, splits = [layer.name for layer in manifest.layers], [one.name for one in manifest.splits]
-    problems = []
-    if missing := [name for name in LAYERS if name not in layers]:
-        rule = f"expected {', '.join(LAYERS)} to train on, the dataset has no {', '.join(missing)}"
-        problems.append(Problem(where=str(folder), path="layers", rule=rule, hint="build it with these layers"))
+    lacking = problem_of(str(folder), layers, LAYERS, "train on and to measure by")
+    problems = [lacking] if lacking else []
     if split not in splits:
         rule = f"expected {split or 'one to measure on'}, got {', '.join(splits)}"
         problems.append(Problem(where=str(folder), path="splits", rule=rule,

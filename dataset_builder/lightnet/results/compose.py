@@ -1,7 +1,8 @@
 """A predicted object put back into its scene: I_R = I_PBR (1 - M) + M I_t, in linear, scene-referred light.
 
 I_PBR is a frame of the whole scene, with the rough mesh or whatever else stands in the object's place: what M covers of
-it does not matter, its shadows on the rest do. I_t is the prediction divided by the exposure that it was made at; where
+it does not matter, its shadows on the rest do, and what shows of it at the rim is made good where the scene is known
+without it, see `surround`. I_t is the prediction divided by the exposure that it was made at; where
 a network says light below 0, it is 0.
 
 A prediction covers M but for its rim: pixels of which the object has too small a share to count as inside, and pixels
@@ -24,6 +25,7 @@ from dataset_builder.lightnet.methods.method import predict
 from dataset_builder.lightnet.results.compose_input import ComposeInput
 from dataset_builder.lightnet.results.inpaint import fill
 from dataset_builder.lightnet.results.pictures import light
+from dataset_builder.lightnet.results.surround import surround
 
 NEEDS_SH = ("dpr", "ssvbrdf")
 """Methods that are told the scene's light as spherical harmonics."""
@@ -35,6 +37,8 @@ class Composite:
 
     picture: np.ndarray
     """(H, W, 3) scene-referred light."""
+    background: np.ndarray
+    """(H, W, 3) likewise, what the object was put into."""
     i_t: np.ndarray
     """(H, W, 3) likewise, the object alone, rim filled, 0 elsewhere."""
     predicted: np.ndarray
@@ -45,12 +49,13 @@ class Composite:
     """Factor to network range, and of the pictures for people."""
 
 
-def compose(trained: Trained, frame: ComposeInput) -> Composite:
-    """Predict the object of a frame and put it into its background.
+def compose(trained: Trained, frame: ComposeInput, *, shadow: bool = True) -> Composite:
+    """Predict the object of a frame and put it into what `surround` says is about it.
 
-    Raises UserError where the method needs what the frame has not, where M has no pixel inside, or where the rough mesh
-    is nowhere inside M.
+    Raises UserError where the method needs what the frame has not, where M has no pixel inside, where the rough mesh is
+    nowhere inside M, and as `surround` does.
     """
+    background = surround(frame, shadow=shadow)
     data = trained.spec.data
     if trained.name in NEEDS_SH and frame.lighting is None:
         raise _wrong(frame, f"expected a method that uses S', got {trained.name}, which needs the scene's light as "
@@ -66,7 +71,7 @@ def compose(trained: Trained, frame: ComposeInput) -> Composite:
     known, wanted = inside & covered, frame.mask[..., 0] > 0
     exposed = with_rim(predicted, known, wanted & ~known)
     i_t = np.where(wanted[..., None], exposed / np.float32(exposure), np.float32(0))
-    return Composite(picture=blend(frame.background, i_t, frame.mask), i_t=i_t, predicted=known,
+    return Composite(picture=blend(background, i_t, frame.mask), background=background, i_t=i_t, predicted=known,
                      filled=wanted & ~known, exposure=exposure)
 
 
@@ -97,7 +102,7 @@ def panels(frame: ComposeInput, composite: Composite) -> dict[str, np.ndarray]:
     """(H, W, 3) uint8 pictures by heading: what goes in, what comes out, mapped as networks see them."""
     mask = frame.mask
     shown = {"I_s M": frame.i_s * mask, "S' M": frame.s_prime * composite.exposure * mask,
-             "I_t": composite.i_t * composite.exposure * mask, "I_PBR": frame.background * composite.exposure,
+             "I_t": composite.i_t * composite.exposure * mask, "I_PBR": composite.background * composite.exposure,
              "I_R": composite.picture * composite.exposure}
     return {heading: light(_tensor(linear.astype(np.float32))) for heading, linear in shown.items()}
 

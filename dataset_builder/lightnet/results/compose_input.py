@@ -11,10 +11,14 @@ from dataset_builder.lightnet.data.assemble import lighting_of
 from dataset_builder.shards import exr
 from dataset_builder.shards.reader import Dataset, load_manifest, open_dataset
 
-NEEDED = ("i_s", "s_prime", "mask", "i_t")
-WANTED = "mask_rough"
-"""Read where a dataset has it."""
-PARTS = {"i_s": 3, "s_prime": 3, "mask": 1, "background": 3, "mask_rough": 1}
+NEEDED = ("i_s", "s_prime")
+MASKS = ("mask", "mask_field", "mask_rough")
+"""Layers that say M, the first that a dataset has."""
+FRAMES = ("i_pbr", "i_t")
+"""Layers that show the scene with something in the object's place, the first that a dataset has on the frame."""
+EMPTY, ROUGH = "i_t_empty", "mask_rough"
+"""Read where a dataset has them."""
+PARTS = {"i_s": 3, "s_prime": 3, "mask": 1, "background": 3, "empty": 3, "mask_rough": 1}
 """Pictures of a frame, and their channels."""
 
 
@@ -29,8 +33,10 @@ class ComposeInput:
     """Raw lighting of its rough mesh in the scene."""
     mask: np.ndarray
     """Share of the pixel that the object covers."""
-    background: np.ndarray
+    background: np.ndarray | None = None
     """The whole scene, I_PBR."""
+    empty: np.ndarray | None = None
+    """The scene without the object; there is this, or the background, or both."""
     mask_rough: np.ndarray | None = None
     """The mask of the rough mesh, if it is known."""
     lighting: np.ndarray | None = None
@@ -39,11 +45,13 @@ class ComposeInput:
     """Sources of the parts by name, for messages."""
 
     def __post_init__(self) -> None:
-        """Raises UserError with all that is wrong: sizes, values that are not finite, masks beyond [0, 1]."""
+        """Raises UserError with all that is wrong: sizes, values that are not finite, masks beyond [0, 1], no scene."""
         parts = {name: getattr(self, name) for name in PARTS if getattr(self, name) is not None}
         if problems := [self._problem(name, rule) for name, part in parts.items()
                         if (rule := _broken(name, part, self.i_s.shape[:2]))]:
             raise UserError(problems)
+        if self.background is None and self.empty is None:
+            raise UserError([self._problem("background", "expected a frame of the scene, got none")])
 
     def _problem(self, name: str, rule: str) -> Problem:
         if name in self.files:
@@ -52,7 +60,7 @@ class ComposeInput:
 
 
 def input_from_files(paths: Mapping[str, Path]) -> ComposeInput:
-    """The frame of EXR files by part, `mask_rough` optional. Raises UserError where one does not read or fit.
+    """The frame of EXR files by part, as many as there are. Raises UserError where one does not read or fit.
 
     Colours need the channels R, G, B; a mask has Y, or R, G, B that are all the same.
     """
@@ -65,28 +73,38 @@ def input_from_files(paths: Mapping[str, Path]) -> ComposeInput:
 
 
 def input_from_dataset(folder: Path, *, key: str = "", split: str = "", index: int = 0) -> ComposeInput:
-    """The frame of an example, by its key, or by its place in a split: I_PBR is its `i_t`.
+    """The frame of an example, by its key, or by its place in a split: I_PBR is its `i_pbr`, or else its `i_t`.
 
-    That shows the clean mesh where the paper's I_PBR shows the rough one; around the object the two differ by its
-    shadow's outline alone. Raises UserError where there is no such example, or where layers are missing or `i_t` is of
-    the object only.
+    The latter shows the clean mesh where the paper's I_PBR shows the rough one; around the object the two differ by its
+    shadow's outline alone. Captures have no `i_t`. Raises UserError where there is no such example, or where layers are
+    missing or none shows the scene around the object.
     """
-    dataset = open_dataset(folder, layers=_layers(folder))
+    parts = _layers_of_parts(folder)
+    dataset = open_dataset(folder, layers=list(dict.fromkeys(parts.values())))
     chosen = _key(dataset, folder, key, split, index)
     example = dataset[chosen]
-    return ComposeInput(name=f"{folder}, example {chosen}", i_s=example["i_s"], s_prime=example["s_prime"],
-                        mask=example["mask"], background=example["i_t"], mask_rough=example.get(WANTED),
-                        lighting=lighting_of(dataset.label(chosen)))
+    return ComposeInput(name=f"{folder}, example {chosen}", lighting=lighting_of(dataset.label(chosen)),
+                        **{part: example[layer] for part, layer in parts.items()})
 
 
-def _layers(folder: Path) -> list[str]:
-    records = {layer.name: layer for layer in load_manifest(folder).layers}
-    if missing := [name for name in NEEDED if name not in records]:
-        raise _wrong(folder, "layers", f"expected {', '.join(NEEDED)}, {', '.join(missing)} missing")
-    if records["i_t"].extent != "frame":
-        raise _wrong(folder, "layers.i_t", "expected the extent frame, since the scene around the object is needed, "
-                     f"got {records['i_t'].extent}", "build with --set layers.i_t=frame")
-    return [*NEEDED, *([WANTED] if WANTED in records else [])]
+def _layers_of_parts(folder: Path) -> dict[str, str]:
+    """The layer that each part of a frame is read from."""
+    extents = {layer.name: layer.extent for layer in load_manifest(folder).layers}
+    missing = [name for name in NEEDED if name not in extents]
+    masks = [name for name in MASKS if name in extents]
+    frames = [name for name in (*FRAMES, EMPTY) if name in extents]
+    missing += ([] if masks else [" or ".join(MASKS)]) + ([] if frames else [" or ".join((*FRAMES, EMPTY))])
+    if missing:
+        raise _wrong(folder, "layers", f"expected {', '.join(NEEDED)}, a mask and a frame of the scene, "
+                     f"{', '.join(missing)} missing")
+    whole = [name for name in frames if extents[name] == "frame"]
+    if not whole:
+        raise _wrong(folder, f"layers.{frames[0]}", "expected the extent frame, since the scene around the object is "
+                     f"needed, got {extents[frames[0]]}", f"build with --set layers.{frames[0]}=frame")
+    parts = {**{name: name for name in NEEDED}, "mask": masks[0]}
+    parts |= {"background": whole[0]} if whole[0] != EMPTY else {}
+    parts |= {"empty": EMPTY} if EMPTY in whole else {}
+    return parts | ({ROUGH: ROUGH} if ROUGH in extents else {})
 
 
 def _key(dataset: Dataset, folder: Path, key: str, split: str, index: int) -> str:

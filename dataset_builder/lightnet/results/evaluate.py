@@ -99,16 +99,16 @@ def evaluate(contenders: Sequence[Contender], dataset: LightingDataset, indices:
             moved = batch.to(one.device)
             if one.trained and index == indices[0]:
                 one.find(moved)
-            yield row(one, moved, dataset.label(index).plan)
+            yield row(one, moved, dataset.label(index).plan)[0]
 
 
-def row(one: Contender, batch: Batch, plan: ExamplePlan) -> ScoreRow:
-    """The row of one example: a batch of one, on the contender's device, and its plan."""
+def row(one: Contender, batch: Batch, plan: ExamplePlan) -> tuple[ScoreRow, Prediction]:
+    """The row of one example and what was predicted: a batch of one, on the contender's device, and its plan."""
     prediction, seconds = timed(one, batch)
     metrics, = measure(prediction.i_t, batch.truth.i_t, batch.inputs.inside)
     return ScoreRow(method=one.name, key=batch.keys[0], view=plan.view, object=plan.target.object.name,
                     room=plan.room.name, level=plan.rough.level, sigma=plan.rough.sigma, metrics=metrics,
-                    seconds=seconds)
+                    seconds=seconds), prediction
 
 
 def timed(one: Contender, batch: Batch) -> tuple[Prediction, float]:

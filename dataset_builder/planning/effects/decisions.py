@@ -12,7 +12,7 @@ from dataset_builder.errors import PlanError, Problem
 from dataset_builder.label.example_plan import Decision, EffectsPlan, Feature, PassEffects, RenderPlan
 from dataset_builder.label.field_plan import FieldPlan
 from dataset_builder.label.scene_plan import FogPlan, IlluminationPlan, PlacedObject, PortalPlan, RoomPlan, Vector
-from dataset_builder.layers import EVERYWHERE, LAYERS, PASSES, Extent
+from dataset_builder.layers import ALIKE, EVERYWHERE, LAYERS, LIT, PASSES, Extent
 from dataset_builder.planning.effects.caustics_told import throws_caustics, told
 from dataset_builder.planning.effects.daylight_choice import daylight
 from dataset_builder.planning.effects.features import scene_features
@@ -37,7 +37,6 @@ REPEATS = 2
 """Independent renders of such an example as the dataset asks: their products hold the bias without the noise."""
 MASKS = {"3dm": ("mask",), "r3dm": ("mask", "mask_rough")}
 """By geometry: where a layer of extent `object` lives is where any of these is above 0."""
-LIT = ("source", "source_clean", "target", "rough")
 
 
 def guides_of(name: str) -> tuple[str, ...]:
@@ -94,7 +93,8 @@ def plan_effects(*, spec: RenderSpec, room: RoomPlan, shell: Shell, diagonal: fl
     them. Raises PlanError where a mesh file is not the one that was planned, and where no light of a pass that runs can
     reach the object.
     """
-    light = {"source": source_light, "source_clean": source_light, "target": target_light, "rough": target_light}
+    light: dict[str, IlluminationPlan] = {name: source_light if name.startswith("source") else target_light
+                                          for name in LIT}
     seen = {"source"} if field.kind != "none" else set()
     _require_light(shell, target.position, light, [name for name in LIT if _runs(render, name) and name not in seen],
                    where)
@@ -174,8 +174,8 @@ def _asked(render: RenderPlan, name: str) -> dict[str, str]:
 
 def _runs(render: RenderPlan, name: str) -> bool:
     """The first pass always runs: it finds the object's pixels; the rough one finds those of S'."""
-    needed = name == "first_hit" or (name == "first_hit_rough" and bool(_asked(render, "rough")))
-    return needed or bool(_asked(render, name))
+    rough = name == "first_hit_rough" and bool(_asked(render, "rough") or _asked(render, "pbr"))
+    return name == "first_hit" or rough or bool(_asked(render, name))
 
 
 def _extent(render: RenderPlan, name: str) -> tuple[str, str]:
@@ -188,6 +188,8 @@ def _extent(render: RenderPlan, name: str) -> tuple[str, str]:
               if extent == "frame" and layer not in EVERYWHERE and LAYERS[layer].render_pass == name]
     if guides:
         return "frame", f"guides what is denoised on the whole frame: {', '.join(guides)}"
+    if asked and name in ALIKE[1:] and _runs(render, ALIKE[0]) and _extent(render, ALIKE[0])[0] == "frame":
+        return "frame", "as the pass target, whose random numbers it shares pixel by pixel"
     if asked:
         return "object", f"requested on the object only: {', '.join(asked)}"
     why = "none of its layers is requested"

@@ -114,12 +114,12 @@ def arrange(pair: PairRef, loaded: LoadedSpec, split: SplitContents) -> Arrangem
               for piece in scene.furniture]
     if staged.placed is None:
         target = _piece(staged.target, scene.target, mesh_root, partial(rng, seed, *pair.path, "target", "position"))
-        layout = lay_out(target, pieces, shell)
+        layout = lay_out(target, pieces, shell, scene.space)
         placed, poses, notes = _placed(staged.target, layout.target, TARGET_INSTANCE), layout.furniture, layout.notes
     else:
         placed = staged.placed
         box = footprint(extent_of(asset_of(placed.object, mesh_root)), placed.position, placed.yaw)
-        poses, notes = furnish(box, pieces, shell)
+        poses, notes = furnish(box, pieces, shell, scene.space)
     standing = [(piece.object, pose) for piece, pose in zip(scene.furniture, poses, strict=True) if pose]
     first = FURNITURE_INSTANCE + sum(part.part == "furniture" for part in around)
     furniture = tuple(_placed(plan, pose, first + k) for k, (plan, pose) in enumerate(standing))

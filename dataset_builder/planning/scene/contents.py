@@ -46,6 +46,8 @@ class ScenePlan:
     room: RoomPlan
     furniture: tuple[PiecePlan, ...]
     target: Place
+    space: float = 0.0
+    """Metres of free floor about the target."""
     fog: FogPlan = CLEAR_AIR
     number: int
     """Counts the scenes of the split."""
@@ -144,7 +146,7 @@ def _scene_plan(loaded: LoadedSpec, split: str, index: int, key: str, things: Th
     name = f"{split}-room-{index:02d}"
     room = (_file_room(loaded, spec.file, key, name, things) if spec.file is not None else
             room_plan(loaded.rooms[str(spec.room)], name, seed, (*path, "room")))
-    return ScenePlan(room=room, furniture=tuple(pieces), target=spec.target,
+    return ScenePlan(room=room, furniture=tuple(pieces), target=spec.target, space=spec.space,
                      fog=fog_plan(spec.fog, seed, (*path, "fog")), number=index, key=key, file=spec.file)
 
 

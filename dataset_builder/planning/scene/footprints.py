@@ -1,6 +1,6 @@
 """Footprints: oriented rectangles with a height interval, which is all that layout knows of what stands in a scene."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import cos, radians, sin
 
 import numpy as np
@@ -49,6 +49,10 @@ class Footprint:
     def reach(self, direction: np.ndarray) -> float:
         """Half the rectangle's width along a unit `direction` (2,): its support function about the centre."""
         return float(np.abs(self.axes @ direction) @ np.asarray(self.half))
+
+    def grown(self, gap: float) -> "Footprint":
+        """The same box, `gap` metres further on all four sides."""
+        return replace(self, half=(self.half[0] + gap, self.half[1] + gap)) if gap else self
 
     def corners(self) -> np.ndarray:
         """(4, 2) corners, counter-clockwise."""

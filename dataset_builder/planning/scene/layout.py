@@ -68,8 +68,9 @@ def _drawn(piece: Piece, shell: Shell, rng: np.random.Generator) -> Pose | None:
     return (shell.at_wall if piece.place == "wall" else shell.on_floor)(piece.extent, rng)
 
 
-def place_target(piece: Piece, shell: Shell) -> Pose:
-    """Pose of the target, `near` meaning `floor`. Its front is kept from the walls in the first half of the redraws.
+def place_target(piece: Piece, shell: Shell, space: float = 0.0) -> Pose:
+    """Pose of the target, `near` meaning `floor`, with `space` metres of floor on all its sides. Its front is kept from
+    the walls in the first half of the redraws.
 
     Raises PlanError, with both sizes, where the target does not fit, and where the scene has no floor.
     """
@@ -80,11 +81,12 @@ def place_target(piece: Piece, shell: Shell) -> Pose:
             continue
         box = footprint(piece.extent, *pose)
         free = attempt >= ATTEMPTS // 2 or shell.holds(front_zone(box))
-        if free and shell.holds(box):
+        if free and shell.holds(box.grown(space)):
             return pose
     size = " x ".join(f"{length:.2f}" for length in piece.extent.size)
-    rule = (f"expected the target to fit in the {shell.noun}, got an object of {size} m in {shell.said} ({ATTEMPTS} "
-            "positions drawn)")
+    about = f" with {space:g} m of free floor about it" if space else ""
+    rule = (f"expected the target to fit in the {shell.noun}, got an object of {size} m{about} in {shell.said} "
+            f"({ATTEMPTS} positions drawn)")
     raise PlanError([Problem(where="", path=f"{piece.name} in {shell.name}", rule=rule, hint=shell.larger)])
 
 
@@ -107,21 +109,22 @@ def _place_piece(piece: Piece, target: Footprint, others: Sequence[Footprint], s
     return None
 
 
-def lay_out(target: Piece, furniture: Sequence[Piece], shell: Shell) -> Layout:
-    """Place the target, then furniture as `furnish` does.
+def lay_out(target: Piece, furniture: Sequence[Piece], shell: Shell, space: float = 0.0) -> Layout:
+    """Place the target with `space` metres of floor about it, then furniture as `furnish` does.
 
     Raises PlanError where the target itself does not fit, and where something needs a floor and there is none.
     """
-    pose = place_target(target, shell)
-    poses, notes = furnish(footprint(target.extent, *pose), furniture, shell)
+    pose = place_target(target, shell, space)
+    poses, notes = furnish(footprint(target.extent, *pose), furniture, shell, space)
     return Layout(target=pose, furniture=poses, notes=notes)
 
 
-def furnish(target: Footprint, furniture: Sequence[Piece], shell: Shell) \
+def furnish(target: Footprint, furniture: Sequence[Piece], shell: Shell, space: float = 0.0) \
         -> tuple[tuple[Pose | None, ...], tuple[str, ...]]:
     """Poses of furniture about a target that stands, None for what did not fit, and notes that tell of that: first what
-    goes near it, then along walls, then on the floor. Raises PlanError where the scene has no floor."""
-    boxes, poses, notes = [target], dict[int, Pose](), list[str]()
+    goes near it, then along walls, then on the floor; none within `space` metres of it. Raises PlanError where the
+    scene has no floor."""
+    boxes, poses, notes = [target.grown(space)], dict[int, Pose](), list[str]()
     order = sorted(range(len(furniture)), key=lambda k: ("near", "wall", "floor").index(furniture[k].place))
     for k in order:
         piece = furniture[k]

@@ -13,7 +13,7 @@ from dataset_builder.label.scene_plan import CameraPlan, Vector
 from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.planning.view.camera_misses import Cause, Miss, explained, noted
 from dataset_builder.planning.view.visibility import Sight, look, silhouette_area
-from dataset_builder.spec.dataset import CameraSpec
+from dataset_builder.spec.camera import CameraSpec
 from dataset_builder.spec.numbers import draw
 from dataset_builder.spec.render import ImageSpec
 
@@ -56,8 +56,12 @@ class _Draw:
     @property
     def distance(self) -> float:
         """Where the silhouette covers as much of the frame as wanted, perspective aside."""
-        return sqrt(self.area / (self.wanted * 4 * tan(radians(self.fov) / 2) ** 2
-                                 * (self.image.height / self.image.width)))
+        return distance_for(self.area, self.wanted, self.fov, self.image)
+
+
+def distance_for(area: float, coverage: float, fov: float, image: ImageSpec) -> float:
+    """Metres at which a silhouette of `area` square metres has that share of the frame, perspective aside."""
+    return sqrt(area / (coverage * 4 * tan(radians(fov) / 2) ** 2 * (image.height / image.width)))
 
 
 def towards(azimuth: float, elevation: float) -> np.ndarray:
@@ -109,8 +113,8 @@ def _draw_in_room(arrangement: Arrangement, spec: CameraSpec, image: ImageSpec,
     return drawn
 
 
-def _frame(arrangement: Arrangement, spec: CameraSpec, drawn: _Draw) -> Pinhole | Miss:
-    """The drawn camera at the distance where the object's silhouette has the wanted size; must be in the room."""
+def _frame(arrangement: Arrangement, drawn: _Draw) -> Pinhole:
+    """The drawn camera at the distance where the object's silhouette has the wanted size."""
 
     def at(distance: float) -> Pinhole:
         return Pinhole(position=arrangement.centre + drawn.direction * distance, target=drawn.aim, fov=drawn.fov,
@@ -118,10 +122,7 @@ def _frame(arrangement: Arrangement, spec: CameraSpec, drawn: _Draw) -> Pinhole 
 
     distance = drawn.distance
     distance *= sqrt(min(max(look(arrangement, at(distance)).solid / drawn.wanted, 0.25), 4.0))
-    frame = at(distance)
-    if inside(arrangement, frame.position, clearance_of(arrangement, spec)):
-        return frame
-    return Miss(reason="room", figure=distance, cause=_cause(arrangement, spec, frame.position, "bounds"))
+    return at(distance)
 
 
 def _cause(arrangement: Arrangement, spec: CameraSpec, position: np.ndarray, inner: Cause) -> Cause:
@@ -154,10 +155,12 @@ def judged(spec: CameraSpec, sight: Sight) -> Miss | None:
     return Miss(reason="coverage", figure=sight.coverage, cause="coverage")
 
 
-def _try(arrangement: Arrangement, spec: CameraSpec, drawn: _Draw | Miss) -> tuple[CameraPlan, Sight] | Miss:
-    frame = drawn if isinstance(drawn, Miss) else _frame(arrangement, spec, drawn)
-    if isinstance(frame, Miss):
-        return frame
+def seen_from(arrangement: Arrangement, spec: CameraSpec, frame: Pinhole) -> tuple[CameraPlan, Sight] | Miss:
+    """The camera of a frame and what it sees of the target; or why it will not do: it must be in the room, clear of
+    surfaces, and see the target as the spec asks."""
+    if not inside(arrangement, frame.position, clearance_of(arrangement, spec)):
+        away = float(np.linalg.norm(frame.position - arrangement.centre))
+        return Miss(reason="room", figure=away, cause=_cause(arrangement, spec, frame.position, "bounds"))
     sight = look(arrangement, frame)
     if miss := _judge(arrangement, spec, frame, sight):
         return miss
@@ -175,7 +178,8 @@ def place_camera(arrangement: Arrangement, spec: CameraSpec, image: ImageSpec, r
     """
     misses = list[Miss]()
     for attempt in range(spec.attempts):
-        found = _try(arrangement, spec, _draw_in_room(arrangement, spec, image, rng))
+        drawn = _draw_in_room(arrangement, spec, image, rng)
+        found = drawn if isinstance(drawn, Miss) else seen_from(arrangement, spec, _frame(arrangement, drawn))
         if not isinstance(found, Miss):
             note = f"camera: draw {attempt + 1} of at most {spec.attempts}; {noted(misses)}".rstrip("; ")
             return PlannedCamera(camera=found[0], sight=found[1], note=note)

@@ -8,7 +8,7 @@ import numpy as np
 
 from dataset_builder.assets.scene_model import SceneLight
 from dataset_builder.errors import PlanError, Problem
-from dataset_builder.label.scene_plan import CameraPlan, IlluminationPlan, LightPlan
+from dataset_builder.label.scene_plan import IlluminationPlan, LightPlan
 from dataset_builder.light_kinds import LIGHT_KINDS, LightName
 from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.planning.view.cameras import inside, towards, vector
@@ -23,16 +23,15 @@ from dataset_builder.planning.view.daylight import (
     weighed,
 )
 from dataset_builder.planning.view.emission import LUMINANCE, colour, direct_irradiance, facing_irradiance
+from dataset_builder.planning.view.lit_view import LitView
 from dataset_builder.planning.view.own_lights import one_dome
 from dataset_builder.planning.view.visibility import Sight
 from dataset_builder.spec.light import SourceSpec, TargetSpec
 from dataset_builder.spec.numbers import draw
 from dataset_builder.spread import spaced
 
-__all__ = ["Exposure", "LitView", "expose", "sky_share", "source_light", "target_light", "unit_irradiance"]
+__all__ = ["Exposure", "expose", "sky_share", "source_light", "target_light", "unit_irradiance"]
 
-LIT_SHARE = 0.5
-"""Least share of the visible points that must get direct light from a target light."""
 MIN_CLEARANCE = 0.02
 """Metres between surfaces and a light without extent."""
 MAX_POINTS = 192
@@ -100,12 +99,14 @@ def _in_the_way(light: LightPlan, camera: np.ndarray, points: np.ndarray) -> boo
     return bool((np.linalg.norm(to_light - share[:, None] * along, axis=1) < light.size).any())
 
 
-def _stands_free(arrangement: Arrangement, light: LightPlan, camera: np.ndarray, points: np.ndarray) -> bool:
-    """Whether an emitter is in the room or scene, clear of surfaces by its size, and not in the camera's way."""
+def _stands_free(view: LitView, light: LightPlan) -> bool:
+    """Whether an emitter is in the room or scene, clear of surfaces by its size, and in no camera's way."""
     position, clearance = np.asarray(light.position), max(light.size, MIN_CLEARANCE)
-    if not inside(arrangement, position, clearance) or _in_the_way(light, camera, points):
+    if not inside(view.arrangement, position, clearance):
         return False
-    return float(arrangement.surfaces.distance(position[None])[0]) >= clearance
+    if any(_in_the_way(light, np.asarray(camera.position), view.sight.points) for camera in view.cameras):
+        return False
+    return float(view.arrangement.surfaces.distance(position[None])[0]) >= clearance
 
 
 def expose(arrangement: Arrangement, sight: Sight, lights: Sequence[LightPlan], unit: float, sky: float, *,
@@ -134,7 +135,7 @@ def _unhindered(arrangement: Arrangement, light: LightPlan, points: np.ndarray) 
     return ~arrangement.everything.occluded(points, np.broadcast_to(light.position, points.shape))
 
 
-def weighed_outside(view: "LitView", light: LightPlan) -> LightPlan:
+def weighed_outside(view: LitView, light: LightPlan) -> LightPlan:
     """A light outside, weighed by what of it reaches the visible part of the object."""
     if LIGHT_KINDS[light.kind].all_round:
         return weighed(light, view.sky)
@@ -142,13 +143,11 @@ def weighed_outside(view: "LitView", light: LightPlan) -> LightPlan:
     return weighed(light, found.mean)
 
 
-def _place_all(arrangement: Arrangement, spec: TargetSpec, emitters: Sequence[_Emitter], irradiance: float,
-               camera: np.ndarray, points: np.ndarray) -> list[LightPlan] | None:
-    lights = []
+def _place_all(view: LitView, spec: TargetSpec, emitters: Sequence[_Emitter]) -> list[LightPlan] | None:
+    lights, irradiance = [], view.unit / len(emitters)
     for emitter in emitters:
-        draws = (_candidate(arrangement, spec, emitter, irradiance) for _ in range(spec.attempts))
-        if (found := next((light for light in draws if _stands_free(arrangement, light, camera, points)),
-                          None)) is None:
+        draws = (_candidate(view.arrangement, spec, emitter, irradiance) for _ in range(spec.attempts))
+        if (found := next((light for light in draws if _stands_free(view, light)), None)) is None:
             return None
         lights.append(found)
     return lights
@@ -173,20 +172,6 @@ def _refuse(where: str, rule: str, hint: str) -> PlanError:
     return PlanError([Problem(where=where, path="target", rule=rule, hint=hint)])
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class LitView:
-    """What target lights are planned for."""
-
-    arrangement: Arrangement
-    camera: CameraPlan
-    sight: Sight
-    """What the camera sees."""
-    unit: float
-    """The source's irradiance."""
-    sky: float
-    """Share of a dome's irradiance that arrives, see `sky_share`."""
-
-
 def target_light(view: LitView, spec: TargetSpec, stream: Stream, where: str, root: Path = Path(),
                  own: Sequence[SceneLight] = ()) -> tuple[IlluminationPlan, str]:
     """Target lights for a view, and a note on how they were found. root: folder of the dataset file. own: lights that
@@ -194,7 +179,7 @@ def target_light(view: LitView, spec: TargetSpec, stream: Stream, where: str, ro
 
     Each of n lights sends 1/n of its drawn strength, so that energy does not grow with their number. Positions are
     redrawn, at most `spec.attempts` times, until the mean direct irradiance on the visible part is within
-    `spec.brightness` and at least LIT_SHARE of it is reached. Light from outside counts where it gets in, and is
+    `spec.brightness` and at least `view.least_lit` of it is reached. Light from outside counts where it gets in, and is
     weighed by that. Raises PlanError where no draw is right, no light is drawn, or an image cannot be read.
     """
     count = round(draw(spec.lights, stream("count")))
@@ -206,32 +191,30 @@ def target_light(view: LitView, spec: TargetSpec, stream: Stream, where: str, ro
     emitters = _emitters(spec, count, stream, root)
     means, lits = list[float](), list[float]()
     for attempt in range(spec.attempts):
-        lights = _place_all(view.arrangement, spec, emitters, view.unit / count, np.asarray(view.camera.position),
-                            view.sight.points)
-        if lights is None:
+        if (lights := _place_all(view, spec, emitters)) is None:
             break
         shown = expose(view.arrangement, view.sight, (*lights, *others), view.unit, view.sky)
-        if spec.brightness[0] <= shown.mean <= spec.brightness[1] and shown.lit >= LIT_SHARE:
+        if spec.brightness[0] <= shown.mean <= spec.brightness[1] and shown.lit >= view.least_lit:
             note = f"target light: draw {attempt + 1}, direct irradiance {shown.mean:.2f}, reaches {shown.lit:.0%}"
             note = "; ".join((note, *merged))
             return IlluminationPlan(lights=(*lights, *others), open=()), note
         means.append(shown.mean)
         lits.append(shown.lit)
-    raise _refuse(where, *_why_not(spec, count, means, lits, view.arrangement.shell.noun))
+    raise _refuse(where, *_why_not(spec, count, means, lits, view))
 
 
-def _why_not(spec: TargetSpec, count: int, means: list[float], lits: list[float], noun: str) -> tuple[str, str]:
-    """Rule and hint for lights that could not be placed, or that left the object black or blown out. noun: what they
-    have to be in."""
+def _why_not(spec: TargetSpec, count: int, means: list[float], lits: list[float], view: LitView) -> tuple[str, str]:
+    """Rule and hint for lights that could not be placed, or that left the object black or blown out."""
     if not means:
+        cameras = f"any of {len(view.cameras)} cameras" if len(view.cameras) > 1 else "the camera"
         return (f"expected a free place for a light within target.distance, got none in {spec.attempts} draws (in the "
-                f"{noun}, clear of surfaces by its size, not in front of the camera)",
+                f"{view.arrangement.shell.noun}, clear of surfaces by its size, not in front of {cameras})",
                 "lower target.distance or target.size, or widen target.elevation")
     low, high = spec.brightness
     if min(means) > high:
         return (f"expected a mean direct irradiance of at most {high:g} on the visible part of the object, got at "
                 f"least {min(means):.3g} in {len(means)} draws: it would be overexposed", "lower target.strength")
     rule = (f"expected a mean direct irradiance in [{low:g}, {high:g}] on the visible part of the object and light on "
-            f"{LIT_SHARE:.0%} of it, got at most {max(means):.3g} and {max(lits):.0%} in {len(means)} draws with "
+            f"{view.least_lit:.0%} of it, got at most {max(means):.3g} and {max(lits):.0%} in {len(means)} draws with "
             f"{count} lights: it would stay black")
     return rule, "raise target.strength, raise target.lights, or widen target.distance and target.elevation"

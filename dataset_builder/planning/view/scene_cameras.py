@@ -11,7 +11,7 @@ from dataset_builder.label.scene_plan import CameraPlan
 from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.planning.view.cameras import PlannedCamera, judged
 from dataset_builder.planning.view.visibility import Sight, look
-from dataset_builder.spec.dataset import CameraSpec
+from dataset_builder.spec.camera import CameraSpec
 from dataset_builder.spec.render import ImageSpec
 
 TOLD = 8

@@ -11,7 +11,8 @@ from dataset_builder.label.scene_plan import IlluminationPlan, LightPlan
 from dataset_builder.light_kinds import LIGHT_KINDS
 from dataset_builder.planning.view.daylight import MIN_WEIGHT, Stream
 from dataset_builder.planning.view.emission import direct_irradiance, facing_irradiance
-from dataset_builder.planning.view.lights import LIT_SHARE, LitView, expose, target_light, weighed_outside
+from dataset_builder.planning.view.lights import expose, target_light, weighed_outside
+from dataset_builder.planning.view.lit_view import LitView
 from dataset_builder.planning.view.own_lights import TOLD, OwnLights, named, own_lights, refused, times
 from dataset_builder.spec.file_scene import SceneLightsSpec
 from dataset_builder.spec.light import TargetSpec
@@ -105,14 +106,15 @@ def _kept(view: LitView, lights: Sequence[SceneLight], target: TargetSpec, where
     shown = expose(view.arrangement, view.sight, plans, view.unit, view.sky)
     sky = any(LIGHT_KINDS[light.kind].all_round for light in plans) and view.sky > MIN_WEIGHT
     lit, (low, high) = 1.0 if sky else shown.lit, target.brightness
-    if low <= shown.mean <= high and (lit >= LIT_SHARE or low == 0):
+    if low <= shown.mean <= high and (lit >= view.least_lit or low == 0):
         return IlluminationPlan(lights=plans, open=())
     sent = sorted(((_mean(view, [each.light]), each.name) for each in lights), reverse=True)
     each = ", ".join(f"{name} {mean:.2g}" for mean, name in sent[:TOLD])
     dark = shown.mean <= high
     raise PlanError([Problem(
         where=where, path="target", rule=f"expected lights of the scene with a mean direct irradiance in [{low:g}, "
-        f"{high:g}] on the visible part of the object" + (f" and light on {LIT_SHARE:.0%} of it" if low > 0 else "")
+        f"{high:g}] on the visible part of the object"
+        + (f" and light on {view.least_lit:.0%} of it" if low > 0 else "")
         + f", got {shown.mean:.3g} and {lit:.0%} ({each}" + (", ..." if len(sent) > TOLD else "") + ")",
         hint="take away what encloses the lights with `leave_out`, raise `lights.scale`, write `use: added`, or allow "
         "the dark: target.brightness: [0, ...]" if dark else "lower target.strength or the scene's `lights.scale`")])

@@ -9,6 +9,7 @@ from pathlib import Path
 from dataset_builder.builder import Event, build
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.layers import PAPER_LAYERS
+from dataset_builder.lightnet.data.truth import problem_of
 from dataset_builder.lightnet.methods.vgg import check_file
 from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.planning.catalogue import ExampleRef, examples
@@ -25,7 +26,8 @@ NO_PASSES = ("plan", "encode", "denoise")
 MEANINGS = {
     "first_hit": "light-free layers", "source": "I_s", "target": "I_t", "rough": "S'",
     "first_hit_rough": "where the rough mesh is seen", "lighting": "spherical harmonics of the target light",
-    "instance": "instances", "rough_direct": "S' without bounced light, for denoising",
+    "instance": "instances", "empty": "the scene without the object", "pbr": "the scene with the rough mesh in it",
+    "rough_direct": "S' without bounced light, for denoising",
 }
 
 
@@ -80,17 +82,19 @@ class NoiseStudy:
 def require(study: NoiseStudy) -> None:
     """Raise UserError where the study could not be done once the dataset is built, which may take hours."""
     axis_of(study.x)
-    problems, splits = [], [split.name for split in study.loaded.dataset.splits]
+    problems, splits = list[Problem](), [split.name for split in study.loaded.dataset.splits]
     if list(study.levels) != sorted(set(study.levels)) or len(study.levels) < 2 or study.levels[0] < 0:
-        problems.append(("--levels", "expected at least two numbers >= 0, each larger than the one before, got "
-                         f"{', '.join(f'{level:g}' for level in study.levels)}"))
-    if lacking := [name for name in PAPER_LAYERS if name not in study.loaded.dataset.layers]:
-        problems.append(("layers", f"expected what training reads, got no {', '.join(lacking)}"))
+        rule = ("expected at least two numbers >= 0, each larger than the one before, got "
+                f"{', '.join(f'{level:g}' for level in study.levels)}")
+        problems.append(Problem(where="", path="--levels", rule=rule))
+    if lacking := problem_of("", study.loaded.dataset.layers, PAPER_LAYERS, "train on and to measure by"):
+        problems.append(lacking)
     for name in (study.training.data.train, study.training.data.held_out):
         if name not in splits:
-            problems.append(("splits", f"expected a split {name}, got {', '.join(splits)}"))
+            rule = f"expected a split {name}, got {', '.join(splits)}"
+            problems.append(Problem(where="", path="splits", rule=rule))
     if problems:
-        raise UserError([Problem(where="", path=path, rule=rule) for path, rule in problems])
+        raise UserError(problems)
     if study.vgg_weights and study.training.objective.fr:
         check_file(study.vgg_weights)
 

@@ -244,7 +244,7 @@ def test_examples_that_are_not_there_are_told(folder: Path) -> None:
 
 def test_datasets_without_a_scene_are_told(tmp_path: Path, folder: Path) -> None:
     bare = write_synthetic(tmp_path / "bare", train=1, held_out=1, size=16, layers=("i_s", "s_prime", "mask"))
-    with pytest.raises(UserError, match="expected i_s, s_prime, mask, i_t, i_t missing"):
+    with pytest.raises(UserError, match="a mask and a frame of the scene, i_pbr or i_t or i_t_empty missing"):
         input_from_dataset(bare, split="train")
     manifest = json.loads((folder / "dataset.json").read_text())
     next(layer for layer in manifest["layers"] if layer["name"] == "i_t")["extent"] = "object"

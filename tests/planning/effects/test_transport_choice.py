@@ -194,7 +194,7 @@ def test_everything_is_simulated_from_the_camera(effects: Effects) -> None:
 
 def test_passes_know_whether_light_paths_have_something_to_go_to(effects: Effects) -> None:
     shiny = effects(CHROME)
-    assert [entry.name for entry in shiny.passes if entry.caustics] == ["target", "rough"]
+    assert [entry.name for entry in shiny.passes if entry.caustics] == ["target", "rough", "pbr", "empty"]
     for without in (effects(), effects(CHROME | {"roughness": 0.9}), effects(CHROME, transport="camera")):
         assert not any(entry.caustics for entry in without.passes)
 
@@ -202,4 +202,4 @@ def test_passes_know_whether_light_paths_have_something_to_go_to(effects: Effect
 def test_dispersive_glass_has_light_paths_like_any_other(effects: Effects) -> None:
     glass = effects({"transmission": 1.0, "roughness": 0.0, "abbe": 40.0})
     assert "dispersion" in glass.features and transports(glass) == ["camera", "joined", "joined"]
-    assert [entry.name for entry in glass.passes if entry.caustics] == ["target", "rough"]
+    assert [entry.name for entry in glass.passes if entry.caustics] == ["target", "rough", "pbr", "empty"]

@@ -135,3 +135,16 @@ def test_turned_boxes_whose_bounds_meet_may_still_be_apart() -> None:
     a = Footprint(centre=(0.0, 0.0), half=(1.0, 0.1), yaw=45.0)
     b = Footprint(centre=(0.6, -0.6), half=(1.0, 0.1), yaw=45.0)
     assert not overlap(a, b) and overlap(a, b, gap=0.7)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_walls_and_furniture_keep_from_the_floor_about_a_target(seed: int, room_of: RoomOf) -> None:
+    target, pieces = piece("target", (0.6, 0.6, 0.8), "floor", seed), crowd(seed)
+    layout = lay_out(target, pieces, BoxShell(room_of(8.0, 8.0)), 1.5)
+    about = footprint(target.extent, *layout.target).grown(1.5).corners()
+    assert np.ptp(about @ np.stack([about[1] - about[0], about[3] - about[0]]).T, axis=0) == pytest.approx([3.6**2] * 2)
+    boxes = everything(target, pieces, layout)[1:]
+    assert boxes and all(apart(about, box) for box in boxes) and np.abs(about).max() < 4.0
+    assert all(pose is None for thing, pose in zip(pieces, layout.furniture, strict=True) if thing.place == "near")
+    with pytest.raises(PlanError, match=r"0\.60 x 0\.60 x 0\.80 m with 4 m of free floor about it in a room of 8\.00"):
+        lay_out(target, pieces, BoxShell(room_of(8.0, 8.0)), 4.0)

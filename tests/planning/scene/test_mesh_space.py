@@ -17,7 +17,7 @@ from dataset_builder.planning.scene.shell import Geometry
 from dataset_builder.planning.scene.ways_out import BOUNCES, PATHS
 from dataset_builder.planning.view.cameras import place_camera
 from dataset_builder.seeding import rng
-from dataset_builder.spec.dataset import CameraSpec
+from dataset_builder.spec.camera import CameraSpec
 from dataset_builder.spec.render import ImageSpec
 from tests.planning.scene.houses import ROOM, box, l_shape, shell, two_rooms, two_storeys, walled
 from tests.plans import light_plan

@@ -14,7 +14,7 @@ from dataset_builder.planning.scene.box_shell import BoxShell
 from dataset_builder.planning.view.cameras import narrow_views, place_camera, towards
 from dataset_builder.planning.view.visibility import look, rays, silhouette_area, window_share
 from dataset_builder.seeding import rng
-from dataset_builder.spec.dataset import CameraSpec
+from dataset_builder.spec.camera import CameraSpec
 from dataset_builder.spec.render import ImageSpec
 from tests.plans import example_plan, object_plan
 

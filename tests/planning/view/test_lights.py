@@ -16,9 +16,10 @@ from dataset_builder.planning.scene.box_shell import BoxShell
 from dataset_builder.planning.view import lights as planned
 from dataset_builder.planning.view.cameras import place_camera
 from dataset_builder.planning.view.emission import LUMINANCE, direct_irradiance
-from dataset_builder.planning.view.lights import LitView, Stream, sky_share, source_light, target_light
+from dataset_builder.planning.view.lights import Stream, sky_share, source_light, target_light
+from dataset_builder.planning.view.lit_view import LitView
 from dataset_builder.seeding import rng
-from dataset_builder.spec.dataset import CameraSpec
+from dataset_builder.spec.camera import CameraSpec
 from dataset_builder.spec.light import SourceSpec, TargetSpec
 from dataset_builder.spec.render import ImageSpec
 from tests.planning.scene.houses import shell, walled
@@ -36,7 +37,7 @@ def stream_of(seed: int) -> Stream:
 def lit_view(arrangement: Arrangement, seed: int = 0, dome: float = 2.0) -> LitView:
     spec = CameraSpec.model_validate({"azimuth": {"uniform": [-60, 60]}, "elevation": {"uniform": [5, 40]}})
     view = place_camera(arrangement, spec, ImageSpec(), rng(seed, "camera"), "")
-    return LitView(arrangement=arrangement, camera=view.camera, sight=view.sight, unit=pi * dome,
+    return LitView(arrangement=arrangement, cameras=[view.camera], sight=view.sight, unit=pi * dome,
                    sky=sky_share(arrangement, view.sight))
 
 
@@ -85,7 +86,7 @@ def test_emitters_do_not_come_between_camera_and_object(box_arrangement: BoxStag
         view = lit_view(box_arrangement(CHAIR), seed)
         spec = target_spec(kinds=["sphere"], size=0.3, lights=4, elevation={"uniform": [-10, 40]})
         plan, _ = target_light(view, spec, stream_of(seed), "")
-        camera = np.array(view.camera.position)
+        camera = np.array(view.cameras[0].position)
         for light in plan.lights[:-1]:
             for share in np.linspace(0, 1, 60):
                 points = camera + share * (view.sight.points - camera)
@@ -120,7 +121,7 @@ def test_an_object_shut_off_from_every_light_stays_black(box_arrangement: BoxSta
     spec = CameraSpec.model_validate({"coverage": (0.2, 0.9), "fov": 80, "clearance": 0.05, "visibility": 0.2,
                                       "elevation": 5})
     view = place_camera(arrangement, spec, ImageSpec(), rng(0), "")
-    lit = LitView(arrangement=arrangement, camera=view.camera, sight=view.sight, unit=pi, sky=0.0)
+    lit = LitView(arrangement=arrangement, cameras=[view.camera], sight=view.sight, unit=pi, sky=0.0)
     with pytest.raises(PlanError, match="light on 50% of it, got at most 0 and 0%"):
         target_light(lit, target_spec(distance=2.2, elevation=35, size=0.1, attempts=20), stream_of(0), "")
 

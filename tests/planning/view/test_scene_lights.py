@@ -14,7 +14,8 @@ from dataset_builder.errors import PlanError
 from dataset_builder.label.scene_plan import IlluminationPlan, LightPlan
 from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.planning.view.emission import direct_irradiance
-from dataset_builder.planning.view.lights import LitView, expose
+from dataset_builder.planning.view.lights import expose
+from dataset_builder.planning.view.lit_view import LitView
 from dataset_builder.planning.view.own_lights import one_dome, own_lights
 from dataset_builder.planning.view.scene_lights import HIDDEN, check_lights_differ, scene_light
 from dataset_builder.spec.file_scene import SceneLightsSpec
@@ -115,8 +116,8 @@ def test_lights_behind_things_are_scaled_within_bounds_and_refused_as_dark(box_a
     """A wall stands between every light and the object."""
     wall = ((-1.9, -0.6, 0.0), (1.9, -0.5, 2.4))
     view = lit_view(box_arrangement(CHAIR))
-    walled = LitView(arrangement=box_arrangement(CHAIR, (wall,)), camera=view.camera, sight=view.sight, unit=view.unit,
-                     sky=0.0)
+    walled = LitView(arrangement=box_arrangement(CHAIR, (wall,)), cameras=view.cameras, sight=view.sight,
+                     unit=view.unit, sky=0.0)
     with pytest.raises(PlanError, match=r"train/0: target: .*got 0 and 0% \(/World/Key 0, /World/Fill 0\).*use: added"):
         planned(walled, KEY, FILL)
     plan, note = planned(walled, KEY, FILL, target=target_spec(strength=2, brightness=(0, 20)))

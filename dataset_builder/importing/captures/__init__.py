@@ -1,0 +1,1 @@
+"""Posed photographs of an object: read from what other tools write, checked, undistorted, and put upright in metres."""

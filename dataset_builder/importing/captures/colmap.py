@@ -1,0 +1,185 @@
+"""COLMAP's sparse models, text and binary: https://colmap.github.io/format.html. Mip-NeRF 360 comes like this, too."""
+
+import math
+import struct
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from dataset_builder.digest import open_regular
+from dataset_builder.importing.captures.capture import (
+    Capture,
+    Lens,
+    Shot,
+    find_mask,
+    guarded,
+    inside,
+    problem,
+    rigid,
+)
+
+FOLDERS = ("sparse/0", "sparse", "colmap/sparse/0", ".")
+"""Where a model may be."""
+IMAGES = ("images", "input", "images_2", "images_4", "images_8")
+"""Where its images may be, best first; the numbered ones are smaller."""
+NAMES = ("SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE", "FULL_OPENCV", "FOV",
+         "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "THIN_PRISM_FISHEYE", "RAD_TAN_THIN_PRISM_FISHEYE")
+"""Camera models by number."""
+NUMBERS = {"SIMPLE_PINHOLE": 3, "PINHOLE": 4, "SIMPLE_RADIAL": 4, "RADIAL": 5, "OPENCV": 8}
+"""How many parameters those have that are read."""
+UNDISTORT = ("run `colmap image_undistorter --image_path images --input_path sparse/0 --output_path undistorted` and "
+             "import that folder")
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Image:
+    name: str
+    camera: int
+    turn: tuple[float, ...]
+    """w, x, y, z of camera from world."""
+    place: tuple[float, ...]
+
+
+def model_folder(folder: Path) -> Path | None:
+    """The folder with a sparse model, or None."""
+    places = (folder / name for name in FOLDERS)
+    return next((place for place in places if any((place / f"cameras.{kind}").is_file() for kind in ("bin", "txt"))),
+                None)
+
+
+def read_colmap(folder: Path, images: str | None) -> Capture:
+    """The capture of a folder that holds a sparse model. images: the folder of its images, if not the usual one.
+
+    Raises UserError for what is no whole model, and for lenses that are not read.
+    """
+    model = model_folder(folder)
+    if model is None:
+        raise problem(folder, "expected a sparse model, cameras.bin or cameras.txt, found none")
+    return guarded(model, "a whole sparse model of COLMAP", lambda: _read(folder, model, images))
+
+
+def _read(folder: Path, model: Path, images: str | None) -> Capture:
+    binary = (model / "cameras.bin").is_file()
+    lenses = dict(_cameras_bin(model / "cameras.bin") if binary else _cameras_txt(model / "cameras.txt"))
+    found = list(_images_bin(model / "images.bin") if binary else _images_txt(model / "images.txt"))
+    points = dict[int, tuple[float, float, float]]()
+    if (path := model / ("points3D.bin" if binary else "points3D.txt")).is_file():
+        points = dict(_points_bin(path) if binary else _points_txt(path))
+    root = folder / images if images else next((folder / name for name in IMAGES if (folder / name).is_dir()),
+                                               folder / IMAGES[0])
+    masks = folder / root.name.replace("images", "masks")
+    masks = masks if masks.is_dir() else folder / "masks"
+    shots = []
+    for image in sorted(found, key=lambda image: image.name):
+        if image.camera not in lenses:
+            raise problem(model, f"expected camera {image.camera} of image {image.name} among the cameras, found none")
+        path = inside(root, image.name, str(model))
+        shots.append(Shot(name=image.name, image=path, mask=find_mask(path, root, masks), lens=lenses[image.camera],
+                          pose=_pose(image)))
+    return Capture(layout="COLMAP", shots=tuple(shots), points=points)
+
+
+def _pose(image: _Image) -> np.ndarray:
+    w, x, y, z = np.array(image.turn) / (math.hypot(*image.turn) or math.nan)
+    turn = np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+                     [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+                     [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])
+    return rigid(turn.T, -turn.T @ np.array(image.place))
+
+
+def _lens(model: str, width: int, height: int, numbers: tuple[float, ...], where: str) -> Lens:
+    if model not in NUMBERS:
+        raise problem(where, f"expected a camera model of {', '.join(NUMBERS)}, got {model[:40]}", UNDISTORT)
+    if len(numbers) != NUMBERS[model]:
+        raise ValueError(f"{len(numbers)} parameters of {model}, which has {NUMBERS[model]}")
+    alone = model in ("SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL")
+    focal, rest = ((numbers[0],) * 2, numbers[1:]) if alone else (numbers[:2], numbers[2:])
+    bend = (*rest[2:], 0.0, 0.0, 0.0, 0.0)[:4]
+    return Lens(size=(width, height), focal=(focal[0], focal[1]), centre=(rest[0], rest[1]),
+                bend=(bend[0], bend[1], bend[2], bend[3]))
+
+
+def _lines(path: Path) -> Iterator[str]:
+    with open_regular(path) as stream:
+        for line in stream:
+            if not line.startswith(b"#"):
+                yield line.decode("utf-8", errors="replace").strip()
+
+
+def _cameras_txt(path: Path) -> Iterator[tuple[int, Lens]]:
+    for line in filter(None, _lines(path)):
+        number, model, width, height, *rest = line.split()
+        yield int(number), _lens(model, int(width), int(height), tuple(map(float, rest)), f"{path}: camera {number}")
+
+
+def _images_txt(path: Path) -> Iterator[_Image]:
+    """Every second line lists points of the image, and may be empty."""
+    lines = _lines(path)
+    for line in lines:
+        words = line.split(maxsplit=9)
+        if len(words) < 10:
+            raise ValueError(f"the line {line[:60]!r} of images.txt")
+        turn = tuple(map(float, words[1:8]))
+        yield _Image(name=words[9], camera=int(words[8]), turn=turn[:4], place=turn[4:])
+        next(islice(lines, 1), None)
+
+
+def _points_txt(path: Path) -> Iterator[tuple[int, tuple[float, float, float]]]:
+    for line in filter(None, _lines(path)):
+        number, x, y, z, *_ = line.split(maxsplit=4)
+        yield int(number), (float(x), float(y), float(z))
+
+
+def _records(path: Path, least: int, read: Callable[[IO[bytes]], Any]) -> Iterator[Any]:
+    """What `read` takes from a file for each of the records that it says to hold, of at least so many bytes each."""
+    size = path.stat().st_size
+    with open_regular(path) as stream:
+        count, = _take(stream, "<Q")
+        if count * least > size:
+            raise ValueError(f"{size} bytes of {path.name}, which says that it holds {count} records")
+        for _ in range(count):
+            yield read(stream)
+
+
+def _take(stream: IO[bytes], form: str) -> tuple[Any, ...]:
+    data = stream.read(struct.calcsize(form))
+    if len(data) < struct.calcsize(form):
+        raise ValueError("a file that ends too soon")
+    return struct.unpack(form, data)
+
+
+def _cameras_bin(path: Path) -> Iterator[tuple[int, Lens]]:
+    def read(stream: IO[bytes]) -> tuple[int, Lens]:
+        number, model, width, height = _take(stream, "<iiQQ")
+        name = NAMES[model] if 0 <= model < len(NAMES) else f"number {model}"
+        numbers = _take(stream, f"<{NUMBERS[name]}d") if name in NUMBERS else ()
+        return number, _lens(name, width, height, numbers, f"{path}: camera {number}")
+
+    return _records(path, 24, read)
+
+
+def _images_bin(path: Path) -> Iterator[_Image]:
+    def read(stream: IO[bytes]) -> _Image:
+        _, *turn, camera = _take(stream, "<i7di")
+        name = bytearray()
+        while (letter := stream.read(1)) not in (b"\0", b""):
+            name += letter
+        count, = _take(stream, "<Q")
+        stream.seek(24 * min(count, 1 << 50), 1)
+        return _Image(name=name.decode("utf-8", errors="replace"), camera=camera, turn=tuple(turn[:4]),
+                      place=tuple(turn[4:]))
+
+    return _records(path, 73, read)
+
+
+def _points_bin(path: Path) -> Iterator[tuple[int, tuple[float, float, float]]]:
+    def read(stream: IO[bytes]) -> tuple[int, tuple[float, float, float]]:
+        number, x, y, z, *_, count = _take(stream, "<Q3d3BdQ")
+        stream.seek(8 * min(count, 1 << 50), 1)
+        return number, (x, y, z)
+
+    return _records(path, 51, read)

@@ -1,0 +1,169 @@
+"""All checks of a capture in order, each with its figure and remedy; problems of one kind are reported together."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from dataset_builder.errors import Problem, UserError
+from dataset_builder.importing.captures.capture import Capture, listed
+from dataset_builder.importing.captures.darkroom import Roll, developed
+from dataset_builder.importing.captures.photo_checks import HIGH, LOW, blurred, drifting, gains
+from dataset_builder.importing.captures.photographs import LEAST, MOST, Ball, header_of
+from dataset_builder.importing.captures.pose_checks import shortened, shot_faults, too_few
+from dataset_builder.importing.captures.silhouettes import (
+    ENOUGH,
+    Agreement,
+    agreement,
+    few_of,
+    nearest_point,
+)
+from dataset_builder.importing.captures.silhouettes import LEAST as LEAST_IOU
+
+REACH = 0.35
+"""Radius of the ball that is taken where there are no masks, in median distances of the cameras from their focus."""
+SURROUNDINGS = ("a capture of surroundings, in which cameras look outwards, has no end and is not taken: a field here "
+                "fills a ball, and space beyond it is not contracted")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Reviewed:
+    """A capture that passed."""
+
+    capture: Capture
+    """Without shots that were left out."""
+    roll: Roll
+    kept: tuple[int, ...]
+    """Indices of the images that are sharp."""
+    gains: np.ndarray
+    """(N,) that images are to be divided by."""
+    ball: Ball
+    """About the object, in the capture's frame."""
+    masked: bool
+    """Whether images have masks; without, what lies behind the object within the ball is part of it."""
+    iou: float
+    """Of the hull's silhouette and the masks; 0 without masks."""
+    notes: tuple[str, ...]
+
+
+def reviewed(capture: Capture, where: str, *, size: int, ball: Ball | None, skip: bool, work: Path,
+             told: Callable[[int, int], None] = lambda done, of: None) -> Reviewed:
+    """The capture with its pixels in the folder `work`, checked.
+
+    ball: what to take where images have no masks; found where it is not given. skip: leave images out that cannot be
+    used, instead of refusing. where: what messages call the capture. Raises UserError with every problem of cameras and
+    files, or of pixels.
+    """
+    notes = list[str]()
+    capture = _usable(capture, shot_faults(capture), where, skip, notes)
+    masked = _masked(capture, where)
+    if not masked:
+        ball = ball or focus_ball(capture, where)
+        notes.append(f"no masks: what is seen within {ball.radius:.3g} units of {_place(ball)} is taken with its "
+                     "background, which was not removed")
+    roll = developed(capture, size, ball, work, told)
+    if masked:
+        bad = [index for index, share in enumerate(roll.share) if not LEAST <= share <= MOST]
+        faults = [[_bad_mask(roll, index, capture)] if index in set(bad) else [] for index in range(len(roll.share))]
+        if any(faults):
+            capture = _usable(capture, faults, where, skip, notes)
+            roll = developed(capture, size, ball, work, told)
+    found = agreement(roll.images) if masked else Agreement(iou=0.0, ball=ball)
+    if masked:
+        _agree(found, where, notes)
+    known = found.ball
+    assert known is not None
+    kept, evened = _compared(roll, known, notes) if masked else (tuple(range(len(roll.share))),
+                                                               np.ones(len(roll.share)))
+    return Reviewed(capture=capture, roll=roll, kept=kept, gains=evened, ball=known, masked=masked, iou=found.iou,
+                    notes=tuple(notes))
+
+
+def _usable(capture: Capture, faults: list[list[Problem]], where: str, skip: bool, notes: list[str]) -> Capture:
+    """The capture without its faulty shots, where these may be left out. Raises UserError where not, or where too few
+    are left."""
+    bad = [index for index, each in enumerate(faults) if each]
+    problems = shortened([problem for each in faults for problem in each])
+    good = capture.only(index for index in range(len(faults)) if not faults[index])
+    few = too_few(len(capture.shots) if not skip else len(good.shots), where)
+    if few or (bad and not skip):
+        mend = [Problem(where=where, path="", rule=f"{len(bad)} of {len(faults)} images cannot be used",
+                        hint="mend them, or leave them out with --skip-bad")] if bad else []
+        raise UserError([*problems, *mend, *few])
+    if bad:
+        notes.append(f"{len(bad)} images left out that cannot be used: "
+                     f"{listed(capture.shots[index].name for index in bad)} ({problems[0].rule})")
+    return good
+
+
+def _masked(capture: Capture, where: str) -> bool:
+    """Whether images have masks. Raises UserError where some have, and others not."""
+    without = [shot for shot in capture.shots if shot.mask is None and not header_of(shot.image)[1]]
+    if without and len(without) < len(capture.shots):
+        raise UserError([Problem(where=where, path="", rule="expected masks (or alpha) for all images or for none, got "
+                                 f"none for {len(without)}: {listed(shot.name for shot in without)}",
+                                 hint="make the others, or take alpha and masks away")])
+    return not without
+
+
+def focus_ball(capture: Capture, where: str) -> Ball:
+    """The ball about the point that all cameras look at. Raises UserError where they look away from it."""
+    poses = np.stack([shot.pose for shot in capture.shots])
+    focus = nearest_point(poses[:, :3, 3], poses[:, :3, 2])
+    offsets = focus - poses[:, :3, 3]
+    ahead = np.einsum("ij,ij->i", offsets, poses[:, :3, 2]) > 0
+    if ahead.mean() < 0.9:
+        raise UserError([Problem(
+            where=where, path="", rule="expected cameras that look at one object, got "
+            f"{np.sum(~ahead)} of {len(ahead)} that look away from where their axes meet",
+            hint=f"negate y and z of the camera axes if they are OpenGL's; {SURROUNDINGS}; a part of it can be taken "
+            "with --ball or --box")])
+    radius = REACH * float(np.median(np.linalg.norm(offsets, axis=1)))
+    return Ball(centre=(float(focus[0]), float(focus[1]), float(focus[2])), radius=radius)
+
+
+def _place(ball: Ball) -> str:
+    return f"({', '.join(f'{value:.3g}' for value in ball.centre)})"
+
+
+def _bad_mask(roll: Roll, index: int, capture: Capture) -> Problem:
+    shot, share = capture.shots[index], roll.share[index]
+    return Problem(where=str(shot.mask or shot.image), path="", rule=f"expected a mask of {LEAST:.0%} to {MOST:.0%} of "
+                   f"the frame, got {share:.1%}", hint="white is the object; mend the mask, or leave the image out")
+
+
+def _agree(found: Agreement, where: str, notes: list[str]) -> None:
+    """Raises UserError where cameras and masks do not belong together."""
+    figure = f"the visual hull of the masks fills them to IoU {found.iou:.2f}"
+    if found.remedy:
+        raise UserError([Problem(where=where, path="", rule=f"expected cameras and masks that agree, got: {figure} "
+                                 f"(expected {ENOUGH:g})", hint=f"{found.remedy}; with that it is {found.better:.2f}")])
+    if found.ball is None or found.iou < LEAST_IOU:
+        raise UserError([Problem(where=where, path="", rule=f"expected cameras and masks that agree, got: {figure} "
+                                 f"(expected {ENOUGH:g}), and no convention of axes mends it",
+                                 hint="look whether the object moved, whether masks are of other images, or whether "
+                                 "poses went wrong")])
+    if found.iou < ENOUGH:
+        notes.append(f"{figure} (expected {ENOUGH:g}): thin parts, ragged masks, or poses that are a little off")
+
+
+def _compared(roll: Roll, ball: Ball, notes: list[str]) -> tuple[tuple[int, ...], np.ndarray]:
+    """Images that are sharp, and the gains of all."""
+    bad = blurred(roll.sharpness, roll.images.poses, np.array(ball.centre))
+    kept = tuple(index for index in range(len(roll.share)) if index not in set(bad))
+    if bad and len(kept) >= 8:
+        notes.append(f"{len(bad)} blurred images left out: {listed(roll.images.names[index] for index in bad)}")
+    else:
+        kept = tuple(range(len(roll.share)))
+    found = gains(roll.images, ball, few_of(roll.images))
+    told = f"exposures differ by factors of {found.min():.2f} to {found.max():.2f} where images see the same places"
+    if not drifting(found):
+        return kept, np.ones(len(found))
+    notes.append(f"{told} (expected {LOW} to {HIGH}): all were evened, by one factor for each image")
+    return kept, found
+
+
+def without_blur(done: Reviewed) -> Capture:
+    """The capture of the images that are kept."""
+    return replace(done.capture, shots=tuple(done.capture.shots[index] for index in done.kept))

@@ -1,0 +1,135 @@
+"""`transforms.json` of nerfstudio and instant-ngp, and of the synthetic scenes of NeRF.
+
+Poses are `world_from_camera` with OpenGL's axes, y up and z to the viewer:
+https://docs.nerf.studio/quickstart/data_conventions.html
+"""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+from pydantic import BaseModel, ValidationError
+
+from dataset_builder.assets.image_maps import ImageFile, check_image
+from dataset_builder.digest import read_regular
+from dataset_builder.errors import UserError
+from dataset_builder.importing.captures.capture import (
+    Capture,
+    Lens,
+    Shot,
+    find_mask,
+    guarded,
+    inside,
+    problem,
+)
+
+NAMES = ("transforms.json", "transforms_train.json")
+MOST_BYTES = 1 << 28
+ENDINGS = (".png", ".jpg", ".jpeg", ".JPG", ".webp")
+"""Of images that are named without one."""
+READ = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE")
+"""Camera models that are pinholes with two radial and two tangential terms, or fewer."""
+OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
+"""OpenGL's camera from OpenCV's, and back."""
+
+
+class _Optics(BaseModel):
+    camera_model: str | None = None
+    fl_x: float | None = None
+    fl_y: float | None = None
+    cx: float | None = None
+    cy: float | None = None
+    w: float | None = None
+    h: float | None = None
+    camera_angle_x: float | None = None
+    camera_angle_y: float | None = None
+    k1: float | None = None
+    k2: float | None = None
+    k3: float | None = None
+    k4: float | None = None
+    p1: float | None = None
+    p2: float | None = None
+    is_fisheye: bool | None = None
+
+
+class _Frame(_Optics):
+    file_path: str
+    transform_matrix: list[list[float]]
+    mask_path: str | None = None
+
+
+class _Transforms(_Optics):
+    frames: list[_Frame]
+    applied_transform: list[list[float]] | None = None
+
+
+def transforms_file(folder: Path) -> Path | None:
+    """The file with the poses, or None."""
+    return next((folder / name for name in NAMES if (folder / name).is_file()), None)
+
+
+def read_transforms(folder: Path) -> Capture:
+    """The capture of a folder. What `applied_transform` did to the poses is undone, so that they are those of the
+    reconstruction. Raises UserError for what is no such file, and for lenses that are not read."""
+    path = transforms_file(folder)
+    if path is None:
+        raise problem(folder, f"expected {NAMES[0]}, found none")
+    return guarded(path, "frames with their poses", lambda: _read(path))
+
+
+def _read(path: Path) -> Capture:
+    try:
+        file = _Transforms.model_validate(json.loads(read_regular(path, most=MOST_BYTES)))
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise problem(path, f"{first['msg']} ({error.error_count()} such)", path=".".join(map(str, first["loc"]))
+                      ) from error
+    undo = np.linalg.inv(_matrix(file.applied_transform)) if file.applied_transform else np.eye(4)
+    shots = []
+    for index, frame in enumerate(file.frames):
+        image = _image(path, frame.file_path)
+        masks = path.parent / image.parent.name.replace("images", "masks")
+        mask = inside(path.parent, frame.mask_path, str(path)) if frame.mask_path else find_mask(
+            image, image.parent, masks if masks != image.parent else path.parent / "masks")
+        shots.append(Shot(name=image.relative_to(path.parent).as_posix(), image=image, mask=mask,
+                          lens=_lens(file, frame, image, f"{path}: frames[{index}]"),
+                          pose=undo @ _matrix(frame.transform_matrix) @ OPENGL))
+    return Capture(layout="transforms.json", shots=tuple(shots))
+
+
+def _matrix(rows: list[list[float]]) -> np.ndarray:
+    matrix = np.array(rows, dtype=np.float64)
+    if matrix.shape not in ((3, 4), (4, 4)):
+        raise ValueError(f"a matrix of shape {matrix.shape}")
+    return np.vstack([matrix[:3], [0.0, 0.0, 0.0, 1.0]])
+
+
+def _image(path: Path, name: str) -> Path:
+    image = inside(path.parent, name, str(path))
+    others = (image.with_name(image.name + ending) for ending in ENDINGS)
+    return image if image.is_file() else next((other for other in others if other.is_file()), image)
+
+
+def _lens(file: _Transforms, frame: _Frame, image: Path, where: str) -> Lens:
+    """Of a frame; what it does not say, the file says for all."""
+    said = {**file.model_dump(exclude_none=True), **frame.model_dump(exclude_none=True)}
+    model = str(said.get("camera_model", READ[0]))
+    if model not in READ or said.get("is_fisheye") or said.get("k3") or said.get("k4"):
+        raise problem(where, f"expected a camera model of {', '.join(READ)} without k3 and k4, got {model[:40]}",
+                      "undistort the images and import those")
+    size = (round(said["w"]), round(said["h"])) if said.get("w") and said.get("h") else _size(image)
+    x = said.get("fl_x") or (size[0] / 2 / math.tan(said["camera_angle_x"] / 2) if "camera_angle_x" in said else 0.0)
+    y = said.get("fl_y") or (size[1] / 2 / math.tan(said["camera_angle_y"] / 2) if "camera_angle_y" in said else x)
+    if size != (0, 0) and not x:
+        raise problem(where, "expected fl_x or camera_angle_x, found neither")
+    return Lens(size=size, focal=(x, y), centre=(said.get("cx", size[0] / 2), said.get("cy", size[1] / 2)),
+                bend=(said.get("k1", 0.0), said.get("k2", 0.0), said.get("p1", 0.0), said.get("p2", 0.0)))
+
+
+def _size(image: Path) -> tuple[int, int]:
+    """From the image's header; (0, 0) where there is none, which is told with other missing files."""
+    try:
+        return check_image(ImageFile(name=str(image), content=image))
+    except UserError:
+        return 0, 0
