@@ -4,7 +4,7 @@ import csv
 import json
 import struct
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -140,9 +140,11 @@ class Made:
         return folder
 
     def write_colmap(self, folder: Path, *, binary: bool = True, masks: bool = True, model: str = "OPENCV",
-                     images: str = "images", points: np.ndarray | None = None, given: np.ndarray | None = None) -> Path:
+                     images: str = "images", points: np.ndarray | None = None, given: np.ndarray | None = None,
+                     shots: bool = True) -> Path:
         """A sparse model; given: other camera-from-world matrices than the right ones."""
-        self.write_images(folder / images, folder / "masks" if masks else None)
+        if shots:
+            self.write_images(folder / images, folder / "masks" if masks else None)
         sparse = folder / "sparse" / "0"
         sparse.mkdir(parents=True)
         world = np.linalg.inv(self.told) if given is None else given
@@ -167,7 +169,7 @@ class Made:
             (sparse / "cameras.txt").write_text(f"# cameras\n7 {model} {width} {height} "
                                                 f"{' '.join(map(repr, values))}\n")
             (sparse / "images.txt").write_text("# images\n" + "".join(
-                f"{index + 1} {' '.join(f'{value!r}' for value in map(float, (*quaternion(pose[:3, :3]), *pose[:3, 3])))}"
+                f"{index + 1} {' '.join(map(str, [*quaternion(pose[:3, :3]).tolist(), *pose[:3, 3].tolist()]))}"
                 f" 7 {self.name(index)}\n{'1.0 2.0 -1' if index % 2 else ''}\n" for index, pose in enumerate(world)))
             (sparse / "points3D.txt").write_text("".join(
                 f"{index + 1} {' '.join(map(str, point))} 1 2 3 0.5 1 0\n" for index, point in enumerate(points)))
@@ -208,8 +210,3 @@ def tilted() -> np.ndarray:
     a, b = np.radians(130), np.radians(35)
     return np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]]) @ np.array(
         [[np.cos(b), -np.sin(b), 0], [np.sin(b), np.cos(b), 0], [0, 0, 1]])
-
-
-def with_poses(made: Made, poses: np.ndarray) -> Made:
-    """The same with other cameras."""
-    return replace(made, poses=poses)

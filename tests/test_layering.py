@@ -40,7 +40,8 @@ HOMES = {
     "matplotlib": "report", "pyvista": "report", "mapbox_earcut": "assets.readers.polygons", "ray": "engine",
     "DracoPy": "assets.readers.gltf_primitives", "meshopt": "assets.readers.gltf_file",
     "opengl_basisu": "assets.readers.gltf_images",
-    "torch": ("lightnet", "release"), "tensorboard": "lightnet.training", "skimage": ("lightnet.results", "geometry.marching", "rendering.field.field_figures"),
+    "torch": ("lightnet", "release"), "tensorboard": "lightnet.training",
+    "skimage": ("lightnet.results", "geometry.marching", "rendering.field.field_figures"),
     "flip_evaluator": "studies.image_errors", "pyoidn": "rendering.oidn",
     "pxr": ("assets.readers", "assets.scene_readers", "exporting", "spec.usd_references", "spec.usd_trial"),
 }

@@ -75,9 +75,10 @@ def _evaluate(options: argparse.Namespace) -> int:
     from dataset_builder.lightnet.data.lighting_dataset import LightingDataset, splits_of
     from dataset_builder.lightnet.results import sequences as steps
     from dataset_builder.lightnet.results.evaluate import ScoreRow, contender, evaluate, load_all, trivial
+    from dataset_builder.lightnet.results.spreads import SequenceScores
     from dataset_builder.report import evaluation_page as page
-    from dataset_builder.report import sequence_page
     from dataset_builder.report.example_sheet import write_sheet
+    from dataset_builder.report.sequence_page import steadiness_lines, write_sequence_page
     from dataset_builder.spread import spread_indices
 
     if options.sequence and options.examples:
@@ -108,11 +109,9 @@ def _evaluate(options: argparse.Namespace) -> int:
     console.print(page.console_table(evaluation))
     lines = page.verdict_lines(evaluation)
     if options.sequence:
-        report = sequence_page.SequenceReport(
-            dataset=dataset.name, split=dataset.split, sequences=sequences, scores=rows, keys=dataset.keys,
-            flickers=[row for row in found if isinstance(row, steps.FlickerRow)])
-        sequence_page.write_sequence_page(report, out)
-        lines += [f"{report.extent}; mean ± standard deviation over views:", *sequence_page.steadiness_lines(report)]
+        steady = SequenceScores.of(dataset, sequences, found)
+        write_sequence_page(steady, out)
+        lines += steadiness_lines(steady)
     for line in lines:
         console.print(line, highlight=False, soft_wrap=True)
     console.print(f"results: {out}", highlight=False, soft_wrap=True)

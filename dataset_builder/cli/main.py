@@ -5,7 +5,17 @@ import sys
 from collections.abc import Sequence
 
 from dataset_builder import __version__
-from dataset_builder.cli import build, evaluate, export, import_front3d, import_models, inspect, study, table
+from dataset_builder.cli import (
+    build,
+    evaluate,
+    export,
+    import_capture,
+    import_front3d,
+    import_models,
+    inspect,
+    study,
+    table,
+)
 from dataset_builder.cli.interrupt import guarded
 from dataset_builder.errors import UserError
 from dataset_builder.extras import missing_named
@@ -13,7 +23,7 @@ from dataset_builder.extras import missing_named
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one verb; returns the exit code."""
-    options = parser().parse_args(import_front3d.joined(sys.argv[1:] if arguments is None else arguments))
+    options = parser().parse_args(_joined(sys.argv[1:] if arguments is None else arguments))
     try:
         with missing_named():
             return guarded(lambda: options.run(options))
@@ -25,11 +35,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
 
 
+def _joined(arguments: Sequence[str]) -> list[str]:
+    """The command line with a verb of two words as one."""
+    return import_capture.joined(import_front3d.joined(arguments))
+
+
 def parser() -> argparse.ArgumentParser:
     """All verbs and their options."""
     root = argparse.ArgumentParser(prog="dataset-builder", description="Build 3DF-Lighting datasets from specs.")
     root.add_argument("--version", action="version", version=__version__)
     verbs = root.add_subparsers(required=True, metavar="VERB")
-    for group in (import_models, import_front3d, build, inspect, export, study, evaluate, table):
+    for group in (import_models, import_capture, import_front3d, build, inspect, export, study, evaluate, table):
         group.add(verbs)
     return root

@@ -57,10 +57,15 @@ def _study(kinds: common.Verbs, name: str, run: Callable[[argparse.Namespace], i
 def _noise_options(noise: argparse.ArgumentParser) -> None:
     noise.add_argument("--levels", default=LEVELS, metavar="A,B,..",
                        help="deviations of vertex noise, in bounding radii, rising, or names of levels as in "
-                            f"smooth,light,medium,heavy,extreme (default: {LEVELS})")
-    noise.add_argument("--x", default="roughness_rms", metavar="FIGURE",
+                            "smooth,light,medium,heavy,extreme; beside them meshes from fields, as in density or "
+                            f"sdf:views=20:resolution=64 (default: {LEVELS})")
+    noise.add_argument("--field", action="append", default=[], metavar="KEY=VALUE",
+                       help="a key of all these fields, such as size=96; may be repeated")
+    noise.add_argument("--alone", choices=("all", "noise"), default="all",
+                       help="levels with a training of their own; noise: not those of fields (default: all)")
+    noise.add_argument("--x", default="", metavar="FIGURE",
                        help="what curves are drawn over: a figure that labels have of rough meshes, such as "
-                       "normal_median or silhouette_iou (default: roughness_rms)")
+                       "silhouette_iou (default: roughness_rms; normal_median with fields)")
     noise.add_argument("--config", type=Path, help="how LighTNet is trained, a YAML file (default: its small size)")
     common.add_overrides(noise, "that configuration", "--train-set", "train_set")
     noise.add_argument("--steps", type=common.positive, help="batches to train on; short for --train-set steps=N")
@@ -128,6 +133,7 @@ def _noise(options: argparse.Namespace) -> int:
     from dataset_builder.studies.noise import level_trainings
     from dataset_builder.studies.noise.axes import axis_of
     from dataset_builder.studies.noise.levels import crops, levels_of, write_table
+    from dataset_builder.studies.noise.likeness import likenesses, write_likeness
     from dataset_builder.studies.noise.noise_study import count_passes, make, pass_lines, require
 
     study = _noise_study(options)
@@ -143,22 +149,26 @@ def _noise(options: argparse.Namespace) -> int:
             print(f"{news.number}/{news.count} {news.name}: {line}", flush=True)
     split = level_trainings.held_out(study)
     levels = levels_of(study, split, level_trainings.measure(study, split))
-    write_table(levels, study.out / "levels.csv", axis_of(study.x))
+    write_table(levels, study.out / "levels.csv", axis_of(study.axis))
+    if like := likenesses(levels):
+        write_likeness(like, study.out / "likeness.csv")
     write_page(NoiseResults(
-        study=study, levels=levels, passes=passes, crops=list(crops(study, split, levels)), left_out=split.left_out,
-        rejected=level_trainings.rejected_by_level(study), learnt=level_trainings.training_counts(study)))
-    print("\n".join([*sentences(levels), f"table: {study.out / 'levels.csv'}",
+        study=study, levels=levels, likenesses=like, passes=passes, crops=list(crops(study, split, levels)),
+        left_out=split.left_out, rejected=level_trainings.rejected_by_level(study),
+        learnt=level_trainings.training_counts(study)))
+    print("\n".join([*sentences(levels, like), f"table: {study.out / 'levels.csv'}",
                      f"report: {study.out / 'report.html'}"]))
     return 0
 
 
 def _noise_study(options: argparse.Namespace) -> "NoiseStudy":
-    from dataset_builder.studies.noise.noise_study import NoiseStudy, parse_levels, parse_names
+    from dataset_builder.studies.noise.noise_study import NoiseStudy
+    from dataset_builder.studies.noise.study_levels import parse_levels
 
     training = common.lightnet(options.config, options.train_set, options.steps)
     out = options.out or common.STUDIES / f"{_spec(options).dataset.name}-noise"
-    return NoiseStudy(spec=options.spec, overrides=tuple(options.overrides), levels=parse_levels(options.levels),
-                       names=parse_names(options.levels), training=training,
+    return NoiseStudy(spec=options.spec, overrides=tuple(options.overrides), training=training,
+                       levels=parse_levels(options.levels, options.field), fields_alone=options.alone == "all",
                        per_level_steps=options.per_level_steps or training.steps, out=out, backend=options.backend,
                        workers=options.workers, vgg_weights=options.vgg_weights, device=options.device, x=options.x)
 

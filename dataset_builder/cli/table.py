@@ -9,13 +9,14 @@ from dataset_builder.cli import common
 if TYPE_CHECKING:
     from dataset_builder.lightnet.settings import TrainingSpec
     from dataset_builder.studies.tables.paper import Table
-    from dataset_builder.studies.tables.table_study import RowMeasured, RowNews
+    from dataset_builder.studies.tables.table_study import RowMeasured, RowNews, TableStudy
 
 KINDS = {
     "methods": "table 1: LighTNet, Pix2Pix, DPR and SSVBRDF, and untrained baselines",
     "objectives": "table 2: LighTNet with the paper's choices of losses",
     "formulations": "table 3: how I_t is composed, and where its shading comes from",
     "weights": "the weights of LighTNet's losses, one changed at a time",
+    "stability": "the table of stability: Pix2Pix and LighTNet on views that follow each other",
 }
 
 
@@ -27,8 +28,9 @@ def add(verbs: common.Verbs) -> None:
         table = kinds.add_parser(name, help=what, description=what)
         _options(table, name)
         table.set_defaults(run=_table, table=name)
-    kinds.choices["methods"].add_argument("--one-optimiser", action="store_true",
-                                          help="train the baselines with LighTNet's optimiser instead of their own")
+    for name in ("methods", "stability"):
+        kinds.choices[name].add_argument("--one-optimiser", action="store_true",
+                                         help="train the baselines with LighTNet's optimiser instead of their own")
 
 
 def _options(table: argparse.ArgumentParser, name: str) -> None:
@@ -49,6 +51,8 @@ def _table(options: argparse.Namespace) -> int:
     from dataset_builder.studies.tables.table_study import RowMeasured, TableStudy, results, run
 
     base = common.lightnet(options.config, options.overrides, options.steps)
+    if options.table == "stability":
+        base = _on_sequences(base, options.folder)
     table = _made(options, base)
     out = options.out or common.STUDIES / f"{load_manifest(options.folder).name}-table-{table.name}"
     study = TableStudy(table=table, base=base, dataset=options.folder, out=out, seeds=options.seeds,
@@ -67,17 +71,51 @@ def _table(options: argparse.Namespace) -> int:
         print(row_line(result))
     if order := orders(table, found):
         print("\n".join([*order_lines(order), verdict(order)]))
+    if options.table == "stability":
+        for line in _steadiness(study):
+            print(line)
     print(f"table: {out / 'table.md'}\nfigure: {out / 'table.png'}")
     return 0
 
 
+def _on_sequences(base: "TrainingSpec", folder: Path) -> "TrainingSpec":
+    """The same, measured on the split that has sequences."""
+    from dataset_builder.lightnet.data.lighting_dataset import splits_of
+    from dataset_builder.lightnet.results.sequences import sequence_split
+    from dataset_builder.studies.trainings import changed
+
+    held_out = sequence_split(folder)
+    return changed(base, data={"train": base.data.among(splits_of(folder)).train, "held_out": held_out})
+
+
+def _steadiness(study: "TableStudy") -> list[str]:
+    """Measure the rows on sequences, write the page on them, and what there is to print."""
+    from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
+    from dataset_builder.lightnet.results.sequences import evaluate_sequences, sequences_of
+    from dataset_builder.lightnet.results.spreads import SequenceScores
+    from dataset_builder.report.sequence_page import steadiness_lines, write_sequence_page
+    from dataset_builder.report.stability_page import deviation_lines, write_stability
+    from dataset_builder.studies.tables.table_study import contenders_of
+
+    dataset = LightingDataset(study.dataset, study.base.data.held_out, study.base.data)
+    sequences = sequences_of(dataset)
+    found = SequenceScores.of(dataset, sequences, evaluate_sequences(contenders_of(study), dataset, sequences))
+    write_sequence_page(found, study.out)
+    page = write_stability(study, found)
+    return [*steadiness_lines(found), *deviation_lines(found), f"stability: {page}"]
+
+
 def _made(options: argparse.Namespace, base: "TrainingSpec") -> "Table":
     from dataset_builder.studies.tables import table_kinds
+    from dataset_builder.studies.tables.table_study import sees_fields
 
     if options.table == "methods":
-        return table_kinds.methods(base, own_optimisers=not options.one_optimiser)
+        return table_kinds.methods(base, own_optimisers=not options.one_optimiser,
+                                   fields=sees_fields(options.folder, base))
     if options.table == "weights":
         return table_kinds.weights(base, vgg=options.vgg_weights is not None)
+    if options.table == "stability":
+        return table_kinds.stability(base, own_optimisers=not options.one_optimiser)
     return {"objectives": table_kinds.objectives, "formulations": table_kinds.formulations}[options.table](base)
 
 

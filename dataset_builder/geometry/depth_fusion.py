@@ -6,8 +6,6 @@ mesh on any number of threads.
 """
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from dataset_builder.geometry.mesh import TriangleMesh
 from dataset_builder.geometry.raycast import open3d
@@ -16,8 +14,6 @@ from dataset_builder.geometry.subdivision import EQUILATERAL
 
 TRUNCATION = 4.0
 """Distance from a surface up to which depths are averaged, cells."""
-LEAST = 0.01
-"""Share of the largest part's area below which a part is dropped."""
 MOST_FACES = 300_000
 
 
@@ -46,40 +42,14 @@ def fused(depths: np.ndarray, poses: np.ndarray, focal: float, *, centre: np.nda
         images.color, images.depth = blank, o3d.geometry.Image(image)
         volume.integrate(images, camera, np.linalg.inv(pose))
     made = volume.extract_triangle_mesh()
-    return bare_mesh(np.asarray(made.vertices), np.asarray(made.triangles))
+    faces = np.asarray(made.triangles).reshape(-1, 3)
+    return TriangleMesh(positions=np.asarray(made.vertices).reshape(-1, 3), faces=faces,
+                        uvs=np.zeros((len(faces), 3, 2)), material=np.zeros(len(faces)))
 
 
-def bare_mesh(positions: np.ndarray, faces: np.ndarray) -> TriangleMesh:
-    """A mesh of one material, without colours."""
-    count = len(faces)
-    return TriangleMesh(positions=positions, faces=faces.reshape(-1, 3), uvs=np.zeros((count, 3, 2)),
-                        material=np.zeros(count))
-
-
-def main_parts(mesh: TriangleMesh) -> tuple[TriangleMesh, int, int]:
-    """A mesh without parts below `LEAST` and with at most `MOST_FACES` faces, how many parts it has, and how many were
-    dropped."""
-    a, b, c = mesh.faces.T
-    ones = np.ones(2 * len(mesh.faces), bool)
-    graph = coo_array((ones, (np.concatenate([a, b]), np.concatenate([b, c]))), shape=(len(mesh.positions),) * 2)
-    part = connected_components(graph, directed=False)[1][a]
-    areas = np.bincount(part, weights=np.linalg.norm(mesh.area_normals, axis=1))
-    large = areas >= LEAST * areas.max()
-    faces = mesh.faces[large[part]]
-    used, compact = np.unique(faces, return_inverse=True)
-    kept = bare_mesh(mesh.positions[used], compact.reshape(-1, 3))
-    if len(faces) > MOST_FACES:
-        area = float(np.linalg.norm(kept.area_normals, axis=1).sum()) / 2
-        kept = decimated(kept, (area / (EQUILATERAL * MOST_FACES))**0.5)
-    return kept, int(large.sum()), int((areas > 0).sum() - large.sum())
-
-
-def vertex_normals(mesh: TriangleMesh) -> np.ndarray:
-    """(V, 3) unit normals, those of faces weighted by area; 0 for a vertex without."""
-    total = np.zeros_like(mesh.positions)
-    for corner in range(3):
-        for axis in range(3):
-            total[:, axis] += np.bincount(mesh.faces[:, corner], weights=mesh.area_normals[:, axis],
-                                          minlength=len(total))
-    length = np.linalg.norm(total, axis=1, keepdims=True)
-    return total / np.where(length > 0, length, 1)
+def lightened(mesh: TriangleMesh) -> TriangleMesh:
+    """The mesh, or one of `MOST_FACES` where it has more."""
+    if len(mesh.faces) <= MOST_FACES:
+        return mesh
+    area = float(np.linalg.norm(mesh.area_normals, axis=1).sum()) / 2
+    return decimated(mesh, (area / (EQUILATERAL * MOST_FACES))**0.5)

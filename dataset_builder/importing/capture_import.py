@@ -12,16 +12,16 @@ import numpy as np
 from dataset_builder.assets.field_file import FieldFile, encode
 from dataset_builder.digest import digest
 from dataset_builder.errors import Problem, UserError
-from dataset_builder.files import require_writable, write_atomic
+from dataset_builder.files import output_errors, require_writable, write_atomic
 from dataset_builder.geometry.posed_images import PosedImages
 from dataset_builder.importing.captures.darkroom import parted
 from dataset_builder.importing.captures.find_capture import read_capture
 from dataset_builder.importing.captures.photographs import Ball
 from dataset_builder.importing.captures.pose_checks import camera_notes
 from dataset_builder.importing.captures.review import Reviewed, reviewed, without_blur
-from dataset_builder.importing.captures.settle import settled, spec_text
+from dataset_builder.importing.captures.settle import moved_poses, settled, spec_text
 from dataset_builder.importing.captures.upright import Placement, metres_per_unit, turned, up_of
-from dataset_builder.importing.in_place import refuse_existing
+from dataset_builder.importing.in_place import move, refuse_existing
 from dataset_builder.label.field_record import FieldRecord
 from dataset_builder.lock import locked
 
@@ -129,9 +129,12 @@ def import_capture(job: CaptureJob, *, fit: Fit, picture: Picture | None,
         content = settled(replace(made, record=made.record.model_copy(update={"truth": False, "masked": done.masked})),
                           job.height)
         notes = (*notes, said, *_looked_at(content, job))
-        files = _written(job, content, notes, fitted, picture)
+        names = _written(job, content, notes, replace(fitted, poses=moved_poses(fitted.poses, made, content)),
+                         work / "made", picture)
+        with output_errors(job.out):
+            move(names, work / "made", job.out)
         shutil.rmtree(work, ignore_errors=True)
-    return ImportedCapture(files=files, record=content.record, notes=notes)
+    return ImportedCapture(files=tuple(job.out / name for name in names), record=content.record, notes=notes)
 
 
 def _check(job: CaptureJob) -> None:
@@ -201,12 +204,12 @@ def _looked_at(content: FieldFile, job: CaptureJob) -> list[str]:
     return notes
 
 
-def _written(job: CaptureJob, content: FieldFile, notes: tuple[str, ...], images: PosedImages,
-             picture: Picture | None) -> tuple[Path, ...]:
-    """Write field, spec and contact sheet. The spec comes last, as it stands for all of them."""
-    field, spec, sheet = (job.out / name for name in job.files)
-    write_atomic(field, encode(content))
-    made = [field, sheet] if picture and picture(content, images, sheet) else [field]
-    write_atomic(spec, spec_text("capture", field.name, category=job.category or job.name, licence=job.licence,
-                                 notes=notes).encode())
-    return (*made, spec)
+def _written(job: CaptureJob, content: FieldFile, notes: tuple[str, ...], images: PosedImages, folder: Path,
+             picture: Picture | None) -> list[str]:
+    """Write field, spec and contact sheet into a folder; their names."""
+    field, spec, sheet = job.files
+    write_atomic(folder / field, encode(content))
+    write_atomic(folder / spec, spec_text(field, category=job.category or job.name, licence=job.licence,
+                                          notes=notes).encode())
+    drawn = picture is not None and picture(content, images, folder / sheet)
+    return [field, spec, *([sheet] if drawn else [])]

@@ -61,6 +61,9 @@ class DataSpec(Model):
     held_out: str = "evaluation"
     """Split for validation; never used for training. By default the first other one where a dataset has no
     `evaluation`, and none where it has no other."""
+    i_s: Literal["i_s", "i_s_clean"] = "i_s"
+    """Layer that is I_s in training; i_s_clean is rendered from the mesh where i_s is a field's image. Checks and
+    evaluations always take i_s."""
     crop: Annotated[int, Field(ge=16)] = 128
     """Side of the training crop around the object, in pixels; at most the image's side, and rounded down to a multiple
     that the method needs."""

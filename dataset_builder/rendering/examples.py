@@ -149,7 +149,7 @@ def _evidence(shared: ViewPasses, plan: ExamplePlan) -> dict[str, np.ndarray]:
         names |= {name + suffix for name in EVIDENCE for suffix in ("", ERROR_SUFFIX)}
     if "first_hit_rough" in passes:
         names.add("mask_rough")
-    if "source" in passes and plan.field.kind != "none":
+    if plan.field.kind != "none" and "source" in passes:
         names.add("mask_field")
     images = {name: layer_image(shared, plan, name, "object") for name in sorted(names)}
     return images | (_deviations(shared, plan) if "target" in passes else {})

@@ -13,7 +13,7 @@ from dataset_builder.label.example_plan import ExamplePlan, GoalPlan
 from dataset_builder.label.field_plan import FieldPlan
 from dataset_builder.label.scene_plan import IlluminationPlan, ObjectPlan, PlacedObject, RoomPlan
 from dataset_builder.label.scene_source import SceneSource
-from dataset_builder.layers import LAYERS, LIT, PASSES, Pass
+from dataset_builder.layers import ALIKE, LAYERS, LIT, PASSES, Pass
 from dataset_builder.planning.effects.decisions import has_direct
 from dataset_builder.spec.model import Model
 
@@ -50,6 +50,22 @@ def needs_lighting(plan: ExamplePlan) -> bool:
 def lights_rough(plan: ExamplePlan) -> bool:
     """Whether the R3DM is seen under light."""
     return asked(plan, "rough") or asked(plan, "pbr")
+
+
+def in_step(plan: ExamplePlan, name: str) -> bool:
+    """Whether joined paths of a pass are kept in step with those of another one that the example has."""
+    return (name in ALIKE and sum(asked(plan, each) for each in ALIKE) > 1
+            and plan.effects.of(name).transport == "joined")
+
+
+def compared_with(plan: ExamplePlan, name: str) -> Pass | None:
+    """The pass whose light paths those of a pass are put beside, pixel by pixel. That with the R3DM has none: it runs
+    for every noise level, and the others for all together."""
+    pair: dict[str, Pass] = {"target": "empty", "empty": "target"}
+    other = pair.get(name)
+    if other is None or not in_step(plan, name) or not asked(plan, other):
+        return None
+    return other if plan.effects.of(name).extent == plan.effects.of(other).extent else None
 
 
 def asked(plan: ExamplePlan, render_pass: Pass) -> bool:
@@ -118,6 +134,8 @@ def inputs_of(plan: ExamplePlan, name: str, steps: int | None = None) -> Inputs:
         effects = plan.effects.of(name)
         found["openings"] = _openings(plan, name)
         found["transport"] = [effects.transport, effects.caustics]
+        if in_step(plan, name):
+            found["in step with"] = compared_with(plan, name) or ""
         if found["pixels"] == "object" or samples["goals"]:
             samples["object"] = _object_pixels(plan, name)
     if name in LIT or (name == "first_hit_rough" and lights_rough(plan)):

@@ -11,7 +11,7 @@ import numpy as np
 from dataset_builder.label.example_plan import Transport
 from dataset_builder.layers import LAYERS
 from dataset_builder.planning.scene.arrangement import TARGET_INSTANCE
-from dataset_builder.rendering.joined import joined_integrand
+from dataset_builder.rendering.joined import InStep, joined_integrand
 from dataset_builder.rendering.sampling.adaptive import Sample
 from dataset_builder.rendering.sampling.estimate import Samplers
 from dataset_builder.rendering.sampling.moments import Estimate
@@ -53,11 +53,13 @@ def radiance_channels(layer: str) -> slice:
 
 
 def radiance_sampler(view: ViewSensor, opened: OpenScene, max_depth: int, transport: Transport = "camera",
-                     caustics: bool = False, wanted: frozenset[str] = frozenset(RADIANCE)) -> Sample:
-    """Sampler of what is `wanted` of RADIANCE, channels as `channels_of` cuts them; nothing else is computed."""
+                     caustics: bool = False, wanted: frozenset[str] = frozenset(RADIANCE),
+                     in_step: InStep | None = None) -> Sample:
+    """Sampler of what is `wanted` of RADIANCE, channels as `channels_of` cuts them; nothing else is computed. in_step:
+    for joined paths that are compared with those of another scene; camera paths are in step as they are."""
     names = [name for name in RADIANCE if name in wanted and (name != "air" or opened.fog)]
     if transport == "joined":
-        shared = joined_integrand(view, opened, max_depth, caustics, names)
+        shared = joined_integrand(view, opened, max_depth, caustics, names, in_step)
         return lambda pixels, spp, batches, seed: view.estimate_shared(shared, pixels, spp, batches,
                                                                        seed).padded(3 * len(wanted))
     sensor, traced = view.sensor(), frozenset(name.removesuffix("_squared") for name in wanted)

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
 from math import ceil
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from dataset_builder.layers import Pass
 from dataset_builder.rendering import passes
 from dataset_builder.rendering.field_pass import field_sampler, field_window
 from dataset_builder.rendering.field_shelf import NO_SHELF, FieldShelf
+from dataset_builder.rendering.joined import InStep, light_paths
 from dataset_builder.rendering.light_probe import lighting
 from dataset_builder.rendering.pass_inputs import (
     DIRECT,
@@ -24,6 +26,8 @@ from dataset_builder.rendering.pass_inputs import (
     INSTANCE,
     LIGHTING,
     all_passes,
+    compared_with,
+    in_step,
     lights_rough,
     needed_passes,
     needs_lighting,
@@ -32,8 +36,10 @@ from dataset_builder.rendering.pass_memory import PassResult
 from dataset_builder.rendering.passes import FIRST_HIT_CHANNELS, WANTED, ViewSensor
 from dataset_builder.rendering.sampled_passes import Pixels, SampledPasses
 from dataset_builder.rendering.sampling.adaptive import Sample
+from dataset_builder.rendering.sampling.estimate import groups_of
 from dataset_builder.rendering.sampling.moments import Estimate
 from dataset_builder.rendering.scene.open_scene import OpenScene
+from dataset_builder.rendering.transport.light_paths import LightVertices
 from dataset_builder.rendering.view_scenes import ViewScenes
 
 
@@ -165,12 +171,29 @@ class ViewPasses(SampledPasses):
     def _lit(self, key: tuple[str, ...], plan: ExamplePlan, opened: Callable[[], OpenScene], covered: Pixels,
              *seed: int) -> PassResult:
         """A pass with light."""
+        effects = plan.effects.of(key[0])
+        setting = effects.max_depth, effects.transport, effects.caustics, WANTED[key[0]]
+
         def sampler() -> Sample:
-            effects = plan.effects.of(key[0])
-            return passes.radiance_sampler(self.view, opened(), effects.max_depth, effects.transport,
-                                           effects.caustics, WANTED[key[0]])
+            if not in_step(plan, key[0]):
+                return passes.radiance_sampler(self.view, opened(), *setting)
+            return in_steps
+
+        def in_steps(*what: Any) -> Estimate:
+            theirs = self._light_paths(compared_with(plan, key[0]), plan, *what)
+            return passes.radiance_sampler(self.view, opened(), *setting, in_step=InStep(other=theirs))(*what)
 
         return self._once(key, plan, covered, sampler, *seed)
+
+    def _light_paths(self, name: Pass | None, plan: ExamplePlan, pixels: np.ndarray, spp: int, batches: int,
+                     seed: int) -> dict[int, LightVertices]:
+        """Those of another pass, whose scene is closed again before this one's is opened; none of no pass."""
+        if name is None:
+            return {}
+        effects = plan.effects.of(name)
+        return light_paths(self.view, {"target": self.scenes.target, "empty": self.scenes.surroundings}[name](plan),
+                           effects.max_depth, effects.caustics, sorted(WANTED[name]),
+                           groups_of(pixels, spp, batches, seed))
 
     # Pixels
 

@@ -131,4 +131,5 @@ def cell_pixels(name: str, array: np.ndarray, factor: float) -> np.ndarray:
 
 def _sheet_lines(plan: ExamplePlan) -> list[str]:
     lights = " + ".join(light.kind for light in plan.target_light.lights)
-    return [plan.key, plan.split, plan.target.object.name, plan.room.name, lights, f"sigma {plan.rough.sigma:.4f}"]
+    return [plan.key, plan.split, plan.target.object.name, plan.room.name, lights,
+            plan.rough.name or f"sigma {plan.rough.sigma:.4f}"]

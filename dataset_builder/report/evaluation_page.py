@@ -22,7 +22,7 @@ from dataset_builder.report.page_parts import COLOURS, PALE, heading, markdown_t
 from dataset_builder.studies.comma_separated import comma_separated
 
 TABLE, SUMMARY, FIGURE, EXAMPLES = "table.csv", "summary.md", "summary.png", "examples.png"
-DESCRIBED = ("method", "key", "view", "object", "room", "level", "sigma")
+DESCRIBED = ("method", "key", "view", "object", "room", "level", "sigma", "rough")
 COLUMNS = (*DESCRIBED, *(metric.name for metric in METRICS), "seconds")
 PAIR_COLUMNS = ("methods", "metric", "difference", "if independent", f"{LEVEL:.0%} interval", "better in", "verdict")
 SEEN = "**A method was trained on this split.** Its figures do not measure generalisation."

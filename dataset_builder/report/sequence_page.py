@@ -1,7 +1,6 @@
 """How steady methods are over the views of sequences, as files: tables, a page, and figures over the frames."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 from statistics import fmean
@@ -11,9 +10,8 @@ from matplotlib.figure import Figure
 
 from dataset_builder.files import write_atomic
 from dataset_builder.lightnet.measures.metrics import METRICS
-from dataset_builder.lightnet.results.evaluate import ScoreRow
-from dataset_builder.lightnet.results.sequences import TRUTH, FlickerRow, ViewSequence
-from dataset_builder.lightnet.results.spreads import FLICKERS, Spread, Steadiness, steadiness
+from dataset_builder.lightnet.results.sequences import TRUTH
+from dataset_builder.lightnet.results.spreads import FLICKERS, SequenceScores, Spread, Steadiness
 from dataset_builder.report.page_parts import COLOURS, heading, markdown_table, panels, png, rounded
 from dataset_builder.studies.comma_separated import comma_separated
 
@@ -29,39 +27,7 @@ warped into the earlier view by depth. Light on a surface changes with the view,
 *Flicker of the error*: the same of prediction less truth, 0 for what changes as the truth does."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class SequenceReport:
-    """What was found on the sequences of a split."""
-
-    dataset: str
-    split: str
-    sequences: Sequence[ViewSequence]
-    scores: Sequence[ScoreRow]
-    flickers: Sequence[FlickerRow]
-    keys: Sequence[str]
-    """Of the split, by position."""
-
-    @property
-    def rows(self) -> list[Steadiness]:
-        """Every method on all sequences and on each."""
-        return steadiness(self.scores, self.flickers, self.sequences, self.keys)
-
-    @property
-    def whole(self) -> list[Steadiness]:
-        """Every method on all sequences, the truth last."""
-        return [row for row in self.rows if not row.sequence]
-
-    @property
-    def extent(self) -> str:
-        """How much was looked at, and what is missing."""
-        planned, found = (sum(sizes) for sizes in zip(*((one.planned, len(one.frames)) for one in self.sequences),
-                                                      strict=True))
-        count = len(self.sequences)
-        return (f"{found} of {planned} views in {count} sequence{'s' if count > 1 else ''}, "
-                f"{sum(row.method == TRUTH for row in self.flickers)} neighbours")
-
-
-def write_sequence_page(report: SequenceReport, out: Path) -> list[Path]:
+def write_sequence_page(report: SequenceScores, out: Path) -> list[Path]:
     """Write both tables, the page and its figure into a folder; their paths. Raises OutputError."""
     files = {SEQUENCES: sequence_table(report), NEIGHBOURS: comma_separated(PAIR_COLUMNS, (
         [getattr(row, name) for name in PAIR_COLUMNS] for row in report.flickers), digits=7),
@@ -71,7 +37,7 @@ def write_sequence_page(report: SequenceReport, out: Path) -> list[Path]:
     return [out / name for name in files]
 
 
-def sequence_table(report: SequenceReport) -> bytes:
+def sequence_table(report: SequenceScores) -> bytes:
     """A line per method and sequence; those of all sequences together have an empty name."""
     return comma_separated(COLUMNS, map(_line, report.rows), digits=7)
 
@@ -90,7 +56,7 @@ def _spreads(row: Steadiness) -> Mapping[str, Spread]:
     return {**row.metrics, **row.flickers}
 
 
-def markdown(report: SequenceReport) -> str:
+def markdown(report: SequenceScores) -> str:
     """Methods as columns, figures as rows, and what the words mean; then every sequence."""
     parts = [f"# Sequences of {report.dataset}, split {report.split}", f"{report.extent}.", figures_table(report.whole),
              " ".join(MEANING.split())]
@@ -123,15 +89,16 @@ def spread_text(found: Spread, name: str) -> str:
     return rounded(found.mean, name) + (f" ± {rounded(found.deviation, name)}" if isfinite(found.deviation) else "")
 
 
-def steadiness_lines(report: SequenceReport) -> list[str]:
-    """What the terminal shows: a line per method."""
+def steadiness_lines(report: SequenceScores) -> list[str]:
+    """What the terminal shows: how much was looked at, and a line per method."""
     symbols = {metric.name: metric.symbol for metric in METRICS} | dict(FLICKERS)
-    return [f"{row.method}: " + ", ".join(f"{symbols[name]} {spread_text(found, name)}"
+    return [f"{report.extent}; mean ± standard deviation over views:"] + [
+            f"{row.method}: " + ", ".join(f"{symbols[name]} {spread_text(found, name)}"
                                           for name, found in _spreads(row).items() if found.count)
             for row in report.whole]
 
 
-def sequence_figure(report: SequenceReport) -> Figure:
+def sequence_figure(report: SequenceScores) -> Figure:
     """PSNR, flicker and flicker of the error over the frames, each the mean of the sequences that have it."""
     figure, axes = panels(3, f"{report.dataset}, split {report.split}: {report.extent}")
     frames = {report.keys[index]: frame for one in report.sequences

@@ -7,6 +7,8 @@ from dataset_builder.shards.manifest import LayerRecord, Manifest
 
 PLAIN = {
     "i_s": "the object as it plainly looks, evenly lit from all sides",
+    "i_s_clean": "the same, rendered from its clean mesh where `i_s` shows a neural field",
+    "mask_field": "how opaque the neural field that `i_s` shows is in each pixel",
     "d": "the colour of its matte part, without light or shade",
     "r": "how much light it mirrors, by colour; not where its highlights are",
     "i_t": "the object under the lamps of the scene: what is to be predicted",
@@ -22,8 +24,8 @@ PLAIN = {
     "normal": "which way the surface faces, in the axes of the room",
     "normal_rough": "which way the surface of the rough mesh faces",
     "instance": "which object is in the middle of the pixel, as a number",
-    "i_s_clean": "the same look, always drawn from the clean mesh, where `i_s` may show a neural field",
-    "mask_field": "how opaque what `i_s` shows is: a neural field, or the object itself",
+    "i_s_clean": "`i_s` as the clean mesh has it, where `i_s` is the image of a neural field",
+    "mask_field": "how much of each pixel is covered by what `i_s` shows",
 }
 """Every layer but standard errors and layers before denoising, in plain words; `docs/layers.md` has the same."""
 

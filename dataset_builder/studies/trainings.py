@@ -23,7 +23,7 @@ from dataset_builder.studies.comma_separated import read_csv, write_csv
 ABOUT, SCORES, FACTS = "study.json", "scores.csv", "facts.json"
 BOARD = "tensorboard"
 KINDS: dict[str, Callable[[str], Any]] = {"method": str, "key": str, "view": str, "object": str, "room": str,
-                                          "level": int, "sigma": float, "seconds": float}
+                                          "level": int, "sigma": float, "rough": str, "seconds": float}
 """Columns that are no metric, in order, and what their text is."""
 EXACT = 17
 """Digits that bring a double back as it was."""
@@ -48,9 +48,10 @@ def changed(spec: TrainingSpec, **values: Any) -> TrainingSpec:
     >>> changed(TrainingSpec(), steps=7, model={"width": 4}).model
     ModelSpec(width=4, downs=4, formulation='dr_alpha_s', shading='residual')
     """
-    plain: dict[str, Any] = spec.model_dump()
+    # What nobody wrote stays a default: names of splits give way to a dataset's own
+    plain: dict[str, Any] = spec.model_dump(exclude_unset=True)
     for key, value in values.items():
-        plain[key] = {**plain[key], **value} if isinstance(value, Mapping) else value
+        plain[key] = {**plain.get(key, {}), **value} if isinstance(value, Mapping) else value
     return TrainingSpec.model_validate(plain)
 
 

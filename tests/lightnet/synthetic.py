@@ -13,6 +13,7 @@ import numpy as np
 from dataset_builder import __version__
 from dataset_builder.digest import digest
 from dataset_builder.label.example_plan import ExamplePlan
+from dataset_builder.label.field_plan import FieldPlan
 from dataset_builder.label.scene_plan import CameraPlan
 from dataset_builder.seeding import rng
 from dataset_builder.shards.example import Example, encode_members, preview
@@ -70,7 +71,8 @@ def write_synthetic(folder: Path, *, train: int = 6, held_out: int = 3, size: in
     """Write a finished dataset with the splits `train` and `evaluation`; returns its folder.
 
     train, held_out: examples of each split; or, by name, splits. levels: noise levels; neighbouring examples are the
-    levels of one view under one light. layers: those of the paper, `mask_rough`, `s`, `spec`, `i_t_empty` and `i_pbr`.
+    levels of one view under one light. layers: those of the paper, `mask_rough`, `s`, `spec`, `i_t_empty`, `i_pbr`, and
+    `i_s_clean`, with which labels say that `i_s` is the image of a field.
     """
     counts, named = dict[str, range](), {"train": train, "evaluation": held_out} if splits is None else splits
     for name, count in named.items():
@@ -99,6 +101,8 @@ def synthetic_example(index: int, split: str = "train", *, size: int = 48, level
     sigma = SIGMA * (level + 1) / levels
     made = _layers(shape, camera, light, size=size, sigma=sigma, look=stream, noise=rng(seed, view, "noise", level))
     plan = _plan(index, split, view, shape, camera, size, level, sigma)
+    if "i_s_clean" in layers:
+        plan = plan.model_copy(update={"field": FieldPlan(kind="density")})
     record = render_record(lighting_sh=light.sh().tolist(), roughness_rms=0.8 * sigma, roughness_max=2.5 * sigma,
                            bounding_radius=float(np.linalg.norm(shape.half)))
     return Example(plan=plan, record=record,
@@ -188,10 +192,11 @@ def _layers(shape: Shape, camera: CameraPlan, light: Light, *, size: int, sigma:
     wall = np.linspace(0.8, 0.3, size)[:, None, None] * np.ones((1, size, 3))
     dome, behind = 0.75 + 0.25 * normal[..., 2:], wall * light.ambient
     s_prime = shading(rough_normal, np.where(mask_rough > 0, rough_place, place), light, shadow) * either
+    i_s = np.where(covered, d * dome + 0.8 * r * dome, wall)
     return {"mask": mask, "mask_rough": mask_rough, "d": d, "r": r, "s": s, "spec": spec,
             "i_t": np.where(covered, d * s + spec, behind),
             "i_t_empty": behind, "i_pbr": np.where(mask_rough > 0, 0.5 * s_prime, behind), "s_prime": s_prime,
-            "i_s": np.where(covered, d * dome + 0.8 * r * dome, wall)}
+            "i_s": i_s, "i_s_clean": 0.8 * i_s}
 
 
 def _facets(noise: np.random.Generator, size: int) -> np.ndarray:

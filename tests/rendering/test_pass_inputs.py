@@ -142,6 +142,20 @@ def test_where_something_shines_every_light_pass_depends_on_the_source_sky() -> 
     assert {name for name in PASSES if before[name] != after[name]} == {*LIT, "lighting"}
 
 
+def test_passes_that_are_compared_know_each_other_where_paths_are_joined() -> None:
+    """Camera paths are in step by themselves: what stands beside changes nothing."""
+    def key(joined: bool, *layers: str, name: str = "target") -> str:
+        found = of_passes(transport="joined")(plan()) if joined else plan()
+        asked = tuple((layer, "object") for layer in layers)
+        render = found.render.model_copy(update={"layers": asked})
+        return key_of(inputs_of(found.model_copy(update={"render": render}), name), {})
+
+    assert key(False, "i_t") == key(False, "i_t", "i_t_empty") == key(False, "i_t", "i_pbr")
+    assert len({key(True, "i_t"), key(True, "i_t", "i_t_empty"), key(True, "i_t", "i_pbr")}) == 3
+    assert key(True, "i_t", "s_prime") == key(True, "i_t")
+    assert key(True, "i_t_empty", "i_pbr", name="pbr") != key(True, "i_pbr", name="pbr")
+
+
 def test_every_pass_has_a_key_of_its_own() -> None:
     assert set(all_passes(plan())) == set(PASSES)
     assert len(set(keys(plan()).values())) == len(PASSES)

@@ -55,7 +55,7 @@ def _surface(hull: np.ndarray, ball: Ball) -> np.ndarray:
     for axis in range(3):
         for step in (-1, 1):
             buried &= np.roll(padded, step, axis)[1:-1, 1:-1, 1:-1]
-    cells = np.argwhere(hull & ~buried)
+    cells = np.argwhere(hull & ~buried)[:, ::-1]
     cells = cells[np.unique(np.linspace(0, max(len(cells) - 1, 0), min(POINTS, len(cells))).astype(int))]
     return np.array(ball.centre) + ball.radius * ((cells + 0.5) * 2 / CELLS - 1)
 
@@ -77,7 +77,7 @@ def _values(images: PosedImages, number: int, places: np.ndarray, hull: np.ndarr
     cells = np.floor(((path - ball.centre) / ball.radius + 1) * CELLS / 2).astype(int)
     within = ((cells >= 0) & (cells < CELLS)).all(axis=-1)
     a, b, c = np.moveaxis(cells.clip(0, CELLS - 1), -1, 0)
-    open_way = ~(hull[a, b, c] & within).any(axis=-1)
+    open_way = ~(hull[c, b, a] & within).any(axis=-1)
     pixels = np.asarray(images.pixels[number], np.float32)[row.clip(0, height - 1), column.clip(0, width - 1)]
     light = pixels[:, :3] @ LUMINANCE.astype(np.float32)
     good = framed & open_way & (pixels[:, 3] > 0.98) & (light > DARK) & (pixels[:, :3].max(axis=1) < CLIPPED)

@@ -1,5 +1,6 @@
 """A photograph to linear pixels of a pinhole camera: decoded, cut to what it is of, undistorted, averaged."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -211,3 +212,14 @@ def file_faults(shot: Shot) -> list[Problem]:
                               rule=f"expected a mask of the image's size, {width} x {height}, got "
                               f"{mask[0]} x {mask[1]}"))
     return faults
+
+
+def boxed(corners: Sequence[float]) -> Ball:
+    """The ball about the box between two opposite corners, x, y, z of each. Raises UserError for one without volume."""
+    low, high = np.minimum(corners[:3], corners[3:]).tolist(), np.maximum(corners[:3], corners[3:]).tolist()
+    if not all(a < b for a, b in zip(low, high, strict=True)):
+        raise problem("", f"expected two opposite corners of a box, got {', '.join(f'{each:g}' for each in corners)}",
+                      path="--box")
+    middle, radius = np.add(low, high) / 2, float(np.linalg.norm(np.subtract(high, low)) / 2)
+    return Ball(centre=(middle[0], middle[1], middle[2]), radius=radius,
+                box=((low[0], low[1], low[2]), (high[0], high[1], high[2])))

@@ -69,7 +69,7 @@ def reviewed(capture: Capture, where: str, *, size: int, ball: Ball | None, skip
         if any(faults):
             capture = _usable(capture, faults, where, skip, notes)
             roll = developed(capture, size, ball, work, told)
-    found = agreement(roll.images) if masked else Agreement(iou=0.0, ball=ball)
+    found = agreement(roll.images, capture.layout) if masked else Agreement(iou=0.0, ball=ball)
     if masked:
         _agree(found, where, notes)
     known = found.ball

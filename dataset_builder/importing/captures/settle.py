@@ -31,9 +31,16 @@ def settled(content: FieldFile, height: float | None) -> FieldFile:
                                      colors=mesh.colors))
 
 
-def spec_text(kind: str, file: str, *, category: str, licence: str, notes: Sequence[str]) -> str:
+def moved_poses(poses: np.ndarray, before: FieldFile, after: FieldFile) -> np.ndarray:
+    """(N, 4, 4) poses in the frame of the field that was settled, of those before."""
+    scale = after.radius / before.radius
+    moved = poses.copy()
+    moved[:, :3, 3] = scale * (poses[:, :3, 3] - before.centre) + after.centre
+    return moved
+
+
+def spec_text(file: str, *, category: str, licence: str, notes: Sequence[str]) -> str:
     """The object spec of a field's file beside it."""
     about = "".join(f"# {printable(note)}\n" for note in notes)
     return (f"# Written by `dataset-builder import capture`\n{about}"
-            f"source: {{kind: {kind}, file: {json.dumps(file)}}}\n"
-            f"category: {json.dumps(category, ensure_ascii=False)}\nlicence: {licence}\n")
+            f"file: {json.dumps(file)}\ncategory: {json.dumps(category, ensure_ascii=False)}\nlicence: {licence}\n")

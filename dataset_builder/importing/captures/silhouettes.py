@@ -9,14 +9,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from dataset_builder.geometry.posed_images import PosedImages
+from dataset_builder.geometry.visual_hull import visual_hull
 from dataset_builder.importing.captures.photographs import IN, Ball
 
-VIEWS, PIXELS, CELLS, STEPS = 24, 48, 48, 96
+VIEWS, PIXELS, CELLS, STEPS = 16, 40, 40, 72
 """Images that are compared, longest side of their masks, cells along a side of the hull, and places along a ray."""
-ENOUGH, CLEAR, LEAST = 0.9, 0.1, 0.7
+ENOUGH, CLEAR, LEAST = 0.9, 0.1, 0.8
 """IoU of the hull's silhouette and the masks that is right; how much better a convention must be to be named below
 that; and what is refused though none is."""
 FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
+TO_WORLD, TO_CAMERA = "camera-to-world", "world-to-camera"
+MATRICES = {"COLMAP": (TO_CAMERA, "OpenCV"), "transforms.json": (TO_WORLD, "OpenGL"),
+            "ActorsHQ": (TO_WORLD, "OpenCV")}
+"""What matrices of each layout are, and whose axes their cameras have."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,44 +38,53 @@ class Agreement:
     """IoU with that."""
 
 
-def agreement(images: PosedImages) -> Agreement:
-    """Of images with masks; where they disagree, the likely conventions are tried."""
+def agreement(images: PosedImages, layout: str) -> Agreement:
+    """Of images with masks; where they disagree, what the matrices of a capture of this layout may be is tried."""
     images = few_of(images)
     iou, ball = _score(images)
     if iou >= ENOUGH:
         return Agreement(iou=iou, ball=ball)
-    tried = {text: _score(other)[0] for text, other in _conventions(images).items()}
+    tried = {text: _score(other)[0] for text, other in _remedies(images, layout).items()}
     text = max(tried, key=lambda name: tried[name])
     good = tried[text] >= max(LEAST, iou + CLEAR)
     return Agreement(iou=iou, ball=ball, remedy=text if good else "", better=tried[text] if good else 0.0)
 
 
-def _conventions(images: PosedImages) -> dict[str, PosedImages]:
+def _remedies(images: PosedImages, layout: str) -> dict[str, PosedImages]:
     """What to do, and the images after that."""
     def with_poses(poses: np.ndarray) -> PosedImages:
         return PosedImages(pixels=images.pixels, poses=poses, focal=images.focal, centre=images.centre)
 
-    poses, inverse = images.poses, np.linalg.inv(images.poses)
+    wanted = MATRICES[layout]
+    written = _matrices(images.poses, wanted)
+    others = {f"the matrices are {way} with {axes}'s axes, where {layout} has {' with '.join(wanted)}'s axes; convert "
+              "them": with_poses(_poses(written, (way, axes)))
+              for way in (TO_WORLD, TO_CAMERA) for axes in ("OpenCV", "OpenGL") if (way, axes) != wanted}
     inverted = images.pixels.copy()
     inverted[..., 3] = 1 - inverted[..., 3]
-    return {
-        "negate y and z of the camera axes: they are OpenGL's where OpenCV's were expected, or the other way round":
-            with_poses(poses @ FLIP),
-        "invert the poses: they are world-to-camera where camera-to-world was expected, or the other way round":
-            with_poses(inverse),
-        "invert the poses and negate y and z of the camera axes: they are OpenGL's world-to-camera, or the other way "
-        "round": with_poses(inverse @ FLIP),
-        "negate y and z of the camera axes, then invert the poses: they are of the other convention and the other way "
-        "round": with_poses(FLIP @ inverse),
-        "mirror the images left to right, or negate x of the camera axes": with_poses(poses @ np.diag([-1.0, 1, 1, 1])),
-        "mirror the images top to bottom, or negate y of the camera axes": with_poses(poses @ np.diag([1.0, -1, 1, 1])),
-        "invert the masks: white is to be the object": PosedImages(
-            pixels=inverted, poses=poses, focal=images.focal, centre=images.centre),
-    }
+    return {**others,
+            "mirror the images left to right, or negate x of the camera axes": with_poses(
+                images.poses @ np.diag([-1.0, 1, 1, 1])),
+            "mirror the images top to bottom, or negate y of the camera axes": with_poses(
+                images.poses @ np.diag([1.0, -1, 1, 1])),
+            "invert the masks: white is to be the object": PosedImages(
+                pixels=inverted, poses=images.poses, focal=images.focal, centre=images.centre)}
+
+
+def _matrices(poses: np.ndarray, kind: tuple[str, str]) -> np.ndarray:
+    """What is written for poses `frame_from_camera` of OpenCV's axes."""
+    written = poses if kind[1] == "OpenCV" else poses @ FLIP
+    return written if kind[0] == TO_WORLD else np.linalg.inv(written)
+
+
+def _poses(written: np.ndarray, kind: tuple[str, str]) -> np.ndarray:
+    """`_matrices` undone."""
+    poses = written if kind[0] == TO_WORLD else np.linalg.inv(written)
+    return poses if kind[1] == "OpenCV" else poses @ FLIP
 
 
 def few_of(images: PosedImages) -> PosedImages:
-    """A few images, evenly chosen, with opacity alone at a small size."""
+    """A few images, evenly chosen, with opacity alone at a small size, 0 or 1."""
     chosen = np.unique(np.linspace(0, len(images.pixels) - 1, VIEWS).astype(int))
     height, width = images.pixels.shape[1:3]
     step = max(1, -(-max(height, width) // PIXELS))
@@ -78,7 +92,7 @@ def few_of(images: PosedImages) -> PosedImages:
     masks = np.stack([images.pixels[k, :rows * step, :columns * step, 3].astype(np.float32).reshape(
         rows, step, columns, step).mean(axis=(1, 3)) for k in chosen])
     pixels = np.zeros((*masks.shape, 4), np.float32)
-    pixels[..., 3] = masks
+    pixels[..., 3] = masks >= IN
     return PosedImages(pixels=pixels, poses=images.poses[chosen], focal=images.focal[chosen] / step,
                        centre=images.centre[chosen] / step)
 
@@ -86,6 +100,7 @@ def few_of(images: PosedImages) -> PosedImages:
 def _score(images: PosedImages) -> tuple[float, Ball | None]:
     """IoU of the hull's silhouette and the masks, and the ball about the hull; 0 and None without a hull."""
     ball = ball_of(images)
+    ball = ball and _about(hull_of(images, ball, slack=1.0), ball)
     if ball is None:
         return 0.0, None
     hull = hull_of(images, ball)
@@ -97,13 +112,11 @@ def _score(images: PosedImages) -> tuple[float, Ball | None]:
     return meets / max(joined, 1), ball
 
 
-def _rays(images: PosedImages, number: int) -> np.ndarray:
+def rays_of_image(images: PosedImages, number: int) -> np.ndarray:
     """(H, W, 3) unit directions through the middles of an image's pixels."""
     height, width = images.pixels.shape[1:3]
-    x = (np.arange(width) + 0.5 - images.centre[number, 0]) / images.focal[number, 0]
-    y = (np.arange(height)[:, None] + 0.5 - images.centre[number, 1]) / images.focal[number, 1]
-    ways = np.stack(np.broadcast_arrays(x, y, 1.0), axis=-1) @ images.poses[number, :3, :3].T
-    return ways / np.linalg.norm(ways, axis=-1, keepdims=True)
+    rows, columns = np.divmod(np.arange(height * width), width)
+    return images.rays(number, columns + 0.5, rows + 0.5)[1].reshape(height, width, 3)
 
 
 def nearest_point(origins: np.ndarray, ways: np.ndarray) -> np.ndarray:
@@ -115,12 +128,12 @@ def nearest_point(origins: np.ndarray, ways: np.ndarray) -> np.ndarray:
 
 
 def ball_of(images: PosedImages) -> Ball | None:
-    """The ball about what the masks show: its middle where rays through theirs meet, its radius that of the widest
-    mask. None where rays meet behind most cameras, or masks are empty."""
+    """A ball that holds what the masks show: its middle where rays through theirs meet, its radius that of the widest
+    mask, stray specks and all. None where rays meet behind most cameras, or masks are empty."""
     full = [k for k in range(len(images.pixels)) if (images.pixels[k, ..., 3] >= IN).any()]
     if len(full) < 2:
         return None
-    rays = [_rays(images, k)[images.pixels[k, ..., 3] >= IN] for k in full]
+    rays = [rays_of_image(images, k)[images.pixels[k, ..., 3] >= IN] for k in full]
     middles = np.stack([each.mean(axis=0) / np.linalg.norm(each.mean(axis=0)) for each in rays])
     origins = images.poses[full, :3, 3]
     centre = nearest_point(origins, middles)
@@ -129,36 +142,34 @@ def ball_of(images: PosedImages) -> Ball | None:
         return None
     reach = [np.linalg.norm(offset - (each @ offset)[:, None] * each, axis=-1).max()
              for offset, each in zip(offsets, rays, strict=True)]
-    radius = float(np.percentile(reach, 90)) * 1.05
-    return Ball(centre=(float(centre[0]), float(centre[1]), float(centre[2])), radius=radius) if radius > 0 else None
+    return _ball(centre, float(max(reach))) if max(reach) > 0 else None
 
 
-def hull_of(images: PosedImages, ball: Ball) -> np.ndarray:
-    """(CELLS, CELLS, CELLS) by x, y, z: cells whose middle every image that has it in its frame shows within its
-    mask."""
-    axis = (np.arange(CELLS) + 0.5) * 2 / CELLS - 1
-    points = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
-    points = np.array(ball.centre) + ball.radius * points
-    alive, height, width = np.arange(len(points)), *images.pixels.shape[1:3]
-    unseen = np.ones(len(points), bool)
-    for number in range(len(images.pixels)):
-        x, y, z = ((points[alive] - images.poses[number, :3, 3]) @ images.poses[number, :3, :3]).T
-        before = z > 1e-9
-        z = np.where(before, z, 1.0)
-        column = np.floor(np.clip(x / z * images.focal[number, 0] + images.centre[number, 0], -1, width)).astype(int)
-        row = np.floor(np.clip(y / z * images.focal[number, 1] + images.centre[number, 1], -1, height)).astype(int)
-        framed = before & (column >= 0) & (column < width) & (row >= 0) & (row < height)
-        unseen[alive[framed]] = False
-        mask = images.pixels[number, row.clip(0, height - 1), column.clip(0, width - 1), 3] >= IN
-        alive = alive[~framed | mask]
-    hull = np.zeros(len(points), bool)
-    hull[alive] = True
-    return (hull & ~unseen).reshape(CELLS, CELLS, CELLS)
+def _ball(centre: np.ndarray, radius: float) -> Ball:
+    return Ball(centre=(float(centre[0]), float(centre[1]), float(centre[2])), radius=radius)
+
+
+def _about(hull: np.ndarray, ball: Ball) -> Ball | None:
+    """The ball about the middle of a hull's box and all of its cells."""
+    cells = np.argwhere(hull)[:, ::-1]
+    if not len(cells):
+        return None
+    middle = (cells.min(axis=0) + cells.max(axis=0)) / 2
+    reach = np.linalg.norm(cells - middle, axis=1).max()
+    cell = 2 * ball.radius / CELLS
+    return _ball(np.array(ball.centre) + ((middle + 0.5) * cell - ball.radius), float(reach * cell))
+
+
+def hull_of(images: PosedImages, ball: Ball, slack: float = 0.0) -> np.ndarray:
+    """(CELLS, CELLS, CELLS) bool by z, y, x: cells whose middle every image that has it in its frame shows within its
+    mask, give or take `slack` pixels and as many halves of a cell."""
+    return visual_hull(images, np.arange(len(images.pixels)), CELLS, centre=np.array(ball.centre), radius=ball.radius,
+                       slack=slack, whole=slack)
 
 
 def _shown(images: PosedImages, number: int, hull: np.ndarray, ball: Ball) -> np.ndarray:
     """(H, W) bool: pixels whose rays meet the hull."""
-    rays = _rays(images, number)
+    rays = rays_of_image(images, number)
     offset = np.array(ball.centre) - images.poses[number, :3, 3]
     along = rays @ offset
     reach = along[..., None] + ball.radius * 3**0.5 * np.linspace(-1, 1, STEPS)
@@ -166,4 +177,4 @@ def _shown(images: PosedImages, number: int, hull: np.ndarray, ball: Ball) -> np
     cells = np.floor((places + 1) * CELLS / 2).astype(int)
     within = ((cells >= 0) & (cells < CELLS)).all(axis=-1) & (reach > 0)
     x, y, z = np.moveaxis(cells.clip(0, CELLS - 1), -1, 0)
-    return np.asarray((hull[x, y, z] & within).any(axis=-1))
+    return np.asarray((hull[z, y, x] & within).any(axis=-1))

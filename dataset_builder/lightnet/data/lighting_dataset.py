@@ -20,6 +20,8 @@ from dataset_builder.shards.reader import load_manifest, open_dataset
 
 LAYERS = ("mask", "s_prime", "i_s", "d", "r", "i_t")
 """All that is read, in this order: the first two say how the others are seen. A dataset may hold more."""
+PARTS = {"i_s_clean": "i_s"}
+"""Layers that stand for another one."""
 DIGITS = 6
 """Of the exposure, so that it is the same however many threads add up."""
 OTHER_SPLIT = "name one of these: `data.train` or `data.held_out` of the training, or --split"
@@ -48,15 +50,17 @@ class LightingDataset(Dataset[Batch]):
     sentence on them. Every label is read at once, so that what is wrong is told before a training begins.
     """
 
-    def __init__(self, folder: Path | str, split: str, spec: DataSpec, *, levels: Sequence[int] = ()):
-        """Open a finished dataset. levels: noise levels to keep, all where empty.
+    def __init__(self, folder: Path | str, split: str, spec: DataSpec, *, levels: Sequence[int] = (),
+                 i_s: str = "i_s"):
+        """Open a finished dataset. levels: noise levels to keep, all where empty. i_s: the layer that is I_s.
 
         Raises UserError where the dataset lacks a layer, the split, a level or every example, and where a label does
         not tell the light; ShardError where files are not what they were.
         """
         self.folder, self.split, self.spec = Path(folder), split, spec
-        require(self.folder, split)
-        self._data = open_dataset(folder, layers=LAYERS, verify=spec.verify)
+        layers = layers_with(i_s)
+        require(self.folder, split, layers)
+        self._data = open_dataset(folder, layers=layers, verify=spec.verify)
         self.name = self._data.manifest.name
         self.size = (self._data.manifest.height, self._data.manifest.width)
         """Height and width of every frame, in pixels."""
@@ -97,10 +101,9 @@ class LightingDataset(Dataset[Batch]):
                                       rule=f"expected a mask of up to {entry.cover:g}, as its label says, got less")])
         if entry.key not in self._exposures:
             self._exposures[entry.key] = exposure_of(s_prime.planes, inside)
-        layers = chain([(name, s_prime)], images)
-        return ExamplePart(key=entry.key, layers=((name, image.planes) for name, image in layers), inside=inside,
-                           exposure=self._exposures[entry.key], source_exposure=self.spec.source_exposure,
-                           lighting=entry.lighting)
+        layers = ((PARTS.get(name, name), image.planes) for name, image in chain([(name, s_prime)], images))
+        return ExamplePart(key=entry.key, layers=layers, inside=inside, exposure=self._exposures[entry.key],
+                           source_exposure=self.spec.source_exposure, lighting=entry.lighting)
 
     def _left_out(self) -> str:
         if not self.left_out:
@@ -128,11 +131,16 @@ def exposure_of(s_prime: np.ndarray, inside: np.ndarray) -> float:
     return float(f"{exposure:.{DIGITS}g}")
 
 
-def require(folder: Path, split: str) -> None:
+def layers_with(i_s: str) -> tuple[str, ...]:
+    """What is read, with the layer that is I_s."""
+    return tuple(i_s if name == "i_s" else name for name in LAYERS)
+
+
+def require(folder: Path, split: str, needed: Sequence[str] = LAYERS) -> None:
     """Raise UserError where a dataset lacks a layer to train on, or the split."""
     manifest = load_manifest(folder)
     layers, splits = [layer.name for layer in manifest.layers], [one.name for one in manifest.splits]
-    lacking = problem_of(str(folder), layers, LAYERS, "train on and to measure by")
+    lacking = problem_of(str(folder), layers, needed, "train on and to measure by")
     problems = [lacking] if lacking else []
     if split not in splits:
         rule = f"expected {split or 'one to measure on'}, got {', '.join(splits)}"

@@ -57,7 +57,9 @@ class ScoreRow:
     level: int
     """Of the rough mesh's noise."""
     sigma: float
-    """Of the rough mesh's noise."""
+    """Of the rough mesh's noise; 0 where it is taken from a field."""
+    rough: str = ""
+    """Name of the rough mesh's level or field, where it has one."""
     metrics: Metrics
     seconds: float
     """From inputs in memory to the prediction."""
@@ -107,8 +109,8 @@ def row(one: Contender, batch: Batch, plan: ExamplePlan) -> tuple[ScoreRow, Pred
     prediction, seconds = timed(one, batch)
     metrics, = measure(prediction.i_t, batch.truth.i_t, batch.inputs.inside)
     return ScoreRow(method=one.name, key=batch.keys[0], view=plan.view, object=plan.target.object.name,
-                    room=plan.room.name, level=plan.rough.level, sigma=plan.rough.sigma, metrics=metrics,
-                    seconds=seconds), prediction
+                    room=plan.room.name, level=plan.rough.level, sigma=plan.rough.sigma, rough=plan.rough.name,
+                    metrics=metrics, seconds=seconds), prediction
 
 
 def timed(one: Contender, batch: Batch) -> tuple[Prediction, float]:

@@ -1,13 +1,15 @@
 """How much figures vary over the views of sequences: means and standard deviations, not standard errors."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import nan, sqrt
 from statistics import fmean, stdev
+from typing import Self
 
+from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
 from dataset_builder.lightnet.measures.metrics import METRICS
 from dataset_builder.lightnet.results.evaluate import ScoreRow
-from dataset_builder.lightnet.results.sequences import FlickerRow, ViewSequence
+from dataset_builder.lightnet.results.sequences import TRUTH, FlickerRow, ViewSequence
 
 FLICKERS: Mapping[str, str] = {"flicker": "flicker", "error_flicker": "flicker of the error"}
 """Fields of `FlickerRow` and their headings; lower is steadier."""
@@ -38,6 +40,51 @@ class Steadiness:
     """By the names of `FLICKERS`."""
     overlap: float
     """Mean share of an object that its neighbour sees, too."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SequenceScores:
+    """What was found on the sequences of a split."""
+
+    dataset: str
+    split: str
+    sequences: Sequence[ViewSequence]
+    scores: Sequence[ScoreRow]
+    flickers: Sequence[FlickerRow]
+    keys: Sequence[str]
+    """Of the split, by position."""
+
+    @classmethod
+    def of(cls, dataset: LightingDataset, sequences: Sequence[ViewSequence],
+           rows: Iterable[ScoreRow | FlickerRow]) -> Self:
+        """From the rows of `evaluate_sequences`."""
+        kinds: tuple[list[ScoreRow], list[FlickerRow]] = [], []
+        for row in rows:
+            if isinstance(row, ScoreRow):
+                kinds[0].append(row)
+            else:
+                kinds[1].append(row)
+        return cls(dataset=dataset.name, split=dataset.split, sequences=sequences, scores=kinds[0], flickers=kinds[1],
+                   keys=dataset.keys)
+
+    @property
+    def rows(self) -> list[Steadiness]:
+        """Every method on all sequences and on each."""
+        return steadiness(self.scores, self.flickers, self.sequences, self.keys)
+
+    @property
+    def whole(self) -> list[Steadiness]:
+        """Every method on all sequences, the truth last."""
+        return [row for row in self.rows if not row.sequence]
+
+    @property
+    def extent(self) -> str:
+        """How much was looked at, and what is missing."""
+        planned, found = (sum(sizes) for sizes in zip(*((one.planned, len(one.frames)) for one in self.sequences),
+                                                      strict=True))
+        count = len(self.sequences)
+        return (f"{found} of {planned} views in {count} sequence{'s' if count > 1 else ''}, "
+                f"{sum(row.method == TRUTH for row in self.flickers)} neighbours")
 
 
 def spread(groups: Sequence[Sequence[float]]) -> Spread:

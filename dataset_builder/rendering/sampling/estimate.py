@@ -99,18 +99,31 @@ def estimate_shared(shared: Shared, pixels: np.ndarray, *, width: int, height: i
                     seed: int) -> Estimate:
     """Means of an integrand over the areas of pixels. pixels: (P,) indices row * width + column, which may repeat, each
     time with its own random numbers; seed: 64 bits."""
-    repetitions, batches, per_batch = stratified(spp, batches)
-    seeds = [seed, *(derive_seed(seed, "more", k) for k in range(1, repetitions))]
-    found = [_once(shared, pixels, width, height, batches, per_batch, own) for own in seeds]
-    return found[0] if repetitions == 1 else pooled(found)
+    _, batches, per_batch = stratified(spp, batches)
+    found = [_once(shared, pixels, width, height, batches, per_batch, own) for own in _seeds(spp, batches, seed)]
+    return found[0] if len(found) == 1 else pooled(found)
+
+
+def groups_of(pixels: np.ndarray, spp: int, batches: int, seed: int) -> list[Groups]:
+    """The sets of groups that `estimate_shared` makes something for, one after the other."""
+    _, batches, per_batch = stratified(spp, batches)
+    return [_groups(_times_before(pixels), batches, per_batch, own) for own in _seeds(spp, batches, seed)]
+
+
+def _seeds(spp: int, batches: int, seed: int) -> list[int]:
+    """Of every repetition."""
+    return [seed, *(derive_seed(seed, "more", k) for k in range(1, stratified(spp, batches)[0]))]
+
+
+def _groups(times: np.ndarray, batches: int, per_batch: int, seed: int) -> Groups:
+    return Groups(count=batches * (1 + int(times.max(initial=0))), samples=per_batch * int((times == 0).sum()),
+                  per_pixel=per_batch, seed=derive_seed(seed, "shared"))
 
 
 def _once(shared: Shared, pixels: np.ndarray, width: int, height: int, batches: int, per_batch: int,
           seed: int) -> Estimate:
     lanes, times = batches * per_batch, _times_before(pixels)
-    groups = Groups(count=batches * (1 + int(times.max(initial=0))), samples=per_batch * int((times == 0).sum()),
-                    per_pixel=per_batch, seed=derive_seed(seed, "shared"))
-    integrand, elsewhere = shared(groups)
+    integrand, elsewhere = shared(_groups(times, batches, per_batch, seed))
     parts = []
     for number, entries in enumerate(_chunks(np.arange(len(pixels)), max(1, LANES // lanes))):
         own = derive_seed(seed, number, int(pixels[entries[0]]))

@@ -12,6 +12,8 @@ along the same paths, so that I = D S + specular holds for every one of them, se
 
 from __future__ import annotations
 
+from typing import Any
+
 import drjit as dr
 import mitsuba as mi
 
@@ -20,6 +22,7 @@ from dataset_builder.rendering.surface.later_hit import vertex_hit
 from dataset_builder.rendering.transport.integrator import Radiometry, choice_of_lobe, scattered
 from dataset_builder.rendering.transport.joined_rest import Later, rest
 from dataset_builder.rendering.transport.lamps import Lamps
+from dataset_builder.rendering.transport.lane_numbers import LaneNumbers
 from dataset_builder.rendering.transport.light_sampling import (
     World,
     balance,
@@ -67,11 +70,12 @@ class LightSide:
 
 
 def trace_joined(world: World, light: LightSide, sampler: mi.Sampler, free: mi.Sampler, ray: mi.Ray3f,
-                 pixel_pdf: mi.Float, group: mi.UInt32, seed: int) -> Radiometry:
+                 pixel_pdf: mi.Float, group: mi.UInt32, seed: int, in_step: bool = False) -> Radiometry:
     """One camera path per lane, all links and the rest of the path included, light joined with the camera not.
 
     sampler: random numbers of the first hit; free: those after it. pixel_pdf: density of the ray's direction among
     those of its pixel, per steradian. group: set of light paths of each lane. seed: 32 bits, of the rest of the paths.
+    in_step: whether a lane's numbers for that are the same whatever becomes of others.
     """
     trust1, trust2 = light.trust(group)
     si, distance = first_met(world, ray, sampler, mi.Bool(True))
@@ -124,7 +128,7 @@ def trace_joined(world: World, light: LightSide, sampler: mi.Sampler, free: mi.S
     # The rest of the path
     valid = si.is_valid()
     dr.eval(found, weights, later, on, valid)
-    more = _followed(world, light, later, on, seed)
+    more = _followed(world, light, later, on, seed, in_step)
     whole = {name: each + dr.select(on, weights[name] * more, 0) for name, each in found.items()}
     return Radiometry(image=whole.get("image"), shading=whole.get("shading"), specular=whole.get("specular"), air=none,
                       valid=valid)
@@ -215,7 +219,7 @@ def _at_second(world: World, light: LightSide, free: mi.Sampler, group: mi.UInt3
     return found, later, on, passed
 
 
-def _followed(world: World, light: LightSide, later: Later, on: mi.Bool, seed: int) -> mi.Color3f:
+def _followed(world: World, light: LightSide, later: Later, on: mi.Bool, seed: int, in_step: bool) -> mi.Color3f:
     """Radiance that arrives at the second hit from where paths go on; the few lanes that do are packed together
     first."""
     lanes, width = dr.compress(on), dr.width(on)
@@ -223,8 +227,12 @@ def _followed(world: World, light: LightSide, later: Later, on: mi.Bool, seed: i
     if not dr.width(lanes):
         return arrived
     dr.make_opaque(arrived)
-    own = mi.load_dict({"type": "independent"})
-    own.seed(seed, dr.width(lanes))
+    if in_step:
+        own: Any = LaneNumbers.of(lanes, seed)
+        dr.make_opaque(own)
+    else:
+        own = mi.load_dict({"type": "independent"})
+        own.seed(seed, dr.width(lanes))
     found = rest(world, light.lamps, light.left, own, dr.gather(Later, later, lanes))
     dr.scatter(arrived, found, lanes)
     return arrived

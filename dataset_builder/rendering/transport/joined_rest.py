@@ -15,6 +15,7 @@ import mitsuba as mi
 from dataset_builder.rendering.surface.first_hit import emission
 from dataset_builder.rendering.surface.later_hit import vertex_hit
 from dataset_builder.rendering.transport.lamps import Lamps
+from dataset_builder.rendering.transport.lane_numbers import LaneNumbers
 from dataset_builder.rendering.transport.light_sampling import (
     World,
     emitter_pdf,
@@ -54,7 +55,7 @@ class Later:
 
 
 @dr.syntax
-def rest(world: World, lamps: Lamps, left: Callable[[mi.Float], mi.Float], sampler: mi.Sampler,
+def rest(world: World, lamps: Lamps, left: Callable[[mi.Float], mi.Float], sampler: mi.Sampler | LaneNumbers,
          start: Later) -> mi.Color3f:
     """Radiance that arrives at the second hit from the start's direction; every lane has one."""
     scene, max_depth, trust, worth = world.scene, world.max_depth, start.trust, start.worth

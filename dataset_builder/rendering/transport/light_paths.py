@@ -21,8 +21,8 @@ from dataset_builder.seeding import derive_seed
 MAX_SURVIVAL = 0.95
 GRAZING = 1e-6
 """Cosine below which a surface is not lit."""
-WIDTH, EDGES = 20, 13
-"""Floats of a vertex, and which of them counts its edges."""
+WIDTH, EDGES, BRIGHT, FLUX = 20, 13, 19, slice(6, 9)
+"""Floats of a vertex, and which of them are its edges, `bright` and `flux`."""
 DARK = 0.05
 """Albedo at least that a vertex counts as when links choose: lobes may send on more to where a link comes from."""
 ROOM = 6

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from dataset_builder.errors import UserError
 from dataset_builder.label.example_label import RenderRecord
 
-DEFAULT = "roughness_rms"
+DEFAULT, NORMALS = "roughness_rms", "normal_median"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,13 +28,20 @@ class NoiseAxis:
 
     def value(self, record: RenderRecord) -> float:
         """The figure of an example. Raises UserError where its label has none."""
-        holders = (record, *record.roughness)
-        found = next((getattr(holder, self.name) for holder in holders if hasattr(holder, self.name)), ())
-        values = found if isinstance(found, tuple) else (found,)
-        if not values:
+        if not (values := self._found(record)):
             raise UserError(f"--x: expected labels with {self.name}, got one without; build the dataset again, or take "
                             f"{DEFAULT}")
-        return float(values[0])
+        return values[0]
+
+    def known(self, record: RenderRecord) -> bool:
+        """Whether an example's label has the figure."""
+        return bool(self._found(record))
+
+    def _found(self, record: RenderRecord) -> tuple[float, ...]:
+        """The figure, or none."""
+        holders = (record, *record.roughness)
+        found = next((getattr(holder, self.name) for holder in holders if hasattr(holder, self.name)), ())
+        return found if isinstance(found, tuple) else (float(found),)
 
     def shown(self, value: float) -> str:
         """A figure in the unit of `text`, to three digits."""
@@ -69,3 +76,9 @@ def axis_of(name: str) -> NoiseAxis:
     if name not in AXES:
         raise UserError(f"--x: expected one of {', '.join(AXES)}, got {name or 'nothing'}")
     return AXES[name]
+
+
+def figures(record: RenderRecord, needed: NoiseAxis) -> dict[str, float]:
+    """All figures of an example that its label has, by name. Raises UserError where it lacks the one needed."""
+    return {needed.name: needed.value(record), **{axis.name: axis.value(record) for axis in AXES.values()
+                                                  if axis.known(record)}}

@@ -1,13 +1,13 @@
 """The trainings of the study, and their results on the examples that every level has."""
 
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
 from dataset_builder.digest import digest
-from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
+from dataset_builder.lightnet.data.lighting_dataset import LightingDataset, splits_of
 from dataset_builder.lightnet.methods.checkpoint import load_trained
 from dataset_builder.lightnet.results.evaluate import Contender, ScoreRow, contender, evaluate, trivial
 from dataset_builder.lightnet.settings import TrainingSpec
@@ -15,12 +15,12 @@ from dataset_builder.lightnet.training.events import Event
 from dataset_builder.lightnet.training.fit import LAST, TrainingJob
 from dataset_builder.planning.catalogue import examples
 from dataset_builder.shards.reader import load_manifest
-from dataset_builder.studies.noise.axes import NoiseAxis, axis_of
+from dataset_builder.studies.noise.axes import NoiseAxis, axis_of, figures
 from dataset_builder.studies.noise.noise_study import NoiseStudy, level_name
 from dataset_builder.studies.trainings import SCORES, claim, read_facts, read_scores, train, write_scores
 
 MIXED = "mixed"
-"""The training on all levels."""
+"""The training on all levels of noise."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,9 +32,8 @@ class HeldOutExample:
     key: str
     case: tuple[str, int]
     level: int
-    sigma: float
-    measured: float
-    """Its rough mesh on the study's axis, in the label's unit."""
+    figures: Mapping[str, float]
+    """What was measured of its rough mesh: by names of `AXES`, in the label's unit; at least on the study's axis."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,9 +69,10 @@ class LevelNews:
 
 
 def jobs(study: NoiseStudy) -> dict[str, TrainingJob]:
-    """The trainings by name: on all levels first, then on each."""
-    alone = {level_name(level): (level,) for level in range(len(study.levels))}
-    return {MIXED: _job(study, MIXED, study.training, ()),
+    """The trainings by name: on all levels of noise first, then on each level alone."""
+    alone = {level_name(level): (level,) for level in study.alone}
+    mixed = () if len(study.noise) == len(study.levels) else study.noise
+    return {MIXED: _job(study, MIXED, study.training, mixed),
             **{name: _job(study, name, study.per_level, levels) for name, levels in alone.items()}}
 
 
@@ -86,9 +86,9 @@ def train_all(study: NoiseStudy) -> Iterator[LevelNews]:
 
 def held_out(study: NoiseStudy) -> HeldOut:
     """The held-out split, and what can be compared in it. Raises UserError where a label lacks the study's axis."""
-    data = study.training.data
+    data = study.training.data.among(splits_of(study.dataset))
     dataset = LightingDataset(study.dataset, data.held_out, data)
-    axis = axis_of(study.x)
+    axis = axis_of(study.axis)
     every = [_example(dataset, index, axis) for index in range(len(dataset))]
     levels = defaultdict[tuple[str, int], set[int]](set)
     for example in every:
@@ -138,4 +138,4 @@ def _example(dataset: LightingDataset, index: int, axis: NoiseAxis) -> HeldOutEx
     label = dataset.label(index)
     plan = label.plan
     return HeldOutExample(index=index, key=plan.key, case=(plan.view, plan.light), level=plan.rough.level,
-                          sigma=plan.rough.sigma, measured=axis.value(label.record))
+                          figures=figures(label.record, axis))

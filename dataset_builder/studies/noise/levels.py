@@ -1,7 +1,8 @@
 """Quality at every level, by trainings on all levels and on one and by untrained baselines; and cases in pictures."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from math import nan
 from pathlib import Path
 from statistics import fmean
 
@@ -14,29 +15,36 @@ from dataset_builder.lightnet.results.clustered_means import ClusteredMean, esti
 from dataset_builder.lightnet.results.evaluate import Contender, ScoreRow
 from dataset_builder.lightnet.results.pictures import cropped, light
 from dataset_builder.studies.comma_separated import write_csv
-from dataset_builder.studies.noise.axes import NoiseAxis
+from dataset_builder.studies.noise.axes import AXES, NoiseAxis
 from dataset_builder.studies.noise.level_trainings import MIXED, HeldOut, contenders
 from dataset_builder.studies.noise.noise_study import NoiseStudy, level_name
+from dataset_builder.studies.noise.study_levels import StudyLevel
 
 OWN = "own level"
 """Whoever was trained on the level at hand."""
 TRIVIAL = "dr_s_prime"
-HEADINGS = {TRIVIAL: "(D + R) S', true D, R", MIXED: "trained on all levels", "own": "trained on this level"}
+HEADINGS = {TRIVIAL: "(D + R) S', true D, R", MIXED: "trained on all levels of noise", OWN: "trained on this level"}
 COLUMNS = ("examples", "objects", "by", "trained_on",
            *(f"{metric.name}{end}" for metric in METRICS for end in ("", "_error")))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Level:
-    """One level of noise, and the scores on its held-out examples."""
+    """One level of noise, or one kind of field, and the scores on its held-out examples."""
 
     number: int
-    sigma: float
-    """As asked for."""
+    asked: StudyLevel
     measured: float
     """On the study's axis, mean over the held-out examples, in the label's unit."""
-    scores: dict[str, tuple[ScoreRow, ...]]
+    figures: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    """All that was measured of every rough mesh, by names of `AXES`; examples as in `scores`."""
+    scores: Mapping[str, tuple[ScoreRow, ...]]
     """Rows of every method by its name, examples in the same order everywhere."""
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """Names of those that have scores on it, with `OWN` where it has a training of its own."""
+        return (*self.scores, *((OWN,) if level_name(self.number) in self.scores else ()))
 
     def rows(self, method: str) -> tuple[ScoreRow, ...]:
         """Rows of one method; `OWN` is the one that was trained on this level."""
@@ -58,33 +66,47 @@ def levels_of(study: NoiseStudy, split: HeldOut, scores: Sequence[ScoreRow]) -> 
     """Scores by level. Raises UserError where no case has all levels."""
     if not split.cases:
         raise UserError(f"expected a held-out view that passes the gates at all {len(study.levels)} levels, got none: "
-                        "lower the largest level, or widen gates.mask_overlap")
+                        "lower the largest level, or widen gates.mask_overlap"
+                        + ("" if len(study.noise) == len(study.levels) else ", or gates of fields"))
     by_key = {(row.method, row.key): row for row in scores}
     found = []
-    for number, sigma in enumerate(study.levels):
+    for number, asked in enumerate(study.levels):
         own = split.of(number)
-        found.append(Level(number=number, sigma=sigma, measured=fmean(example.measured for example in own),
+        figures = {name: [example.figures[name] for example in own] for name in AXES
+                   if all(name in example.figures for example in own)}
+        found.append(Level(number=number, asked=asked, measured=fmean(figures[study.axis]), figures=figures,
                            scores={method: tuple(by_key[method, example.key] for example in own)
                                    for method in methods(scores)}))
     return found
 
 
+def noise_of(levels: Sequence[Level]) -> list[Level]:
+    """Those that are noise on the clean mesh, sigma rising."""
+    return [level for level in levels if level.asked.noise]
+
+
+def fields_of(levels: Sequence[Level]) -> list[Level]:
+    """Those whose meshes are taken from fields."""
+    return [level for level in levels if not level.asked.noise]
+
+
 def write_table(levels: Sequence[Level], path: Path, axis: NoiseAxis) -> None:
     """Every method at every level as CSV, whole or not at all; what was measured is named as the axis is. Raises
     OutputError."""
-    write_csv(path, ("level", "sigma", axis.short or axis.name, *COLUMNS),
+    write_csv(path, ("level", "rough", "sigma", axis.short or axis.name, *COLUMNS),
               (_line(level, method) for level in levels for method in level.scores))
 
 
 def trained_on(method: str) -> str:
-    """What a method learnt from: `all` levels, the number of one, or nothing."""
+    """What a method learnt from: `all` levels of noise, the number of one level, or nothing."""
     if method == MIXED:
         return "all"
     return method.removeprefix("level ") if method.startswith("level ") else "nothing"
 
 
 def _line(level: Level, method: str) -> list[object]:
-    cells: list[object] = [level.number, level.sigma, level.measured, level.mean(method, "psnr").examples,
+    sigma = level.asked.sigma if level.asked.noise else nan
+    cells: list[object] = [level.number, level.asked.title, sigma, level.measured, level.mean(method, "psnr").examples,
                            level.mean(method, "psnr").objects, method, trained_on(method)]
     for metric in METRICS:
         found = level.mean(method, metric.name)
@@ -107,7 +129,7 @@ class Crop:
 
 
 def crops(study: NoiseStudy, split: HeldOut, levels: Sequence[Level]) -> Iterator[Crop]:
-    """The median and the worst case at every level, by PSNR of the mixed training at the last one."""
+    """The median and the worst case at every level, by PSNR of the mixed training at the largest sigma."""
     by_name = {one.name: one for one in contenders(study)}
     for what, case in chosen(split, levels).items():
         for level in levels:
@@ -116,7 +138,7 @@ def crops(study: NoiseStudy, split: HeldOut, levels: Sequence[Level]) -> Iterato
 
 def chosen(split: HeldOut, levels: Sequence[Level]) -> dict[str, int]:
     """Positions of the cases to show, by what they are; the worst one only where it is another."""
-    ranked = sorted(range(len(split.cases)), key=lambda case: levels[-1].rows(MIXED)[case].metrics.psnr)
+    ranked = sorted(range(len(split.cases)), key=lambda case: noise_of(levels)[-1].rows(MIXED)[case].metrics.psnr)
     middle, worst = ranked[len(ranked) // 2], ranked[0]
     return {"median": middle} | ({"worst": worst} if worst != middle else {})
 
@@ -124,7 +146,8 @@ def chosen(split: HeldOut, levels: Sequence[Level]) -> dict[str, int]:
 def _crop(what: str, case: int, split: HeldOut, level: Level, by_name: dict[str, Contender]) -> Crop:
     example = split.of(level.number)[case]
     batch, = whole_images(split.dataset, [example.index])
-    names = {TRIVIAL: TRIVIAL, MIXED: MIXED, "own": level_name(level.number)}
+    names = {method: level_name(level.number) if method == OWN else method for method in HEADINGS
+             if method in level.methods}
     panels = {"I_s": light(batch.inputs.i_s[0]), "S'": light(batch.inputs.s_prime[0])}
     for shown, name in names.items():
         one = by_name[name]

@@ -16,9 +16,9 @@ from dataset_builder.planning.catalogue import ExampleRef, examples
 from dataset_builder.shards.folder import SECONDS
 from dataset_builder.spec.load import load_dataset
 from dataset_builder.spec.resolve import LoadedSpec
-from dataset_builder.spec.rough_levels import NAMED, sigma_of
 from dataset_builder.studies.comma_separated import read_csv
-from dataset_builder.studies.noise.axes import DEFAULT, axis_of
+from dataset_builder.studies.noise.axes import DEFAULT, NORMALS, axis_of
+from dataset_builder.studies.noise.study_levels import StudyLevel, overrides_of, problems_of
 from dataset_builder.studies.trainings import changed, settings_of
 
 NO_PASSES = ("plan", "encode", "denoise")
@@ -37,12 +37,10 @@ class NoiseStudy:
 
     spec: Path
     overrides: tuple[str, ...]
-    levels: tuple[float, ...]
-    """Sigmas, rising."""
-    names: tuple[str, ...] = ()
-    """Of the levels, where they are named ones; else none."""
+    levels: tuple[StudyLevel, ...]
+    """Noise, sigma rising, then fields; see `parse_levels`."""
     training: TrainingSpec
-    """LighTNet on all levels, made by `studies.trainings.base_of`."""
+    """LighTNet on all levels of noise, made by `studies.trainings.base_of`."""
     per_level_steps: int
     """Batches of each training that sees one level."""
     out: Path
@@ -52,8 +50,10 @@ class NoiseStudy:
     """Processes that render, None for one per core."""
     vgg_weights: Path | None = None
     device: str = "auto"
-    x: str = DEFAULT
-    """What curves are drawn over, a name of `AXES`."""
+    x: str = ""
+    """What curves are drawn over, a name of `AXES`; empty takes what suits the levels."""
+    fields_alone: bool = True
+    """Whether levels of fields have trainings of their own, too."""
 
     @property
     def dataset(self) -> Path:
@@ -63,10 +63,23 @@ class NoiseStudy:
     @cached_property
     def loaded(self) -> LoadedSpec:
         """The spec at all levels. Raises SpecError."""
-        sigmas, names = ", ".join(f"{level!r}" for level in self.levels), ", ".join(self.names)
-        chosen = ("rough.sigma=null", f"rough.level=[{names}]") if names else \
-            ("rough.level=null", f"rough.sigma=[{sigmas}]")
-        return load_dataset(self.spec, (*self.overrides, "rough.steps=null", *chosen))
+        return load_dataset(self.spec, (*self.overrides, *overrides_of(self.levels)))
+
+    @property
+    def axis(self) -> str:
+        """What curves are drawn over. A mesh from a field is much farther from the clean one than noise that tilts
+        normals as much, and S' follows normals first."""
+        return self.x or (DEFAULT if self.noise == tuple(range(len(self.levels))) else NORMALS)
+
+    @property
+    def noise(self) -> tuple[int, ...]:
+        """Numbers of the levels that are noise on the clean mesh."""
+        return tuple(number for number, level in enumerate(self.levels) if level.noise)
+
+    @property
+    def alone(self) -> tuple[int, ...]:
+        """Numbers of the levels that have a training of their own."""
+        return tuple(number for number, level in enumerate(self.levels) if level.noise or self.fields_alone)
 
     @property
     def per_level(self) -> TrainingSpec:
@@ -81,58 +94,34 @@ class NoiseStudy:
 
 def require(study: NoiseStudy) -> None:
     """Raise UserError where the study could not be done once the dataset is built, which may take hours."""
-    axis_of(study.x)
-    problems, splits = list[Problem](), [split.name for split in study.loaded.dataset.splits]
-    if list(study.levels) != sorted(set(study.levels)) or len(study.levels) < 2 or study.levels[0] < 0:
-        rule = ("expected at least two numbers >= 0, each larger than the one before, got "
-                f"{', '.join(f'{level:g}' for level in study.levels)}")
-        problems.append(Problem(where="", path="--levels", rule=rule))
-    if lacking := problem_of("", study.loaded.dataset.layers, PAPER_LAYERS, "train on and to measure by"):
-        problems.append(lacking)
-    for name in (study.training.data.train, study.training.data.held_out):
-        if name not in splits:
-            rule = f"expected a split {name}, got {', '.join(splits)}"
-            problems.append(Problem(where="", path="splits", rule=rule))
+    axis_of(study.axis)
+    # What is wrong with the levels would be told of their spec in other words
+    problems = problems_of(study.levels) or list(_lacking(study))
     if problems:
         raise UserError(problems)
     if study.vgg_weights and study.training.objective.fr:
         check_file(study.vgg_weights)
 
 
+def _lacking(study: NoiseStudy) -> Iterator[Problem]:
+    """What the dataset's spec lacks for the study."""
+    dataset = study.loaded.dataset
+    data = study.training.data.among([split.name for split in dataset.splits])
+    if lacking := problem_of("", dataset.layers, PAPER_LAYERS, "train on and to measure by"):
+        yield lacking
+    splits = {split.name: split for split in dataset.splits}
+    for name in (data.train, data.held_out or "to measure on"):
+        if name not in splits:
+            yield Problem(where="", path="splits", rule=f"expected a split {name}, got {', '.join(splits)}")
+        elif splits[name].source.mesh:
+            yield Problem(where="", path=f"splits.{name}.source.gives", rule="expected [i_s], since rough meshes are "
+                          "the levels of the study, got r3dm besides")
+
+
 def make(study: NoiseStudy) -> Iterator[Event]:
     """Build the dataset at all levels, or go on with it; news as of any build. Raises UserError as a build does."""
     require(study)
     yield from build(study.loaded, study.dataset, backend=study.backend, workers=study.workers)
-
-
-def parse_levels(text: str) -> tuple[float, ...]:
-    """Sigmas of levels as the command line gives them, by number or by name. Raises UserError where one is neither.
-
-    >>> parse_levels("0,0.002, 0.004")
-    (0.0, 0.002, 0.004)
-    >>> parse_levels("smooth, heavy")
-    (0.0, 0.012)
-    """
-    if names := parse_names(text):
-        return tuple(sigma_of(name) for name in names)
-    found: list[float] = []
-    for part in text.split(","):
-        try:
-            found.append(float(part))
-        except ValueError:
-            raise UserError(f"--levels: expected numbers, or names ({', '.join(NAMED)}), with commas between them, "
-                            f"got {part.strip() or 'nothing'}") from None
-    return tuple(found)
-
-
-def parse_names(text: str) -> tuple[str, ...]:
-    """The levels' names, where all have one that is known; else none.
-
-    >>> parse_names("smooth, heavy"), parse_names("0,0.002")
-    (('smooth', 'heavy'), ())
-    """
-    parts = tuple(part.strip() for part in text.split(","))
-    return parts if all(part in NAMED for part in parts) else ()
 
 
 def level_name(level: int) -> str:

@@ -1,4 +1,4 @@
-"""The tables: methods (table 1), objectives (2), formulations (3), and the weights of the losses.
+"""The tables: methods (table 1), objectives (2), formulations (3), the weights of the losses, and stability.
 
 All methods see the same examples in the same order. Sizes and optimisers are each method's own: a baseline has the
 width of its public code, and as many levels as the crop allows up to those of its public code. The other tables have
@@ -6,7 +6,7 @@ variants of LighTNet that differ in one thing from each other.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from dataset_builder.lightnet.settings import TrainingSpec
@@ -45,6 +45,8 @@ BASELINES: Mapping[str, Baseline] = {
 TRIVIAL = {"copy_i_s": "I_s as it is", "d_s_prime": "D S', true D", "dr_s_prime": "(D + R) S', true D and R"}
 """Untrained baselines, and their titles in tables."""
 
+DAGGER, DAGGERS = "lightnet-dagger", "LighTNet†, trained on I_s of fields"
+NO_FIELDS = "needs a training split whose i_s is the image of fields, and i_s_clean beside it"
 
 TERMS = ("fr", "dssim", "lab", "l1")
 """Terms that table 2 takes in and leaves out; L_DR is always in."""
@@ -75,15 +77,33 @@ NO_WEIGHTS = "FR off: no weights"
 NO_NUMBERS = "the paper's numbers, which it shows in a figure alone, measured on a fifth of its dataset"
 
 
-def methods(base: TrainingSpec, *, own_optimisers: bool = True) -> Table:
-    """The four methods and the three that learn nothing. own_optimisers: False trains all with LighTNet's."""
+def methods(base: TrainingSpec, *, own_optimisers: bool = True, fields: bool = False) -> Table:
+    """The four methods and the three that learn nothing. own_optimisers: False trains all with LighTNet's.
+
+    fields: whether I_s of the training split is the image of fields, with a rendered one beside it. All train on the
+    latter, then LighTNet on the former, as the paper has it.
+    """
+    dagger, base = base, changed(base, data={"i_s": "i_s_clean"}) if fields else base
     trained = [*(_baseline(base, name, own_optimisers) for name in BASELINES),
                TableRow(name="lightnet", title="LighTNet", spec=base, printed=paper.METHODS["lightnet"])]
+    if fields:
+        trained.append(TableRow(name=DAGGER, title=DAGGERS, spec=dagger, printed=paper.METHODS[DAGGER]))
     trivial = [TableRow(name=name, title=title, spec=None, note="learns nothing") for name, title in TRIVIAL.items()]
     return Table(name="methods", number="Table 1", question="Which method transfers light best?",
                  rows=(*trained, *trivial), reference="lightnet",
-                 groups=(Group(title="methods", rows=(*BASELINES, "lightnet")),),
-                 absent={"LighTNet, trained on NeRFs": (paper.LIGHTNET_ON_NERF, "I_s of the dataset is rendered")})
+                 groups=(Group(title="methods", rows=tuple(row.name for row in trained)),),
+                 absent={} if fields else {DAGGERS: (paper.METHODS[DAGGER], NO_FIELDS)})
+
+
+def stability(base: TrainingSpec, *, own_optimisers: bool = True) -> Table:
+    """Pix2Pix and LighTNet on views that follow each other, and two that learn nothing."""
+    rows = (replace(_baseline(base, "pix2pix", own_optimisers), printed=paper.STABILITY["pix2pix"]),
+            TableRow(name="lightnet", title="LighTNet", spec=base, printed=paper.STABILITY["lightnet"]),
+            *(TableRow(name=name, title=TRIVIAL[name], spec=None, note="learns nothing")
+              for name in ("copy_i_s", "dr_s_prime")))
+    return Table(name="stability", number="Table of stability", question="How steady are methods from view to view?",
+                 rows=rows, reference="lightnet", groups=(Group(title="methods", rows=tuple(paper.STABILITY)),),
+                 absent={})
 
 
 def _baseline(base: TrainingSpec, name: str, own_optimiser: bool) -> TableRow:

@@ -13,7 +13,7 @@ from dataset_builder.lightnet.results.evaluate import Contender, ScoreRow, conte
 from dataset_builder.lightnet.settings import DataSpec, TrainingSpec
 from dataset_builder.lightnet.training.events import Event
 from dataset_builder.lightnet.training.fit import LAST, TrainingJob
-from dataset_builder.shards.reader import load_manifest
+from dataset_builder.shards.reader import load_manifest, open_dataset
 from dataset_builder.studies import trainings
 from dataset_builder.studies.tables.paper import Table, TableRow
 from dataset_builder.studies.tables.result import RowResult
@@ -65,6 +65,14 @@ class RowMeasured:
     facts: dict[str, Any]
     kept: bool
     """An earlier run had done it."""
+
+
+def sees_fields(folder: Path, base: TrainingSpec) -> bool:
+    """Whether a dataset's training split has both images of fields and rendered ones as I_s. Raises ShardError."""
+    data = open_dataset(folder, layers=())
+    keys = data.splits.get(base.data.among(splits_of(folder)).train, ())
+    there = {"i_s", "i_s_clean"} <= {layer.name for layer in data.manifest.layers}
+    return there and any(data.label(key).plan.field.kind != "none" for key in keys[:1])
 
 
 def run(study: TableStudy) -> Iterator[RowNews | RowMeasured]:
@@ -121,7 +129,13 @@ def _measure(study: TableStudy, row: TableRow, job: TrainingJob, data: DataSpec)
     return tuple(evaluate([_contender(row, job)], held_out, range(len(held_out))))
 
 
+def contenders_of(study: TableStudy) -> list[Contender]:
+    """The rows of a finished study, with its first seed, by their names."""
+    return [_contender(row, _job(study, row, study.base.seed)) for row in study.table.rows]
+
+
 def _contender(row: TableRow, job: TrainingJob) -> Contender:
+    """What a row predicts with."""
     if row.spec is None:
         return next(one for one in trivial() if one.name == row.name)
     return contender(row.name, load_trained(job.out / LAST, job.device))

@@ -105,6 +105,18 @@ def test_noise_levels_are_chosen(folder: Path) -> None:
         LightingDataset(folder, "train", SPEC, levels=(1, 3, 7))
 
 
+def test_the_rendered_image_may_stand_for_that_of_a_field(folder: Path, tmp_path: Path) -> None:
+    both = write_synthetic(tmp_path / "both", train=2, held_out=1, size=16, layers=(*PAPER_AND_ROUGH, "i_s_clean"))
+    seen, clean = LightingDataset(both, "train", SPEC)[0], LightingDataset(both, "train", SPEC, i_s="i_s_clean")[0]
+    raw, inside = open_dataset(both)[seen.keys[0]], seen.inputs.inside[0, 0].numpy()[..., None]
+    for batch, name in ((seen, "i_s"), (clean, "i_s_clean")):
+        assert np.array_equal(batch.inputs.i_s[0].permute(1, 2, 0).numpy(), raw[name] * inside)
+    assert not torch.equal(seen.inputs.i_s, clean.inputs.i_s)
+    assert torch.equal(seen.inputs.s_prime, clean.inputs.s_prime) and torch.equal(seen.truth.i_t, clean.truth.i_t)
+    with pytest.raises(UserError, match=r"expected mask, s_prime, i_s_clean, .* the dataset has no i_s_clean"):
+        LightingDataset(folder, "train", SPEC, i_s="i_s_clean")
+
+
 def test_what_the_dataset_lacks_is_told_together(tmp_path: Path) -> None:
     folder = write_synthetic(tmp_path / "poor", train=1, held_out=1, size=16, layers=("i_s", "i_t", "s_prime", "mask"))
     with pytest.raises(UserError) as caught:

@@ -18,7 +18,7 @@ from dataset_builder.lightnet.settings import load_training
 from dataset_builder.lightnet.training.events import Checked, Event, Finished, Started, Stepped
 from dataset_builder.lightnet.training.fit import TrainingJob, fit
 from tests.lightnet.formula_method import write_checkpoint
-from tests.lightnet.synthetic import write_synthetic
+from tests.lightnet.synthetic import PAPER_AND_ROUGH, write_synthetic
 
 TINY = ("steps=6", "model={width: 4, downs: 2}", "data={crop: 32, batch: 2, workers: 0}",
         "check={every: 2, examples: 2}", "optimiser.warm_up=0")
@@ -126,6 +126,17 @@ def test_noise_levels_are_chosen(dataset: Path, tmp_path: Path) -> None:
     events = run(replace(job(dataset, tmp_path / "out", "steps=1"), levels=(1,)))
     started = one(events, Started)
     assert (started.train, started.held_out) == (3, 1)
+
+
+def test_training_alone_takes_the_rendered_image(tmp_path: Path) -> None:
+    """Checks see the image of the field, as evaluations do, whatever is learnt from."""
+    data = write_synthetic(tmp_path / "set", train=4, held_out=2, layers=(*PAPER_AND_ROUGH, "i_s_clean"))
+    found = [run(job(data, tmp_path / name, f"data.i_s={name}", "steps=1", "optimiser.rate=1e-12"))
+             for name in ("i_s", "i_s_clean")]
+    assert one(found[0], Stepped).loss != one(found[1], Stepped).loss
+    # At that rate weights stay where they began, so that checks differ if they see other images
+    first, second = (one(events, Checked).metrics["psnr"] for events in found)
+    assert first == pytest.approx(second, abs=1e-4)
 
 
 def test_patience_ends_it(dataset: Path, tmp_path: Path) -> None:

@@ -20,7 +20,8 @@ from dataset_builder.report.noise_page import quality_figure, sentences
 from dataset_builder.studies.noise.axes import AXES, axis_of
 from dataset_builder.studies.noise.level_trainings import MIXED, HeldOut, held_out, jobs
 from dataset_builder.studies.noise.levels import OWN, Level, chosen, levels_of, trained_on, write_table
-from dataset_builder.studies.noise.noise_study import NoiseStudy, count_passes, parse_levels, pass_lines, require
+from dataset_builder.studies.noise.noise_study import NoiseStudy, count_passes, pass_lines, require
+from dataset_builder.studies.noise.study_levels import parse_levels
 from dataset_builder.studies.trainings import base_of
 from tests.lightnet.synthetic import write_synthetic
 from tests.plans import render_record
@@ -54,17 +55,15 @@ def lines(path: Path) -> list[dict[str, str]]:
 
 # What is asked
 
-def test_levels_are_read() -> None:
-    assert parse_levels("0,0.002, 4e-3") == (0, 0.002, 0.004)
-    with pytest.raises(UserError, match=r"expected numbers, or names .* with commas between them, got x"):
-        parse_levels("0,x")
-
-
 @pytest.mark.parametrize(("levels", "overrides", "rule"), [
     ("0.004,0.002", (), "each larger than the one before, got 0.004, 0.002"),
     ("0.004", (), "at least two numbers"),
-    ("0,0.01", ("layers={i_s: object, mask: object}",), "got no d, r, i_t, s_prime"),
+    ("0,0.01", ("layers={i_s: object, mask: object}",), "has no d, r, i_t, s_prime"),
     ("0,0.01", ("splits.test.name=other",), "expected a split test, got train, other"),
+    ("0,0.01,density,density", (), "expected each field once"),
+    ("0,light", (), "expected numbers or names, not both, got sigma 0, light"),
+    ("0,0.01,density", ("splits.test.source={kind: field, gives: [r3dm]}",),
+     r"splits\.test\.source\.gives: expected \[i_s\]"),
 ])
 def test_what_cannot_be_studied_is_refused_before_it_is_built(small_spec: Path, tmp_path: Path, levels: str,
                                                               overrides: Sequence[str], rule: str) -> None:
@@ -113,7 +112,7 @@ def uneven(tmp_path_factory: pytest.TempPathFactory) -> tuple[NoiseStudy, HeldOu
     out = tmp_path_factory.mktemp("uneven")
     write_synthetic(out / "dataset", train=3, held_out=5, size=24, levels=3)
     training = base_of(load_training(None, [*TINY, "data.held_out=evaluation"]))
-    study = NoiseStudy(spec=out / "none.yaml", overrides=(), levels=(0.005, 0.01, 0.016), training=training,
+    study = NoiseStudy(spec=out / "none.yaml", overrides=(), levels=parse_levels("0.005,0.01,0.016"), training=training,
                        per_level_steps=1, out=out, device="cpu")
     return study, held_out(study)
 
@@ -122,7 +121,7 @@ def scores(split: HeldOut, psnr: dict[str, Sequence[float]]) -> list[ScoreRow]:
     """Rows of methods whose PSNR depends on the level alone, and on the case by a little."""
     cases = {case: number for number, case in enumerate(split.cases)}
     return [ScoreRow(method=method, key=one.key, view=one.case[0], object=f"object {cases[one.case]}", room="r",
-                     level=one.level, sigma=one.sigma, seconds=1.0,
+                     level=one.level, sigma=0.0, seconds=1.0,
                      metrics=Metrics(l1=0.1, psnr=values[one.level] + 0.01 * cases[one.case], ssim=0.5, lab=0.1))
             for method, values in psnr.items() for one in split.examples]
 
@@ -155,7 +154,7 @@ def test_a_study_without_a_case_at_all_levels_ends_in_words(uneven: tuple[NoiseS
 def test_the_cases_shown_are_the_median_and_the_worst() -> None:
     rows = tuple(ScoreRow(method=MIXED, key=str(n), view="", object="", room="", level=0, sigma=0.0, seconds=0.0,
                           metrics=Metrics(l1=0, psnr=psnr, ssim=0, lab=0)) for n, psnr in enumerate((21.0, 19.0, 30.0)))
-    level = Level(number=0, sigma=0.0, measured=0.0, scores={MIXED: rows})
+    level = Level(number=0, asked=parse_levels("0")[0], measured=0.0, scores={MIXED: rows})
 
     class Split:
         cases = (("a", 0), ("b", 0), ("c", 0))

@@ -13,9 +13,9 @@ from dataset_builder.lightnet.settings import TrainingSpec, differences, load_tr
 from dataset_builder.lightnet.training.fit import TrainingJob, fit
 from dataset_builder.studies.tables import paper, table_kinds
 from dataset_builder.studies.tables.paper import Table
-from dataset_builder.studies.tables.table_study import RowMeasured, TableStudy, results, run
+from dataset_builder.studies.tables.table_study import RowMeasured, TableStudy, results, run, sees_fields
 from dataset_builder.studies.trainings import base_of, changed, train
-from tests.lightnet.synthetic import write_synthetic
+from tests.lightnet.synthetic import PAPER_AND_ROUGH, write_synthetic
 
 TINY = ("model={width: 4, downs: 2}", "data={crop: 32, batch: 2, workers: 0}", "check={every: 2, examples: 2}",
         "steps=2")
@@ -26,7 +26,7 @@ BASE = base_of(TrainingSpec())
 
 def test_the_papers_numbers() -> None:
     assert paper.METHODS["pix2pix"].of("psnr") == 26.65 and paper.METHODS["dpr"].of("ssim") == 0.8692
-    assert paper.METHODS["ssvbrdf"].of("lab") == 0.3796 and paper.LIGHTNET_ON_NERF.of("ssim") == 0.9203
+    assert paper.METHODS["ssvbrdf"].of("lab") == 0.3796 and paper.METHODS["lightnet-dagger"].of("ssim") == 0.9203
     assert paper.OBJECTIVES["l1"].of("ssim") == 0.8774 and paper.OBJECTIVES["fr"].of("lab") == 0.3717
     assert paper.FORMULATIONS["dr-s-plus-alpha"].of("psnr") == 29.45 and paper.SHADINGS["raw"].of("l1") == 0.0260
     full = paper.METHODS["lightnet"]
@@ -88,6 +88,17 @@ def test_methods_differ_in_method_size_and_optimiser() -> None:
     assert {name for name, keys in changes(table_kinds.methods(BASE, own_optimisers=False)).items()
             if any(key.startswith("optimiser") for key in keys)} == set()
     assert {row.name for row in table.rows if row.spec is None} == set(TRIVIAL)
+
+
+def test_a_dataset_with_fields_has_the_papers_last_row(dataset: Path, tmp_path: Path) -> None:
+    """All methods train on rendered I_s, and LighTNet on that of fields beside them."""
+    table = table_kinds.methods(BASE, fields=True)
+    assert changes(table)["lightnet-dagger"] == {"data.i_s"} and changes(table)["lightnet"] == set()
+    assert {row.spec.data.i_s for row in table.rows if row.spec and row.name != "lightnet-dagger"} == {"i_s_clean"}
+    assert table.row("lightnet-dagger").printed == paper.METHODS["lightnet-dagger"] and not table.absent
+    assert table.groups[0].rows == ("pix2pix", "dpr", "ssvbrdf", "lightnet", "lightnet-dagger")
+    both = write_synthetic(tmp_path / "both", train=2, held_out=1, size=16, layers=(*PAPER_AND_ROUGH, "i_s_clean"))
+    assert sees_fields(both, BASE) and not sees_fields(dataset, BASE)
 
 
 def test_baselines_see_whole_crops_and_shrink_below_a_width_of_16() -> None:
