@@ -23,7 +23,7 @@ from dataset_builder.rendering.field.field_mesh import FieldSurface, coloured, s
 from dataset_builder.rendering.field.field_pixels import chosen_images, fit_pixels
 from dataset_builder.rendering.field.field_stages import stages_of
 from dataset_builder.rendering.field.field_state import FitState
-from dataset_builder.rendering.field.field_training import Told, trained
+from dataset_builder.rendering.field.field_training import FitProgress, Told, trained
 
 __all__ = ["FieldSettings", "FitProgress", "fit_field"]
 
