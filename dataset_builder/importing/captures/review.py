@@ -64,7 +64,7 @@ def reviewed(capture: Capture, where: str, *, size: int, ball: Ball | None, skip
         ball = ball or focus_ball(capture, where)
         if apart > DOUBTFUL:
             notes.append("photographs hardly see the same colours at the same places (their difference is "
-                         f"{apart:.2f} of the usual, expected below {DOUBTFUL}): plain things, or wrong poses")
+                         f"{apart:.2f} of chance, expected below {DOUBTFUL}): plain things, or wrong poses")
         notes.append(f"no masks: what is seen within {ball.radius:.3g} units of {_place(ball)} is taken with its "
                      "background, which was not removed")
     roll = developed(capture, size, ball, work, told)

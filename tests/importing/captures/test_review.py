@@ -277,12 +277,12 @@ def test_without_masks_a_ball_is_found_or_taken(tmp_path: Path) -> None:
     (lambda poses: np.linalg.inv(poses @ FLIP), "world-to-camera with OpenGL")])
 def test_wrong_conventions_are_named_without_masks(given: Callable[[np.ndarray], np.ndarray], kind: str, copied: Path,
                                                    tmp_path: Path) -> None:
-    """By colours that meet nowhere. Measured: 0.36 of the usual difference as it should be, 0.99 and more otherwise."""
+    """By colours that meet nowhere. Measured: 0.53 of the difference by chance as it should be, 1.00 otherwise."""
     shutil.rmtree(copied / "masks")
     assert len(review(copied, tmp_path / "right").notes) == 1
     with_matrices(copied, given(MADE.told))
     said = refused(copied, tmp_path / "work")
-    assert f"the matrices are {kind}'s axes, where transforms.json has" in said and "with that it is 0.3" in said
+    assert f"the matrices are {kind}'s axes, where transforms.json has" in said and "with that it is 0.5" in said
 
 
 def test_cameras_that_look_outwards_are_refused(tmp_path: Path) -> None:
