@@ -25,8 +25,6 @@ from dataset_builder.importing.in_place import move, refuse_existing
 from dataset_builder.label.field_record import FieldRecord
 from dataset_builder.lock import locked
 
-SPLATS = (".ply", ".spz", ".glb", ".gltf", ".usd", ".usda", ".usdc", ".usdz")
-"""Files that hold splats, which another reader takes."""
 GREY = 0.18
 """Reflectance of what is of median luminance in a photograph: cameras expose the middle of a scene to it."""
 LEAST_PSNR = 22.0
@@ -148,8 +146,6 @@ def _check(job: CaptureJob) -> None:
                                 f"CC-BY-4.0, got {job.licence or 'none'}"))
     if not re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}", job.name):
         problems.append(problem("--name", f"expected letters, digits, _, . and -, got {job.name}"))
-    if job.folder.suffix.lower() in SPLATS and job.folder.is_file():
-        problems.append(problem("", f"{job.folder}: expected a folder of photographs, got a file of splats"))
     for option, value in (("--height", job.height), ("--white", job.white),
                           ("--distance", job.distance and job.distance[2])):
         if value is not None and not 0 < value < 1e6:
