@@ -95,24 +95,24 @@ def test_what_cannot_be_fitted_is_told_of_the_object_and_leaves_nothing(monkeypa
 
 
 def test_masks_are_where_the_cameras_see_the_object() -> None:
-    """Against rays of our own through the mesh, by the poses alone."""
-    mesh = asset_of(STOOL, Path()).mesh
-    cameras = StudioCameras.of(STOOL, FIELD, Path())
-    with studio(STOOL, FIELD, cameras, Path()) as take:
-        images = cameras.images(np.stack([take(number) for number in range(28)]), slice(None))
+    """Against rays of our own through the mesh, by the poses alone; a quarter of a pixel would be seen."""
+    mesh, field = asset_of(STOOL, Path()).mesh, FIELD.model_copy(update={"views": 8, "held_out": 2, "spp": 64})
+    cameras = StudioCameras.of(STOOL, field, Path())
+    with studio(STOOL, field, cameras, Path()) as take:
+        images = cameras.images(np.stack([take(number) for number in range(10)]), slice(None))
     scene = RayScene([(mesh.positions, mesh.faces, 1)])
-    place = np.arange(4 * FIELD.size) / 4 + 1 / 8
+    place = (np.arange(8 * FIELD.size) + 0.5) / 8
     for pixels, pose, focal, centre in zip(images.pixels, images.poses, images.focal, images.centre, strict=True):
         x, y = np.meshgrid(place, place)
         ways = np.stack([(x - centre[0]) / focal[0], (y - centre[1]) / focal[1], np.ones_like(x)], axis=-1)
         rays = ways.reshape(-1, 3) @ pose[:3, :3].T
         _, distance = scene.first_hit(np.broadcast_to(pose[:3, 3], rays.shape), rays)
-        seen = np.isfinite(distance).reshape(FIELD.size, 4, FIELD.size, 4).mean(axis=(1, 3))
+        seen = np.isfinite(distance).reshape(FIELD.size, 8, FIELD.size, 8).mean(axis=(1, 3))
         opacity = pixels[..., 3].astype(float)
-        assert np.minimum(opacity, seen).sum() > 0.9 * np.maximum(opacity, seen).sum() and opacity.sum() > 20
+        assert np.minimum(opacity, seen).sum() > 0.95 * np.maximum(opacity, seen).sum() and opacity.sum() > 20
         assert np.linalg.det(pose[:3, :3]) == pytest.approx(1) and not pixels[0].any() and not pixels[:, -1].any()
         # A surface sends back no more than it gets, and what is behind is not in it
-        assert (pixels[..., :3] <= 1.15 * pixels[..., 3:] + 1e-3).all()
+        assert (pixels[..., :3] <= 1.05 * pixels[..., 3:] + 1e-3).all()
 
 
 def test_directions_cover_the_sphere() -> None:
