@@ -79,7 +79,7 @@ def test_examples_of_a_field_that_fails_are_refused_with_figures(tmp_path: Path)
     assert rejected and rejected.gate == GATE and rejected.reason == (
         "psnr: expected at least 22 dB over 4 held-out images inside their masks, got 21.96 (density field of "
         "test-ottoman-00)")
-    both = list(refusals(*finished(planner, psnr=20.0, opacity_iou=0.5)))[0].rejected
+    both = next(refusals(*finished(planner, psnr=20.0, opacity_iou=0.5))).rejected
     assert both and "psnr" in both.reason and "opacity_iou: expected at least 0.8" in both.reason
 
 

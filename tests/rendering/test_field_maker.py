@@ -1,5 +1,5 @@
-"""Making a field: images that fit their cameras, kept as they are taken, and the same bytes however often the making was
-interrupted."""
+"""Making a field: images that fit their cameras, kept as they are taken, and the same bytes however often the making
+was interrupted."""
 
 from collections import Counter
 from collections.abc import Callable
