@@ -1,6 +1,7 @@
 """Build a dataset: decide keep or build per shard, run the missing views, publish each shard when its examples are
 there."""
 
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -135,6 +136,9 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
             job = replace(job, denoised=calibrate(loaded, job, made_by, run=local.run, workers=workers))
             yield Event(denoised=job.denoised)
         try:
+            if not only:
+                # Fields may have been refused by then: hours of rendering would end with the same words
+                _require_examples(tasks, progress.rejected)
             for outcomes in _outcomes(wanted, job, workers, known):
                 _note(outcomes, progress, rejections)
                 timings.add(outcomes)
@@ -201,10 +205,7 @@ def _finish(tasks: Sequence[ShardTask], folder: Path, planner: Planner, progress
     left."""
     loaded = planner.loaded
     indices = [progress.shards[task.slot] for task in tasks if task.slot in progress.shards]
-    for split in loaded.dataset.splits:
-        if not any(index.shard.split == split.name for index in indices):
-            keys = [ref.key for task in tasks if task.split == split.name for ref in task.examples]
-            raise _nothing_left(split.name, keys, progress.rejected)
+    _require_examples(tasks, progress.rejected)
     manifest = make_manifest(loaded.dataset, layers=dict(layers_asked(loaded.dataset)), shards=indices,
                              rejected=progress.rejected.values(), spec_digest=loaded.spec_digest,
                              generator=f"dataset-builder {__version__}", denoised=denoised,
@@ -221,6 +222,16 @@ def _one_of_each(planner: Planner, indices: Sequence[ShardIndex]) -> Iterator[st
     if has_fields(planner.loaded.dataset, planner.loaded.objects):
         yield from {(ref.view.pair, ref.level): ref.key for ref in reversed(planner.examples)
                     if ref.key in there}.values()
+
+
+def _require_examples(tasks: Sequence[ShardTask], rejected: Mapping[str, Rejected]) -> None:
+    """Raise PlanError where every example of a split was rejected."""
+    keys = defaultdict[str, list[str]](list)
+    for task in tasks:
+        keys[task.split] += [ref.key for ref in task.examples]
+    for split, named in keys.items():
+        if all(key in rejected for key in named):
+            raise _nothing_left(split, named, rejected)
 
 
 def _nothing_left(split: str, keys: Sequence[str], rejected: Mapping[str, Rejected]) -> PlanError:

@@ -14,7 +14,7 @@ from dataset_builder.api import render_example
 from dataset_builder.assets.field_file import read_field
 from dataset_builder.builder import Event, build
 from dataset_builder.engine.field_tasks import FieldNews
-from dataset_builder.errors import UserError
+from dataset_builder.errors import PlanError, UserError
 from dataset_builder.exporting.export_usd import ExportJob, export_usd
 from dataset_builder.label.field_record import FieldRecord
 from dataset_builder.report.dataset_summary import summary_tables
@@ -175,6 +175,15 @@ def test_an_object_that_fails_is_rejected_with_figures(spec: Path, first: tuple[
     assert verify(tmp_path / "small") == []
     # Nothing is made, or tried, again
     assert not made(built(spec, tmp_path / "small", gate))
+
+
+def test_a_split_without_objects_left_ends_the_build_before_views_are_rendered(
+        spec: Path, first: tuple[Path, list[Event], list[FieldNews]], tmp_path: Path) -> None:
+    shutil.copytree(first[0] / ".build" / "fields", tmp_path / "cache" / "fields")
+    events = build(load_dataset(spec, ["splits.test.source.gates.psnr=90"]), tmp_path / "small", backend="llvm",
+                   workers=1, cache=tmp_path / "cache")
+    with pytest.raises(PlanError, match="split test: expected at least one example that passes all gates"):
+        assert all(outcome.rejected for event in events for outcome in event.outcomes)
 
 
 def record_of(first: tuple[Path, list[Event], list[FieldNews]], name: str) -> FieldRecord:
