@@ -57,6 +57,19 @@ def room(size: tuple[float, float, float] = (4.0, 3.5, 2.5), cells: int = 4) -> 
     return coloured(np.concatenate(points), np.concatenate(corners))
 
 
+def ball_field(radius: float = 0.4, cells: int = 32) -> FieldFile:
+    """A field of a solid ball that stands on z = 0: red towards +X, blue towards -X, 0.5 of green."""
+    steps = (np.arange(cells) + 0.5) / cells * 2 - 1
+    z, y, x = np.meshgrid(steps, steps, steps, indexing="ij")
+    within = np.sqrt(x**2 + y**2 + z**2) < 0.8
+    share = np.clip(0.5 + 0.5 * x / 0.8, 0.05, 0.95)
+    colours = np.stack([share, np.full_like(share, 0.5), 1 - share], axis=-1)
+    # Radiance is softplus(4 v) / 4, optical depth of a cell softplus(3 v - 12)
+    grid = np.concatenate([np.where(within, 12.0, 0.0)[..., None], np.log(np.expm1(4 * colours)) / 4], axis=-1)
+    return FieldFile(record=RECORD, mesh=ball(radius), centre=(0.0, 0.0, radius), radius=radius / 0.8,
+                     grid=grid.astype(np.float32), numbers={"scale": 1.0})
+
+
 def field_of(mesh: TriangleMesh) -> FieldFile:
     """A field without cells: its mesh and its figures."""
     low, high = mesh.bounds

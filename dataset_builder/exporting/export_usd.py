@@ -6,6 +6,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from dataset_builder.assets.field_file import read_field
+from dataset_builder.engine.unit import FIELDS
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.exporting.example_stage import StageParts, write_stage
 from dataset_builder.exporting.placed_things import stage_contents
@@ -21,8 +22,6 @@ from dataset_builder.spec.mesh_source import FIELD_SUFFIX
 from dataset_builder.spec.problems import nearest
 
 STAGE = "scene.usdc"
-FIELDS = "fields"
-"""Folder below the builder's own where a build keeps fields."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -71,7 +71,7 @@ def _fields(labels: list[ExampleLabel]) -> list[Table]:
         return []
     table = Table("object", "field", "gives", "views", "PSNR", "worst", "IoU", "bodies", "dropped", "normals",
                   title="fields")
-    for (name, key), (record, given) in found.items():
+    for (name, key), (record, given) in sorted(found.items(), key=lambda item: item[0]):
         held_out = (f"{record.psnr:.1f}", f"{record.psnr_worst:.1f}", f"{record.opacity_iou:.3f}")
         table.add_row(name, record.kind, given, str(record.views or ""), *(held_out if record.held_out else ("",) * 3),
                       str(record.bodies), str(record.bodies_dropped),

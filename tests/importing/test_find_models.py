@@ -83,3 +83,9 @@ def test_parts_of_a_gltf_stay_parts(tmp_path: Path) -> None:
     put(tmp_path, "textures/plain.png")
     found, _ = find_models([tmp_path])
     assert found == [FoundModel(path=tmp_path / "a.gltf", root=tmp_path)]
+
+
+def test_captures_are_no_models(tmp_path: Path) -> None:
+    put(tmp_path, "a.obj", "chair.npz")
+    found, left = find_models([tmp_path])
+    assert [model.path.name for model in found] == ["a.obj"] and not left

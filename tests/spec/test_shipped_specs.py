@@ -5,6 +5,10 @@ from pathlib import Path
 import jsonschema
 import pytest
 
+from dataset_builder.errors import PlanError
+from dataset_builder.label.example_plan import ExamplePlan
+from dataset_builder.planning.catalogue import ExampleRef
+from dataset_builder.planning.plan import Planner
 from dataset_builder.report.spec_help import export_schema, schema_files
 from dataset_builder.spec.families import FAMILIES
 from dataset_builder.spec.load import load_dataset, read_document
@@ -66,10 +70,12 @@ def test_datasets_load(path: Path) -> None:
 
 @pytest.mark.parametrize(("name", "expected"), [
     ("3df-lighting-mini", {"train": 64, "evaluation": 16}), ("3df-lighting-effects", {"train": 8}),
-    ("3df-lighting", {"train": 6000, "evaluation": 6000})])
+    ("3df-lighting", {"train": 6000, "evaluation": 6000}),
+    ("3df-lighting-field-mini", {"train": 8, "evaluation": 4, "smooth": 2}),
+    ("3df-lighting-dagger", {"train": 448, "evaluation": 96})])
 def test_sizes(name: str, expected: dict[str, int]) -> None:
     spec = load_dataset(FOLDER / f"{name}.yaml").dataset
-    assert {split.name: split.views * split.lights * len(spec.rough.levels) * (
+    assert {split.name: split.views * split.lights * len(split.levels(spec.rough)) * (
         split.objects.count * split.scenes.count if split.pairs == "all" else split.pairs)
         for split in spec.splits} == expected
 
@@ -78,3 +84,33 @@ def test_every_file_is_used() -> None:
     used = {dotted((kind, key)) for path in DATASETS for kind, specs in load_dataset(path).content().items()
             if isinstance(specs, dict) for key in specs}
     assert not [file for file in PARTS if f"{file.parent.name}.{file.relative_to(FOLDER).as_posix()}" not in used]
+
+
+@pytest.mark.parametrize("path", DATASETS, ids=lambda path: path.stem)
+def test_an_example_of_every_split_can_be_planned(path: Path) -> None:
+    planner = Planner(load_dataset(path))
+    for split in planner.loaded.dataset.splits:
+        plan = next(plan for ref in planner.examples if ref.view.pair.split == split.name
+                    if (plan := _planned(planner, ref)))
+        asked = {"i_s": plan.field, "r3dm": plan.rough.field}
+        kind = split.source.field if split.source.kind == "field" else "none"
+        assert {gives: field.kind for gives, field in asked.items()} == {
+            gives: kind if gives in split.source.gives else "none" for gives in asked}
+
+
+def _planned(planner: Planner, ref: ExampleRef) -> ExamplePlan | None:
+    try:
+        return planner.example(ref)
+    except PlanError:
+        return None
+
+
+def test_dagger_differs_from_128_by_what_is_seen() -> None:
+    """Objects, rooms and cameras are the same, so that trainings tell what images of fields change."""
+    plain, dagger = (Planner(load_dataset(FOLDER / f"3df-lighting-{name}.yaml")) for name in ("128", "dagger"))
+    assert [ref.key for ref in plain.examples] == [ref.key for ref in dagger.examples]
+    for index in (0, len(plain.examples) - 1):
+        one, other = (planner.example(planner.examples[index]) for planner in (plain, dagger))
+        for part in ("room", "target", "furniture", "camera"):
+            assert getattr(one, part) == getattr(other, part)
+        assert (one.rough == other.rough) == (one.split == "train") and one.field != other.field

@@ -4,6 +4,7 @@ import csv
 import json
 import shutil
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,10 @@ from dataset_builder.api import render_example
 from dataset_builder.assets.field_file import read_field
 from dataset_builder.builder import Event, build
 from dataset_builder.engine.field_tasks import FieldNews
+from dataset_builder.errors import UserError
+from dataset_builder.exporting.export_usd import ExportJob, export_usd
 from dataset_builder.label.field_record import FieldRecord
+from dataset_builder.report.dataset_summary import summary_tables
 from dataset_builder.shards.reader import open_dataset
 from dataset_builder.shards.verify import verify
 from dataset_builder.spec.load import load_dataset
@@ -86,6 +90,34 @@ def test_fields_come_first_and_are_seen(first: tuple[Path, list[Event], list[Fie
     for key in dataset.splits["train"]:
         assert dataset.label(key).record.field == ()
         assert np.array_equal(dataset[key]["mask_field"], dataset[key]["mask"])
+
+
+def test_exported_stages_take_the_mesh_of_the_field(spec: Path, tmp_path: Path, first: tuple[
+        Path, list[Event], list[FieldNews]]) -> None:
+    from pxr import Usd, UsdGeom
+
+    folder, dataset = first[0], open_dataset(first[0])
+    key = dataset.splits["test"][0]
+    file = folder / ".build" / "fields" / f"{dataset.label(key).record.field[0].key}.npz"
+    job = ExportJob(dataset=folder, key=key, out=tmp_path / "stage", mesh_root=spec.parent, fields=file.parent)
+    stage = Usd.Stage.Open(str(export_usd(job).stage))
+    stage.GetPrimAtPath("/Example/Target").GetVariantSets().GetVariantSet("geometry").SetVariantSelection("R3DM")
+    mesh, = (prim for prim in stage.Traverse() if prim.GetTypeName() == "Mesh" and "Target" in str(prim.GetPath()))
+    faces = UsdGeom.Mesh(mesh).GetFaceVertexCountsAttr().Get()
+    assert len(faces) == len(read_field(file).mesh.faces)
+    with pytest.raises(UserError, match=r"expected the field that the rough mesh is taken from, found none \(give "):
+        export_usd(replace(job, out=tmp_path / "other", fields=tmp_path))
+
+
+def test_card_and_tables_have_their_figures(first: tuple[Path, list[Event], list[FieldNews]]) -> None:
+    summary, = open_dataset(first[0]).manifest.fields
+    records = [record_of(first, name) for name in ("test-ottoman-00", "test-stool-01")]
+    assert (summary.split, summary.gives, summary.fields, summary.views) == ("test", ("i_s", "r3dm"), 2, 24)
+    assert summary.psnr == pytest.approx(sum(record.psnr for record in records) / 2)
+    assert summary.psnr_worst == min(record.psnr_worst for record in records) and not summary.captures
+    fields = next(table for table in summary_tables(first[0]) if table.title == "fields")
+    assert list(fields.columns[0].cells) == ["test-ottoman-00", "test-stool-01"]
+    assert all(cell.endswith("°") for cell in fields.columns[-1].cells)
 
 
 def test_seconds_of_fields_are_noted(first: tuple[Path, list[Event], list[FieldNews]]) -> None:

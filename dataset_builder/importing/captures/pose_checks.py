@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dataset_builder.errors import Problem
-from dataset_builder.importing.captures.capture import Capture, Shot, listed
+from dataset_builder.importing.captures.capture import Capture, CaptureShot, listed
 from dataset_builder.importing.captures.photographs import file_faults
 
 FEWEST, FEW = 8, 20
@@ -24,7 +24,7 @@ class Note:
     text: str
 
 
-def pose_faults(shot: Shot) -> list[Problem]:
+def pose_faults(shot: CaptureShot) -> list[Problem]:
     """What is wrong with the numbers of one camera."""
     numbers = np.array([*shot.lens.focal, *shot.lens.centre, *shot.lens.bend])
     where = f"{shot.image}: camera"

@@ -4,6 +4,7 @@ Wrong axes, cameras given the other way round, and inverted masks empty the hull
 it whole is tried, and named.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,8 +40,8 @@ class Agreement:
 
 
 def agreement(images: PosedImages, layout: str) -> Agreement:
-    """Of images with masks; where they disagree, what the matrices of a capture of this layout may be is tried."""
-    images = few_of(images)
+    """Of a few images with masks, see `few_of`; where they disagree, what the matrices of a capture of this layout may
+    be is tried."""
     iou, ball = _score(images)
     if iou >= ENOUGH:
         return Agreement(iou=iou, ball=ball)
@@ -83,9 +84,9 @@ def _poses(written: np.ndarray, kind: tuple[str, str]) -> np.ndarray:
     return poses if kind[1] == "OpenCV" else poses @ FLIP
 
 
-def few_of(images: PosedImages) -> PosedImages:
-    """A few images, evenly chosen, with opacity alone at a small size, 0 or 1."""
-    chosen = np.unique(np.linspace(0, len(images.pixels) - 1, VIEWS).astype(int))
+def few_of(images: PosedImages, usable: Sequence[int]) -> PosedImages:
+    """A few of the images of some indices, evenly chosen, with opacity alone at a small size, 0 or 1."""
+    chosen = np.array(usable)[np.unique(np.linspace(0, len(usable) - 1, VIEWS).astype(int))]
     height, width = images.pixels.shape[1:3]
     step = max(1, -(-max(height, width) // PIXELS))
     rows, columns = height // step, width // step
