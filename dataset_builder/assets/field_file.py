@@ -27,8 +27,8 @@ HEADER = "field"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FieldFile:
-    """One field. Its frame is the object's: metres, Z up, front towards -Y, standing on z = 0 over the origin, where
-    `assets.mesh_file.stand` would not move its mesh.
+    """One field. Its frame is the object's: metres, Z up, front towards -Y, its mesh standing on z = 0 with the
+    middle of its box over the origin; `assets.mesh_file` refuses another place.
 
     Raises UserError for numbers that no field has.
     """

@@ -97,24 +97,25 @@ def load_mesh_file(path: Path, *, name: str, category: str, licence: str, scale:
         if not model.parts:
             refuse(path, "expected triangles, got a file without any", splat_hint(left_out_of(model)))
         asset = model_asset(model, scaled_world(scale, up), name=name, category=category, licence=licence)
-    placed, moved, flat = stand(asset.mesh)
     if names_field(path.name):
-        _require_own_frame(path, asset.mesh, moved, scale, up)
-        placed, moved, flat = asset.mesh, np.zeros(3), []
+        _require_own_frame(path, asset.mesh, scale, up)
+    # A field's image would stay where it is
+    placed, moved, flat = (asset.mesh, np.zeros(3), []) if names_field(path.name) else stand(asset.mesh)
     meta = {**asset.meta, "source": path.name, "moved": ", ".join(f"{step:.6g} m" for step in moved),
             "shape": "; ".join(filter(None, [asset.meta["shape"], *flat]))}
     return replace(asset, mesh=placed, meta=meta)
 
 
-def _require_own_frame(path: Path, mesh: TriangleMesh, moved: np.ndarray, scale: float, up: Up) -> None:
-    """Refuse a field whose mesh would have to be moved: its image would stay where it is."""
+def _require_own_frame(path: Path, mesh: TriangleMesh, scale: float, up: Up) -> None:
+    """Refuse a field whose mesh would have to be moved, but for the hair by which `stand` raises what lies flat."""
     if (scale, up) != (1.0, "y"):
         refuse(path, f"expected scale 1 and up y of a field, which has metres and stands already, got {scale:g} and "
                      f"{up}", SCALED_FIELD)
-    most = STANDING * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
-    if np.abs(moved).max() > most:
+    low, high = mesh.bounds
+    off = np.array([*(low + high)[:2] / 2, low[2]])
+    if np.abs(off).max() > STANDING * float(np.linalg.norm(high - low)):
         refuse(path, "expected a field that stands on z = 0 over the origin, got one that is off by "
-                     f"{', '.join(f'{-step:.4g}' for step in moved)} m", SCALED_FIELD)
+                     f"{', '.join(f'{step:.4g}' for step in off)} m", SCALED_FIELD)
 
 
 @contextmanager

@@ -100,7 +100,7 @@ def test_what_cannot_be_written_is_told(tmp_path: Path, field: tuple[Path, Field
         export_field(tmp_path / "none.npz", tmp_path / "a.ply")
     assert made.splats is not None
     write_field(tmp_path / "a.npz", replace(made, splats=replace(made.splats, srgb=False)))
-    with pytest.raises(UserError, match="write them as .usda"):
+    with pytest.raises(UserError, match="write them as"):
         export_field(tmp_path / "a.npz", tmp_path / "a.ply")
     assert not (tmp_path / "a.ply").exists()
     export_field(tmp_path / "a.npz", tmp_path / "a.usda")

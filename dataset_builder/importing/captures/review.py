@@ -11,6 +11,7 @@ from dataset_builder.geometry.posed_images import PosedImages
 from dataset_builder.importing.captures.capture import Capture, listed
 from dataset_builder.importing.captures.darkroom import Roll, developed
 from dataset_builder.importing.captures.photo_checks import HIGH, LOW, blurred, drifting, gains
+from dataset_builder.importing.captures.photo_consistency import check_consistency, focus_of
 from dataset_builder.importing.captures.photographs import LEAST, MOST, Ball, header_of
 from dataset_builder.importing.captures.pose_checks import FEWEST, shortened, shot_faults, too_few
 from dataset_builder.importing.captures.silhouettes import (
@@ -18,12 +19,11 @@ from dataset_builder.importing.captures.silhouettes import (
     Agreement,
     agreement,
     few_of,
-    nearest_point,
 )
 from dataset_builder.importing.captures.silhouettes import LEAST as LEAST_IOU
 
-REACH = 0.35
-"""Radius of the ball that is taken where there are no masks, in median distances of the cameras from their focus."""
+DOUBTFUL = 0.8
+"""Mismatch of photographs without masks from which their poses are doubted."""
 SURROUNDINGS = ("a capture of surroundings, in which cameras look outwards, has no end and is not taken: a field here "
                 "fills a ball, and space beyond it is not contracted")
 
@@ -60,7 +60,11 @@ def reviewed(capture: Capture, where: str, *, size: int, ball: Ball | None, skip
     capture = _usable(capture, shot_faults(capture), where, skip, notes)
     masked = _masked(capture, where)
     if not masked:
+        apart = check_consistency(capture, ball, where)
         ball = ball or focus_ball(capture, where)
+        if apart > DOUBTFUL:
+            notes.append("photographs hardly see the same colours at the same places (their difference is "
+                         f"{apart:.2f} of chance, expected below {DOUBTFUL}): plain things, or wrong poses")
         notes.append(f"no masks: what is seen within {ball.radius:.3g} units of {_place(ball)} is taken with its "
                      "background, which was not removed")
     roll = developed(capture, size, ball, work, told)
@@ -109,17 +113,13 @@ def _masked(capture: Capture, where: str) -> bool:
 
 def focus_ball(capture: Capture, where: str) -> Ball:
     """The ball about the point that all cameras look at. Raises UserError where they look away from it."""
-    poses = np.stack([shot.pose for shot in capture.shots])
-    focus = nearest_point(poses[:, :3, 3], poses[:, :3, 2])
-    offsets = focus - poses[:, :3, 3]
-    ahead = np.einsum("ij,ij->i", offsets, poses[:, :3, 2]) > 0
+    focus, radius, ahead = focus_of(np.stack([shot.pose for shot in capture.shots]))
     if ahead.mean() < 0.9:
         raise UserError([Problem(
             where=where, path="", rule="expected cameras that look at one object, got "
             f"{np.sum(~ahead)} of {len(ahead)} that look away from where their axes meet",
-            hint=f"negate y and z of the camera axes if they are OpenGL's; {SURROUNDINGS}; a part of it can be taken "
-            "with --ball or --box")])
-    radius = REACH * float(np.median(np.linalg.norm(offsets, axis=1)))
+            hint="negate y and z of the camera axes if they are of the other convention; "
+            f"{SURROUNDINGS}; a part of it can be taken with --ball or --box")])
     return Ball(centre=(float(focus[0]), float(focus[1]), float(focus[2])), radius=radius)
 
 
@@ -132,7 +132,7 @@ def _mask_faults(roll: Roll, index: int, capture: Capture) -> list[Problem]:
     if LEAST <= share <= MOST:
         return []
     return [Problem(where=str(shot.mask or shot.image), path="", rule=f"expected a mask of {LEAST:.0%} to {MOST:.0%} "
-                    f"of the frame, got {share:.1%}", hint="white is the object; mend the mask, or leave the image out")]
+                    f"of the frame, got {share:.1%}", hint="white is the object; mend the mask or leave the image out")]
 
 
 def _agreed(found: Agreement, where: str, notes: list[str]) -> Ball:

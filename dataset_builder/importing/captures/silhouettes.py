@@ -56,13 +56,9 @@ def _remedies(images: PosedImages, layout: str) -> dict[str, PosedImages]:
     def with_poses(poses: np.ndarray) -> PosedImages:
         return PosedImages(pixels=images.pixels, poses=poses, focal=images.focal, centre=images.centre)
 
-    wanted = MATRICES[layout]
-    written = _matrices(images.poses, wanted)
-    others = {f"the matrices are {way} with {axes}'s axes, where {layout} has {' with '.join(wanted)}'s axes; convert "
-              "them": with_poses(_poses(written, (way, axes)))
-              for way in (TO_WORLD, TO_CAMERA) for axes in ("OpenCV", "OpenGL") if (way, axes) != wanted}
     inverted = images.pixels.copy()
     inverted[..., 3] = 1 - inverted[..., 3]
+    others = {text: with_poses(poses) for text, poses in meanings(images.poses, layout).items()}
     return {**others,
             "mirror the images left to right, or negate x of the camera axes": with_poses(
                 images.poses @ np.diag([-1.0, 1, 1, 1])),
@@ -70,6 +66,15 @@ def _remedies(images: PosedImages, layout: str) -> dict[str, PosedImages]:
                 images.poses @ np.diag([1.0, -1, 1, 1])),
             "invert the masks: white is to be the object": PosedImages(
                 pixels=inverted, poses=images.poses, focal=images.focal, centre=images.centre)}
+
+
+def meanings(poses: np.ndarray, layout: str) -> dict[str, np.ndarray]:
+    """What the matrices of a capture of a layout may be instead, and the poses (N, 4, 4) that follow."""
+    wanted = MATRICES[layout]
+    written = _matrices(poses, wanted)
+    return {f"the matrices are {way} with {axes}'s axes, where {layout} has {' with '.join(wanted)}'s axes; convert "
+            "them": _poses(written, (way, axes))
+            for way in (TO_WORLD, TO_CAMERA) for axes in ("OpenCV", "OpenGL") if (way, axes) != wanted}
 
 
 def _matrices(poses: np.ndarray, kind: tuple[str, str]) -> np.ndarray:

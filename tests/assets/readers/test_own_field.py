@@ -11,7 +11,7 @@ from dataset_builder.errors import UserError
 from dataset_builder.geometry.mesh import transform
 from dataset_builder.geometry.repair import repair
 from tests.assets.gltf_files import load
-from tests.small_fields import ball, field_of, room, write_ball
+from tests.small_fields import ball, coloured, field_of, room, write_ball
 
 IMPORT = r"\(make an object of its splats: `dataset-builder import capture FILE`\)"
 
@@ -38,6 +38,14 @@ def test_a_field_that_would_have_to_be_moved_is_refused(tmp_path: Path, moved: t
 def test_rounding_is_no_reason_to_refuse(tmp_path: Path) -> None:
     asset = load(write_ball(tmp_path / "a.npz", moved=(2e-7, 0, -2e-7)))
     assert asset.mesh.bounds[0, 2] == pytest.approx(-2e-7, abs=1e-12)
+
+
+def test_a_field_with_a_flat_bottom_is_not_raised(tmp_path: Path) -> None:
+    """Captures are pressed flat at the ground: an open mesh with faces in z = 0, as a rug has, stays there too."""
+    mesh = ball()
+    flat = np.maximum(mesh.positions, [-1, -1, 0.1]) - np.array([0, 0, 0.1])
+    write_field(tmp_path / "a.npz", field_of(coloured(flat, mesh.faces[1:])))
+    assert load(tmp_path / "a.npz").mesh.bounds[0, 2] == 0
 
 
 @pytest.mark.parametrize("asked", [{"scale": 2.0}, {"up": "z"}])
