@@ -7,8 +7,6 @@ from dataset_builder.shards.manifest import LayerRecord, Manifest
 
 PLAIN = {
     "i_s": "the object as it plainly looks, evenly lit from all sides",
-    "i_s_clean": "the same, rendered from its clean mesh where `i_s` shows a neural field",
-    "mask_field": "how opaque the neural field that `i_s` shows is in each pixel",
     "d": "the colour of its matte part, without light or shade",
     "r": "how much light it mirrors, by colour; not where its highlights are",
     "i_t": "the object under the lamps of the scene: what is to be predicted",
