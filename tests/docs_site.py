@@ -7,6 +7,9 @@ import numpy as np
 import trimesh
 
 from tests.assets.gltf_files import glb
+from tests.assets.splat_files import ball
+from tests.assets.splat_files import write_ply as write_splat_ply
+from tests.capture_files import Made, orbit, tilted
 from tests.front3d_files import house
 from tests.gltf_scenes import ROOM, at, thing, write_gltf
 
@@ -25,6 +28,17 @@ def write_models(site: Path) -> None:
     (site / "models").mkdir()
     for name, extents in (("chair", (0.5, 0.9, 0.5)), ("table", (1.2, 0.8, 0.7))):
         trimesh.creation.box(extents=extents).export(site / "models" / f"{name}.glb")
+
+
+def write_photographs(site: Path) -> None:
+    """A capture as COLMAP leaves it, with masks."""
+    Made(poses=orbit(16), size=(48, 48), focal=72.0, turn=tilted(), scale=3.0).write_colmap(site / "photographs")
+
+
+def write_splats(site: Path) -> None:
+    """A capture as Gaussian splats."""
+    (site / "splats").mkdir()
+    write_splat_ply(site / "splats" / "vase.ply", ball(600, degree=1))
 
 
 def write_houses(site: Path) -> None:

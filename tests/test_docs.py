@@ -23,18 +23,20 @@ from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.load import load_dataset
 from dataset_builder.spec.mesh_source import MESH_SUFFIXES
 from dataset_builder.spec.scene import ObjectSpec
-from tests.docs_site import write_flat, write_houses, write_models, write_teapot
+from tests.docs_site import write_flat, write_houses, write_models, write_photographs, write_splats, write_teapot
 from tools import spec_tables
 
 ROOT = Path(__file__).parent.parent
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
 OTHERS = [ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]
-MINI = "3df-lighting-mini"
+MINI, TURNING = "3df-lighting-mini", "3df-lighting-360"
 CHEAP = ("--set", "image={width: 24, height: 24}", "--set", "render.spp=4", "--set", "render.max_depth=3",
          "--set", "rough.edge_length=0.2", "--set", "gates.mask_overlap=0.1", "--set", "splits.train.pairs=1",
          "--set", "splits.train.views=1", "--workers", "1", "--backend", "llvm")
 CHEAP_MINI = (*CHEAP, "--set", "splits.evaluation.pairs=1", "--set", "splits.evaluation.views=1")
 """Added to every build that a page shows, so that it takes seconds; later values win."""
+CHEAP_TURNING = (*CHEAP, "--set", "splits.turn.pairs=1", "--set", "splits.turn.views=8", "--set",
+                 "splits.turn.source={kind: mesh}")
 TINY_TRAINING = ("--set", "steps=2", "--set", "model={width: 4, downs: 2}", "--set",
                  "data={crop: 16, batch: 1, workers: 0}", "--device", "cpu")
 PLAIN_TOOLS = ("cp", "diff")
@@ -89,10 +91,15 @@ def cheap(arguments: list[str]) -> list[str]:
         return [*arguments, *TINY_TRAINING]
     if arguments[0] == "table":
         return [*arguments, *TINY_TRAINING, "--steps", "2"]
+    if arguments[:3] == ["import", "capture", "splats/vase.ply"]:
+        return [*arguments, "--resolution", "16", "--backend", "llvm"]
+    if arguments[:2] == ["import", "capture"]:
+        return [*arguments, "--size", "48", "--resolution", "32", "--steps", "40", "--backend", "llvm", "--no-sheet"]
     if arguments[0] == "import":
         return [*arguments, "--no-sheet"]
     if arguments[0] == "build":
-        return [*arguments, *(CHEAP_MINI if MINI in arguments[1] else CHEAP)]
+        return [*arguments, *(CHEAP_MINI if MINI in arguments[1] else CHEAP_TURNING if TURNING in arguments[1] else
+                              CHEAP)]
     return arguments
 
 
@@ -108,6 +115,8 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_flat(site / "house", blocks(pages / "scenes.md", "yaml"))
     write_houses(site)
     write_models(site)
+    write_photographs(site)
+    write_splats(site)
     return site
 
 

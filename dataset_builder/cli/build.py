@@ -36,6 +36,7 @@ def add(verbs: Verbs) -> None:
 
 def _plan(options: argparse.Namespace) -> int:
     from dataset_builder.engine.against import against
+    from dataset_builder.engine.field_tasks import fields_known
     from dataset_builder.engine.unit import BuildJob
     from dataset_builder.planning.cost import estimate
     from dataset_builder.planning.plan import Planner, first_plan, plan_example
@@ -51,12 +52,12 @@ def _plan(options: argparse.Namespace) -> int:
     for index in options.example:
         with meshes_named(planner):
             print(json.dumps(plan_example(loaded, index, planner).model_dump(mode="json"), indent=2))
+    job = BuildJob.of(loaded, options.against or DATASETS / loaded.dataset.name, backend=options.backend, threads=1,
+                      cache=options.cache, cache_size=options.cache_size)
     if options.against:
-        job = BuildJob.of(loaded, options.against, backend=options.backend, threads=1, cache=options.cache,
-                          cache_size=options.cache_size)
         plain_console().print(against_table(against(planner, options.against, job)))
     elif not options.example:
-        cost = estimate(planner, views=options.views, cores=cores())
+        cost = estimate(planner, views=options.views, cores=cores(), known=fields_known(job))
         plain_console().print(estimate_table(cost, cores()))
         if cost.files:
             plain_console().print(files_table(cost.files))

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dataset_builder.engine.byte_store import CACHE_SIZE, GB
-from dataset_builder.errors import printable
+from dataset_builder.errors import UserError, printable
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -126,3 +126,14 @@ def wide_console() -> "Console":
     """The terminal, or a wide page where there is none."""
     console = plain_console()
     return console if console.is_terminal else plain_console(WIDTH)
+
+
+def numbers(option: str, text: str, count: int) -> list[float]:
+    """So many finite numbers between commas. Raises UserError."""
+    try:
+        found = [float(part) for part in text.split(",")]
+    except ValueError:
+        found = []
+    if len(found) != count or not all(abs(number) < 1e9 for number in found):
+        raise UserError(f"{option}: expected {count} number{'s, with commas between' * (count > 1)}, got {text}")
+    return found

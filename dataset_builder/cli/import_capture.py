@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dataset_builder.cli import common
+from dataset_builder.cli import common, import_splats
 from dataset_builder.errors import UserError, printable
 
 if TYPE_CHECKING:
@@ -37,7 +37,8 @@ def add(verbs: common.Verbs) -> None:
     """Add the verb."""
     verb = common.add_verb(verbs, VERB, _import, "make an object of posed photographs: a field, its mesh and a spec")
     verb.add_argument("folder", type=Path, metavar="DIR",
-                      help="folder of COLMAP, transforms.json or ActorsHQ, with its photographs")
+                      help="folder of COLMAP, transforms.json or ActorsHQ, with its photographs; or a file of Gaussian "
+                           "splats: .ply, .spz, .glb, .gltf, .usd")
     verb.add_argument("--licence", required=True, metavar="SPDX", help="licence of the photographs")
     verb.add_argument("--out", type=Path, default=Path("captures"), metavar="DIR",
                       help="folder for field, spec and contact sheet (default: captures)")
@@ -49,7 +50,7 @@ def add(verbs: common.Verbs) -> None:
                         help="between the cameras of two images, or two points of COLMAP such as point:7")
     verb.add_argument("--up", default="cameras", metavar="X,Y,Z",
                       help="what is up in the capture's frame; cameras: as these were held, plane: square to the plane "
-                           "of most points (default: cameras)")
+                           "of most points (default: cameras; for splats, what usually is in such files)")
     verb.add_argument("--yaw", type=float, default=0.0, metavar="DEGREES",
                       help="turn about the vertical; at 0 the first image sees the front")
     verb.add_argument("--white", type=float, metavar="X",
@@ -68,13 +69,18 @@ def add(verbs: common.Verbs) -> None:
                       help="cells along a side of the field (default: 128)")
     verb.add_argument("--steps", type=common.positive, default=300, metavar="N", help="of the fit (default: 300)")
     verb.add_argument("--seed", type=int, default=0, help="of the fit (default: 0)")
+    verb.add_argument("--linear", action="store_true",
+                      help="colours of splats are linear, whatever their file says (default: as it says)")
     verb.add_argument("--no-sheet", action="store_true", help="draw no contact sheet")
     common.add_backend(verb)
 
 
 def _import(options: argparse.Namespace) -> int:
+    from dataset_builder.assets.splat_file import READERS
     from dataset_builder.importing.capture_import import import_capture
 
+    if options.folder.suffix.lower() in READERS and not options.folder.is_dir():
+        return import_splats.run(options)
     job = _job(options)
     done = import_capture(job, fit=_fitted(options.backend), picture=None if options.no_sheet else _sheet, told=_told)
     record, console = done.record, common.wide_console()
@@ -95,7 +101,7 @@ def _job(options: argparse.Namespace) -> "CaptureJob":
     distance = None
     if options.distance:
         first, second, metres = options.distance
-        distance = first, second, _numbers("--distance", metres, 1)[0]
+        distance = first, second, common.numbers("--distance", metres, 1)[0]
     for name, value, most in (("--size", options.size, MOST_SIZE), ("--resolution", options.resolution, MOST_CELLS)):
         if value > most:
             raise UserError(f"{name}: expected at most {most}, got {value}")
@@ -103,7 +109,7 @@ def _job(options: argparse.Namespace) -> "CaptureJob":
         folder=options.folder, out=options.out, name=options.name or (folder.name if folder.is_dir() else folder.stem),
         licence=options.licence.strip(), category=options.category.strip(), size=options.size, images=options.images,
         frame=options.frame, ball=_ball(options), yaw=options.yaw, height=options.height, distance=distance,
-        up=options.up if options.up in ("cameras", "plane") else tuple(_numbers("--up", options.up, 3)),
+        up=options.up if options.up in ("cameras", "plane") else tuple(common.numbers("--up", options.up, 3)),
         white=options.white, field=options.field, resolution=options.resolution, steps=options.steps,
         seed=options.seed, skip=options.skip_bad)
 
@@ -112,22 +118,12 @@ def _ball(options: argparse.Namespace) -> "Ball | None":
     from dataset_builder.importing.captures.photographs import Ball, boxed
 
     if options.ball:
-        x, y, z, radius = _numbers("--ball", options.ball, 4)
+        x, y, z, radius = common.numbers("--ball", options.ball, 4)
         if radius <= 0:
             raise UserError(f"--ball: expected a radius above 0, got {radius:g}")
         return Ball(centre=(x, y, z), radius=radius)
-    return boxed(_numbers("--box", options.box, 6)) if options.box else None
+    return boxed(common.numbers("--box", options.box, 6)) if options.box else None
 
-
-def _numbers(option: str, text: str, count: int) -> list[float]:
-    """So many finite numbers between commas. Raises UserError."""
-    try:
-        numbers = [float(part) for part in text.split(",")]
-    except ValueError:
-        numbers = []
-    if len(numbers) != count or not all(abs(number) < 1e9 for number in numbers):
-        raise UserError(f"{option}: expected {count} number{'s, with commas between' * (count > 1)}, got {text}")
-    return numbers
 
 
 def _fitted(backend: str) -> "Fit":

@@ -11,13 +11,17 @@ from dataset_builder.engine.unit import BuildJob
 from dataset_builder.errors import PlanError, ShardError
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.planning.plan import Planner
-from dataset_builder.rendering.pass_inputs import Inputs, all_passes, inputs_of
+from dataset_builder.rendering.field_shelf import FieldTask, tasks_of
+from dataset_builder.rendering.pass_inputs import Inputs, all_passes, field_inputs, inputs_of
 from dataset_builder.shards.folder import Claim, require_ours
 from dataset_builder.shards.published_examples import PublishedExamples
 from dataset_builder.shards.reader import open_dataset
 
 NEW, GONE = "new", "no longer kept"
 """Why a pass runs that the folder's dataset does not have, or has, but without the samples of it."""
+
+FIELD = "field"
+"""What the making of a field is called among passes."""
 
 Place = tuple[str, int, int]
 """Seed of a view's sampling, number of the light, noise level: the same for one example whatever its key."""
@@ -54,6 +58,7 @@ def against(planner: Planner, folder: Path, job: BuildJob) -> Against:
     require_ours(folder, Claim(name=spec.name, version=spec.version))
     made_by, memory = versions(job.backend, spec), job.memory
     published, old = PublishedExamples(folder), _plans_in(folder)
+    shelf, root = job.fields, planner.loaded.path.parent
     passes, seen, kept, unplanned = dict[str, PassRuns](), set[str](), 0, 0
     for plan in _plans(planner):
         if plan is None:
@@ -62,6 +67,15 @@ def against(planner: Planner, folder: Path, job: BuildJob) -> Against:
         same = plan_digest(plan, spec, made_by, job.denoised) in published
         kept += same
         before = old.get(_place(plan))
+        for task in (task for task in tasks_of(plan) if task.field.kind != "own"):
+            if (key := shelf.key(task)) in seen:
+                continue
+            seen.add(key)
+            runs = passes.setdefault(FIELD, PassRuns())
+            runs.total += 1
+            if not same and not shelf.path(task, root).is_file():
+                runs.runs += 1
+                runs.changed.update(_changed_field(before, task))
         for name in all_passes(plan):
             inputs = inputs_of(plan, name)
             if (key := memory.key(plan, name)) in seen:
@@ -104,3 +118,13 @@ def _changed(before: ExamplePlan | None, name: str, inputs: Inputs) -> list[str]
         return [NEW]
     were = inputs_of(before, name)
     return [topic for topic in inputs if inputs[topic] != were.get(topic)] or [GONE]
+
+
+def _changed_field(before: ExamplePlan | None, task: FieldTask) -> list[str]:
+    """Topics in which what a field is made from differs from what it was of the same kind."""
+    inputs = field_inputs(task.object, task.field)
+    were = [field_inputs(old.object, old.field) for old in (tasks_of(before) if before else ())
+            if old.field.kind == task.field.kind]
+    if not were:
+        return [NEW]
+    return [topic for topic in inputs if all(inputs[topic] != old[topic] for old in were)] or [GONE]

@@ -12,7 +12,9 @@ from dataset_builder.engine.made_by import field_versions
 from dataset_builder.engine.unit import BuildJob, Outcome, planner_of
 from dataset_builder.errors import OutputError, UserError
 from dataset_builder.label.example_plan import ExamplePlan
+from dataset_builder.label.field_plan import FieldPlan
 from dataset_builder.label.field_record import FieldRecord
+from dataset_builder.label.scene_plan import ObjectPlan
 from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.planning.field_needs import FieldNeed, field_needs
 from dataset_builder.rendering.backend import activate
@@ -127,6 +129,13 @@ def faults(news: FieldNews, gates: FieldGatesSpec) -> list[str]:
     return [f"{name}: expected at least {getattr(gates, name):g} {text.format(news.record.held_out)}, got "
             f"{digits.format(getattr(news.record, name))} ({news.kind} field of {news.object})"
             for name, (text, digits) in said.items() if getattr(news.record, name) < getattr(gates, name)]
+
+
+def fields_known(job: BuildJob) -> Callable[[ObjectPlan, FieldPlan], bool]:
+    """Which fields a job would find."""
+    shelf = job.fields if planner_of(job).loaded.dataset.fields else NO_SHELF
+    root = job.spec_path.parent
+    return lambda target, plan: shelf.path(FieldTask(object=target, field=plan), root).is_file()
 
 
 def _task(need: FieldNeed) -> FieldTask:

@@ -34,7 +34,7 @@ def source_digest(*roots: str) -> str:
 
 def digest_of(roots: Iterable[str], sources: Mapping[str, str]) -> str:
     """Digest of the code of `roots` and of all that they import among `sources`."""
-    return digest({name: code(_tree(sources[name])) for name in sorted(closure(roots, sources))})
+    return digest({name: _code(sources[name]) for name in sorted(closure(roots, sources))})
 
 
 def read_sources(package: Path = ROOT) -> dict[str, str]:
@@ -84,6 +84,12 @@ def imports_of(name: str, sources: Mapping[str, str], *, typing: bool = False) -
 @cache
 def _tree(text: str) -> ast.Module:
     return ast.parse(text)
+
+
+@cache
+def _code(text: str) -> str:
+    """Of a module, once for all roots that import it."""
+    return code(_tree(text))
 
 
 def inside(name: str) -> str | None:

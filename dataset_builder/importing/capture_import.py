@@ -20,13 +20,11 @@ from dataset_builder.importing.captures.photographs import Ball
 from dataset_builder.importing.captures.pose_checks import camera_notes
 from dataset_builder.importing.captures.review import Reviewed, reviewed, without_blur
 from dataset_builder.importing.captures.settle import moved_poses, settled, spec_text
-from dataset_builder.importing.captures.upright import Placement, metres_per_unit, turned, up_of
+from dataset_builder.importing.captures.upright import CapturePlacement, metres_per_unit, turned, up_of
 from dataset_builder.importing.in_place import move, refuse_existing
 from dataset_builder.label.field_record import FieldRecord
 from dataset_builder.lock import locked
 
-SPLATS = (".ply", ".spz", ".glb", ".gltf", ".usd", ".usda", ".usdc", ".usdz")
-"""Files that hold splats, which another reader takes."""
 GREY = 0.18
 """Reflectance of what is of median luminance in a photograph: cameras expose the middle of a scene to it."""
 LEAST_PSNR = 22.0
@@ -148,8 +146,6 @@ def _check(job: CaptureJob) -> None:
                                 f"CC-BY-4.0, got {job.licence or 'none'}"))
     if not re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}", job.name):
         problems.append(problem("--name", f"expected letters, digits, _, . and -, got {job.name}"))
-    if job.folder.suffix.lower() in SPLATS and job.folder.is_file():
-        problems.append(problem("", f"{job.folder}: expected a folder of photographs, got a file of splats"))
     for option, value in (("--height", job.height), ("--white", job.white),
                           ("--distance", job.distance and job.distance[2])):
         if value is not None and not 0 < value < 1e6:
@@ -158,7 +154,7 @@ def _check(job: CaptureJob) -> None:
         raise UserError(problems)
 
 
-def _placed(done: Reviewed, job: CaptureJob, scale: float, scale_said: str) -> tuple[Placement, tuple[str, ...]]:
+def _placed(done: Reviewed, job: CaptureJob, scale: float, scale_said: str) -> tuple[CapturePlacement, tuple[str, ...]]:
     """Where the object stands, and what is to be told of the cameras. Where only a height is given, the ball is taken
     for as high, until the mesh is there."""
     up, up_said = up_of(done.capture, job.up, done.ball)
@@ -170,7 +166,7 @@ def _placed(done: Reviewed, job: CaptureJob, scale: float, scale_said: str) -> t
         scale, scale_said = job.height / (2 * done.ball.radius), f"scale from a height of {job.height:g} m"
     notes = (*done.notes, *(note.text for note in camera_notes(capture, centre, up)), up_said,
              f"front as {first.name} sees it" + f", turned by {job.yaw:g} degrees" * bool(job.yaw), scale_said)
-    return Placement(turn=turn, scale=scale, origin=centre), notes
+    return CapturePlacement(turn=turn, scale=scale, origin=centre), notes
 
 
 def _white(job: CaptureJob, done: Reviewed) -> tuple[float, str]:
@@ -183,7 +179,7 @@ def _white(job: CaptureJob, done: Reviewed) -> tuple[float, str]:
                    f"{median:.3g}, is taken for a reflectance of {GREY}; --white says better")
 
 
-def _key(job: CaptureJob, done: Reviewed, placement: Placement, white: float) -> str:
+def _key(job: CaptureJob, done: Reviewed, placement: CapturePlacement, white: float) -> str:
     """Digest of all that the field is made from."""
     return digest({"seals": done.roll.seals, "kept": done.kept, "gains": done.gains.tolist(),
                    "turn": placement.turn.tolist(), "scale": placement.scale, "origin": placement.origin.tolist(),

@@ -12,6 +12,8 @@ from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.layers import LAYERS, Extent
 from dataset_builder.planning.catalogue import ExampleRef, ViewRef, count_examples, shard_size, views_of
 from dataset_builder.planning.effects.decisions import FACTOR, REPEATS, has_direct
+from dataset_builder.planning.field_cost import FieldCost, Known, field_cost
+from dataset_builder.planning.field_recipe import ABOUT_FIELDS
 from dataset_builder.planning.pass_work import (
     RUNS,
     Rates,
@@ -71,6 +73,8 @@ class CostEstimate:
     """What a dataset is better without, one sentence each."""
     files: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
     """Of every mesh file, pairs of a word and a sentence: what it contains, and what became of it."""
+    field_cost: FieldCost = field(default_factory=FieldCost)
+    """Of fields, whose seconds are in `total`."""
 
 
 def stored_bytes(layers: Iterable[tuple[str, Extent]], frame: int, coverage: float, dtype: str, rates: Rates,
@@ -187,8 +191,10 @@ def _split_cost(planner: Planner, views: Sequence[ViewRef], split: SplitSpec, ra
     return costs, problems
 
 
-def estimate(planner: Planner, views: int = 24, rates: Rates | None = None, cores: int = 1) -> CostEstimate:
-    """Cost of the whole dataset, and of the measuring that precedes it where it is denoised.
+def estimate(planner: Planner, views: int = 24, rates: Rates | None = None, cores: int = 1,
+             known: Known = lambda *_: False) -> CostEstimate:
+    """Cost of the whole dataset, of fields that it needs, and of the measuring that precedes it where it is denoised.
+    known: which fields were made already.
 
     From about `views` views, drawn in every split in proportion and planned for real. Views that cannot be planned are
     passed over and counted. Raises PlanError where splits share an object or a scene, with all that is wrong with mesh
@@ -208,7 +214,11 @@ def estimate(planner: Planner, views: int = 24, rates: Rates | None = None, core
         tried, planned = tried + len(chosen), planned + [plan for plan, _ in costs]
         for name, times in pass_runs(layers_asked(spec), split.lights, len(split.levels(spec.rough))).items():
             runs[name] += times * len(own)
-    return CostEstimate(total=Cost.of(total + astuple(calibration_cost(planner, rates or Rates(), cores))), views=count,
-                        error=Cost.of(np.sqrt(variance)), examples=count_examples(spec), tried=tried, runs=runs,
-                        planned=len(planned), warnings=(*files.warnings, *narrow_views(planned)), files=files.told,
+    made = field_cost(planner, known, rates or Rates(), cores)
+    total += astuple(calibration_cost(planner, rates or Rates(), cores)) + np.array([0, 0, 0, made.seconds, 0])
+    about = dict.fromkeys(f"{plan.target.object.name}: {note.removeprefix(ABOUT_FIELDS)}" for plan in planned
+                          for note in plan.notes if note.startswith(ABOUT_FIELDS))
+    return CostEstimate(total=Cost.of(total), views=count, error=Cost.of(np.sqrt(variance)), tried=tried, runs=runs,
+                        examples=count_examples(spec), planned=len(planned), files=files.told, field_cost=made,
+                        warnings=(*files.warnings, *narrow_views(planned), *about),
                         problems=tuple(dict.fromkeys(problems)))

@@ -1,10 +1,12 @@
 """How the fields of a split are made: every number drawn once per object, whatever scene it stands in."""
 
+from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from dataset_builder.assets.asset import Asset, range_of
 from dataset_builder.label.field_plan import FieldPlan
 from dataset_builder.label.scene_plan import IlluminationPlan, LightPlan, ObjectPlan, Vector
 from dataset_builder.planning.catalogue import PairRef
@@ -19,6 +21,11 @@ NO_FIELD = FieldPlan()
 OWN = FieldPlan(kind="own")
 IMAGE_DEPTH = 8
 """Longest path of the images that fields are fitted to, in edges: an object alone under an open sky."""
+
+GLASS = 0.05
+"""Share of the surface, weighted by transmission, above which an object is said to be of glass."""
+ABOUT_FIELDS = "field: "
+"""What notes about fields begin with."""
 
 
 def is_own(plan: ObjectPlan) -> bool:
@@ -42,6 +49,19 @@ def field_plan(spec: DatasetSpec, asked: FieldSpec | None, pair: PairRef, target
     return FieldPlan(kind=asked.field, views=asked.views, held_out=asked.held_out, size=asked.size, spp=asked.spp,
                      resolution=asked.resolution, steps=asked.steps, max_depth=IMAGE_DEPTH,
                      seed=str(derive_seed(spec.seed, *path)), light=light.model_copy(update={"open": ()}))
+
+
+def field_notes(fields: Iterable[FieldPlan], asset: Asset) -> tuple[str, ...]:
+    """What a reader of a plan should know about its fields: one cannot show what is seen through glass, which moves
+    with the camera."""
+    if all(field.kind in ("none", "own") for field in fields):
+        return ()
+    areas = np.bincount(asset.mesh.material, np.linalg.norm(asset.mesh.area_normals, axis=1),
+                        minlength=len(asset.materials))
+    share = float(areas @ [range_of(material, "transmission")[1] for material in asset.materials] / areas.sum())
+    return () if share <= GLASS else (
+        f"{ABOUT_FIELDS}{share:.0%} of the surface is glass, which a field cannot show: what is seen through it moves "
+        "with the camera; it may well fail its gates",)
 
 
 def in_world(light: IlluminationPlan, yaw: float, opened: tuple[str, ...]) -> IlluminationPlan:

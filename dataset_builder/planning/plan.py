@@ -12,7 +12,7 @@ from dataset_builder.label.scene_plan import IlluminationPlan, ObjectPlan
 from dataset_builder.layers import LAYERS, Extent
 from dataset_builder.planning.catalogue import ExampleRef, PairRef, ViewRef, examples, sequence_of, views_of
 from dataset_builder.planning.effects.decisions import plan_effects
-from dataset_builder.planning.field_recipe import field_plan, in_world
+from dataset_builder.planning.field_recipe import field_notes, field_plan, in_world
 from dataset_builder.planning.rough_plan import rough_notes, rough_of_field, rough_plan
 from dataset_builder.planning.scene.arrangement import Arrangement, arrange
 from dataset_builder.planning.scene.assets_of_plan import asset_of
@@ -166,7 +166,8 @@ class Planner:
                                source_light=shared.source, target_light=light, fog=fog, render=render,
                                mesh_root=self.loaded.path.parent, where=_where(ref.view, arrangement),
                                field=shared.field, taken=any(isinstance(level, FieldSpec) for level in levels))
-        clean = asset_of(arrangement.target.object, self.loaded.path.parent).mesh
+        asset = asset_of(arrangement.target.object, self.loaded.path.parent)
+        clean = asset.mesh
         level = levels[ref.level]
         taken = field_plan(spec, level if isinstance(level, FieldSpec) else None, ref.view.pair,
                            arrangement.target.object, self.loaded.path.parent)
@@ -176,7 +177,8 @@ class Planner:
             light=ref.light, room=arrangement.room, target=arrangement.target, furniture=arrangement.furniture,
             camera=shared.view.camera, sequence=sequence_of(spec, ref.view), source_light=shared.source,
             target_light=light, rough=rough, fog=fog, field=shared.field, render=render, effects=effects,
-            notes=(*arrangement.notes, shared.view.note, note, *rough_notes(rough, clean)))
+            notes=(*arrangement.notes, shared.view.note, note, *rough_notes(rough, clean),
+                   *field_notes((shared.field, rough.field), asset)))
 
 
 def _bytes_of(arrangement: Arrangement) -> int:

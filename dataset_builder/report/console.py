@@ -53,6 +53,10 @@ def estimate_table(estimate: CostEstimate, cores: int) -> Table:
         table.add_row("warning", warning, style="red")
     for name, count in estimate.runs.items():
         table.add_row(f"passes: {name}", f"{count}")
+    if (fields := estimate.field_cost).count:
+        table.add_row("fields", f"{fields.count}, {fields.known} of them made already; the others take "
+                                f"{fields.images:,} images, {duration(fields.seconds)} and "
+                                f"{fields.bytes / MIB:,.1f} MiB beside the dataset")
     total, error = estimate.total, estimate.error
     for label in ("passes", "pixels", "paths"):
         table.add_row(label, f"{getattr(total, label):,.4g}{_plus_minus(getattr(error, label))}")

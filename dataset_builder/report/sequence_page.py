@@ -20,11 +20,12 @@ NAMES = (*(metric.name for metric in METRICS), *FLICKERS)
 COLUMNS = ("method", "sequence", "views", "neighbours",
            *(f"{name}{end}" for name in NAMES for end in ("", "_sd", "_sd_within")), "overlap")
 PAIR_COLUMNS = ("method", "sequence", "frame", "key", "flicker", "error_flicker", "overlap")
-MEANING = """± is the standard deviation over the views of all sequences, or over all neighbours; in brackets that
-within a sequence. They are no standard errors. *Flicker*: mean absolute difference of two neighbouring pictures, in
-display values at one exposure for a whole sequence, over the pixels whose surface both views see, the later picture
-warped into the earlier view by depth. Light on a surface changes with the view, so that the truth flickers, too.
-*Flicker of the error*: the same of prediction less truth, 0 for what changes as the truth does."""
+MEANING = """± is the standard deviation over the views of all sequences, or over all neighbours, and no standard error.
+*Flicker*: mean absolute difference of two neighbouring pictures, in display values at one exposure for a whole
+sequence, over the pixels whose surface both views see, the later picture warped into the earlier view by depth. Light
+on a surface changes with the view, so that the truth flickers, too. *Flicker of the error*: the same of prediction less
+truth, 0 for what changes as the truth does."""
+WITHIN = "In brackets: the deviation within a sequence."
 
 
 def write_sequence_page(report: SequenceScores, out: Path) -> list[Path]:
@@ -59,7 +60,7 @@ def _spreads(row: Steadiness) -> Mapping[str, Spread]:
 def markdown(report: SequenceScores) -> str:
     """Methods as columns, figures as rows, and what the words mean; then every sequence."""
     parts = [f"# Sequences of {report.dataset}, split {report.split}", f"{report.extent}.", figures_table(report.whole),
-             " ".join(MEANING.split())]
+             " ".join([*MEANING.split(), WITHIN])]
     if len(report.sequences) > 1:
         parts += ["## By sequence", markdown_table(
             ("sequence", "method", *(metric.symbol for metric in METRICS), *FLICKERS.values()),

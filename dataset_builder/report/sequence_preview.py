@@ -47,15 +47,16 @@ def write_preview(folder: Path, name: str, out: Path | None = None) -> PreviewFi
         raise _wrong(folder, f"expected a layer to look at, of {', '.join(SHOWN)}, got none")
     layers.sort(key=[*SHOWN].index)
     dataset = open_dataset(folder, layers=layers)
-    keys = [key for _, key in sorted(_places(dataset, folder, name).items())]
+    places = dict(sorted(_places(dataset, folder, name).items()))
+    keys = [*places.values()]
     groups = [[layer for layer in layers if (layer == SOURCE) == of_source] for of_source in (True, False)]
     factors = {layer: factor for group in groups if group for factor in [_exposure(dataset, keys, group)]
                for layer in group}
     out = out or folder / "previews"
     found = PreviewFiles(strip=out / f"{name}-strip.png", animation=out / f"{name}.png", views=len(keys))
-    chosen = [keys[place] for place in spread_indices(len(keys), STRIP)]
-    rows = [SheetRow(lines=[SHOWN[layer]], panels={key: to_8bit(dataset[key][layer], factors[layer]) for key in chosen})
-            for layer in layers]
+    chosen = [[*places.items()][place] for place in spread_indices(len(keys), STRIP)]
+    rows = [SheetRow(lines=[SHOWN[layer]], panels={f"view {frame}": to_8bit(dataset[key][layer], factors[layer])
+                                                   for frame, key in chosen}) for layer in layers]
     stream = BytesIO()
     sheet(rows, CELL).save(stream, "PNG")
     write_atomic(found.strip, stream.getvalue())

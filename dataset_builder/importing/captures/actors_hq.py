@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from dataset_builder.digest import read_regular
-from dataset_builder.importing.captures.capture import Capture, Lens, Shot, guarded, inside, problem, rigid
+from dataset_builder.importing.captures.capture import Capture, CaptureShot, Lens, guarded, inside, problem, rigid
 
 CALIBRATION = "calibration.csv"
 MOST_BYTES = 1 << 24
@@ -45,8 +45,8 @@ def _read(folder: Path, path: Path, frame: int) -> Capture:
         mask = folder / "masks" / name / f"{name}_mask{frame:06d}.png"
         lens = Lens(size=(width, height), focal=(optics[0] * width, optics[1] * height),
                     centre=(optics[2] * width, optics[3] * height))
-        shots.append(Shot(name=name, image=image, mask=mask if (folder / "masks").is_dir() else None, lens=lens,
-                          pose=rigid(_turn(np.array(turn)), np.array(place))))
+        shots.append(CaptureShot(name=name, image=image, mask=mask if (folder / "masks").is_dir() else None, lens=lens,
+                                 pose=rigid(_turn(np.array(turn)), np.array(place))))
     if videos and not shots:
         first = videos[0]
         raise problem(first, "expected a folder of frames for every camera, got videos",

@@ -58,7 +58,7 @@ class Lens:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Shot:
+class CaptureShot:
     """A photograph."""
 
     name: str
@@ -77,7 +77,7 @@ class Capture:
 
     layout: str
     """Who writes captures like this one: `COLMAP`, `transforms.json`, `ActorsHQ`."""
-    shots: tuple[Shot, ...]
+    shots: tuple[CaptureShot, ...]
     metric: bool = False
     """Whether lengths are metres."""
     points: dict[int, tuple[float, float, float]] = field(default_factory=dict)

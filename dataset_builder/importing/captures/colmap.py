@@ -13,8 +13,8 @@ import numpy as np
 from dataset_builder.digest import open_regular
 from dataset_builder.importing.captures.capture import (
     Capture,
+    CaptureShot,
     Lens,
-    Shot,
     find_mask,
     guarded,
     inside,
@@ -78,8 +78,8 @@ def _read(folder: Path, model: Path, images: str | None) -> Capture:
         if image.camera not in lenses:
             raise problem(model, f"expected camera {image.camera} of image {image.name} among the cameras, found none")
         path = inside(root, image.name, str(model))
-        shots.append(Shot(name=image.name, image=path, mask=find_mask(path, root, masks), lens=lenses[image.camera],
-                          pose=_pose(image)))
+        shots.append(CaptureShot(name=image.name, image=path, mask=find_mask(path, root, masks),
+                                 lens=lenses[image.camera], pose=_pose(image)))
     return Capture(layout="COLMAP", shots=tuple(shots), points=points)
 
 

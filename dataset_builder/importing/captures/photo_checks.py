@@ -9,8 +9,10 @@ from dataset_builder.tonemap import LUMINANCE
 
 LOW, HIGH = 0.8, 1.25
 """Gains of single images from which exposures count as drifting, and are evened."""
-POINTS, SEEN, ROUNDS = 1500, 4, 6
-"""Places of the hull that are compared, images that must see one, and rounds of medians."""
+POINTS, FEWEST_POINTS, MOST_VALUES = 1500, 300, 3_000_000
+"""Places of the hull that are compared: fewer where many images see them, so that memory stays bounded."""
+SEEN, ROUNDS = 4, 6
+"""Images that must see a place, and places that an image must see; rounds of medians."""
 DARK, CLIPPED = 1 / 512, 0.95
 """Linear values that say nothing about exposure: noise, and white."""
 BLURRED, NEIGHBOURS, MOST_DROPPED = 0.35, 6, 0.2
@@ -25,7 +27,7 @@ def gains(images: PosedImages, ball: Ball, few: PosedImages) -> np.ndarray:
     hull is not the object, are outliers.
     """
     hull = hull_of(few, ball)
-    places = _surface(hull, ball)
+    places = _surface(hull, ball, int(np.clip(MOST_VALUES / len(images.pixels), FEWEST_POINTS, POINTS)))
     if not len(places):
         return np.ones(len(images.pixels))
     values = np.stack([_values(images, number, places, hull, ball) for number in range(len(images.pixels))], axis=1)
@@ -48,15 +50,15 @@ def drifting(found: np.ndarray) -> bool:
     return bool(found.min() < LOW or found.max() > HIGH)
 
 
-def _surface(hull: np.ndarray, ball: Ball) -> np.ndarray:
-    """(P, 3) middles of cells of the hull beside empty ones, evenly chosen."""
+def _surface(hull: np.ndarray, ball: Ball, most: int) -> np.ndarray:
+    """(P, 3) middles of cells of the hull beside empty ones, at most so many, evenly chosen."""
     padded = np.pad(hull, 1)
     buried = np.ones_like(hull)
     for axis in range(3):
         for step in (-1, 1):
             buried &= np.roll(padded, step, axis)[1:-1, 1:-1, 1:-1]
     cells = np.argwhere(hull & ~buried)[:, ::-1]
-    cells = cells[np.unique(np.linspace(0, max(len(cells) - 1, 0), min(POINTS, len(cells))).astype(int))]
+    cells = cells[np.unique(np.linspace(0, max(len(cells) - 1, 0), min(most, len(cells))).astype(int))]
     return np.array(ball.centre) + ball.radius * ((cells + 0.5) * 2 / CELLS - 1)
 
 
@@ -91,8 +93,9 @@ def blurred(sharp: np.ndarray, poses: np.ndarray, centre: np.ndarray) -> list[in
     ways = ways / np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1e-12)
     found = []
     for number, way in enumerate(ways):
-        near = np.argsort(-(ways @ way), kind="stable")
-        usual = np.median(sharp[near[near != number][:NEIGHBOURS]])
+        away = -(ways @ way)
+        away[number] = np.inf
+        usual = np.median(sharp[np.argpartition(away, NEIGHBOURS)[:NEIGHBOURS]])
         if sharp[number] < BLURRED * usual:
             found.append((float(sharp[number] / usual), number))
     return sorted(number for _, number in sorted(found)[:int(MOST_DROPPED * len(sharp))])

@@ -10,7 +10,7 @@ from dataset_builder.assets.image_maps import ImageFile, limited_size, opened_im
 from dataset_builder.assets.linear_texels import reduced
 from dataset_builder.digest import read_regular, sha256_bytes
 from dataset_builder.errors import Problem, UserError
-from dataset_builder.importing.captures.capture import Lens, Shot, problem
+from dataset_builder.importing.captures.capture import CaptureShot, Lens, problem
 from dataset_builder.tonemap import LUMINANCE
 
 MOST_BYTES = 1 << 30
@@ -67,7 +67,7 @@ def frame_size(sizes: list[tuple[int, int]], long: int) -> tuple[int, int]:
     return limited_size((long, round(long / shapes[0])) if shapes[0] >= 1 else (round(long * shapes[0]), long), long)
 
 
-def photograph(shot: Shot, size: tuple[int, int], ball: Ball | None) -> Photograph:
+def photograph(shot: CaptureShot, size: tuple[int, int], ball: Ball | None) -> Photograph:
     """The pixels of a shot at (width, height) `size`: the window around its mask, or where there is none around the
     ball, outside of which nothing is opaque; all of the frame where that is larger.
 
@@ -107,14 +107,14 @@ def _decoded(path: Path, most: int, *, srgb: bool) -> tuple[np.ndarray, str]:
         return reduced(opened, limited_size(opened.size, most), srgb=srgb, opaque=False), sha256_bytes(content)
 
 
-def rays_of(shot: Shot, lens: Lens, pixels: np.ndarray) -> np.ndarray:
+def rays_of(shot: CaptureShot, lens: Lens, pixels: np.ndarray) -> np.ndarray:
     """(..., 3) unit directions in the capture's frame through (..., 2) pixels."""
     ways = lens.ways(pixels)
     ways = np.concatenate([ways, np.ones_like(ways[..., :1])], axis=-1)
     return (ways / np.linalg.norm(ways, axis=-1, keepdims=True)) @ shot.pose[:3, :3].T
 
 
-def _inside(shot: Shot, lens: Lens, ball: Ball) -> np.ndarray:
+def _inside(shot: CaptureShot, lens: Lens, ball: Ball) -> np.ndarray:
     """(H, W) whether pixels see the ball, or the box in it."""
     width, height = lens.size
     columns, rows = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
@@ -194,7 +194,7 @@ def median_luminance(pixels: np.ndarray) -> float:
     return float(np.median(pixels[inside][:, :3] @ LUMINANCE / pixels[inside][:, 3])) if inside.any() else 0.0
 
 
-def file_faults(shot: Shot) -> list[Problem]:
+def file_faults(shot: CaptureShot) -> list[Problem]:
     """What is wrong with a shot's files, as far as headers tell."""
     try:
         (width, height), _ = header_of(shot.image)

@@ -1,12 +1,12 @@
 """What can be said of a capture before a pixel is read: numbers of its cameras, files, and where cameras stand."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from dataset_builder.errors import Problem
-from dataset_builder.importing.captures.capture import Capture, Shot, listed
+from dataset_builder.importing.captures.capture import Capture, CaptureShot
 from dataset_builder.importing.captures.photographs import file_faults
 
 FEWEST, FEW = 8, 20
@@ -24,7 +24,7 @@ class Note:
     text: str
 
 
-def pose_faults(shot: Shot) -> list[Problem]:
+def pose_faults(shot: CaptureShot) -> list[Problem]:
     """What is wrong with the numbers of one camera."""
     numbers = np.array([*shot.lens.focal, *shot.lens.centre, *shot.lens.bend])
     where = f"{shot.image}: camera"
@@ -89,8 +89,3 @@ def widest_gap(offsets: np.ndarray, up: np.ndarray) -> float:
     right /= np.linalg.norm(right)
     angles = np.sort(np.degrees(np.arctan2(offsets @ np.cross(up, right), offsets @ right)))
     return float(np.diff([*angles, angles[0] + 360]).max())
-
-
-def names_of(capture: Capture, chosen: Iterable[int]) -> str:
-    """Names of some shots."""
-    return listed(capture.shots[index].name for index in chosen)

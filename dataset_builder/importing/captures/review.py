@@ -7,22 +7,23 @@ from pathlib import Path
 import numpy as np
 
 from dataset_builder.errors import Problem, UserError
+from dataset_builder.geometry.posed_images import PosedImages
 from dataset_builder.importing.captures.capture import Capture, listed
 from dataset_builder.importing.captures.darkroom import Roll, developed
 from dataset_builder.importing.captures.photo_checks import HIGH, LOW, blurred, drifting, gains
+from dataset_builder.importing.captures.photo_consistency import check_consistency, focus_of
 from dataset_builder.importing.captures.photographs import LEAST, MOST, Ball, header_of
-from dataset_builder.importing.captures.pose_checks import shortened, shot_faults, too_few
+from dataset_builder.importing.captures.pose_checks import FEWEST, shortened, shot_faults, too_few
 from dataset_builder.importing.captures.silhouettes import (
     ENOUGH,
     Agreement,
     agreement,
     few_of,
-    nearest_point,
 )
 from dataset_builder.importing.captures.silhouettes import LEAST as LEAST_IOU
 
-REACH = 0.35
-"""Radius of the ball that is taken where there are no masks, in median distances of the cameras from their focus."""
+DOUBTFUL = 0.8
+"""Mismatch of photographs without masks from which their poses are doubted."""
 SURROUNDINGS = ("a capture of surroundings, in which cameras look outwards, has no end and is not taken: a field here "
                 "fills a ball, and space beyond it is not contracted")
 
@@ -59,24 +60,27 @@ def reviewed(capture: Capture, where: str, *, size: int, ball: Ball | None, skip
     capture = _usable(capture, shot_faults(capture), where, skip, notes)
     masked = _masked(capture, where)
     if not masked:
+        apart = check_consistency(capture, ball, where)
         ball = ball or focus_ball(capture, where)
+        if apart > DOUBTFUL:
+            notes.append("photographs hardly see the same colours at the same places (their difference is "
+                         f"{apart:.2f} of chance, expected below {DOUBTFUL}): plain things, or wrong poses")
         notes.append(f"no masks: what is seen within {ball.radius:.3g} units of {_place(ball)} is taken with its "
                      "background, which was not removed")
     roll = developed(capture, size, ball, work, told)
-    if masked:
-        bad = [index for index, share in enumerate(roll.share) if not LEAST <= share <= MOST]
-        faults = [[_bad_mask(roll, index, capture)] if index in set(bad) else [] for index in range(len(roll.share))]
-        if any(faults):
-            capture = _usable(capture, faults, where, skip, notes)
-            roll = developed(capture, size, ball, work, told)
-    found = agreement(roll.images, capture.layout) if masked else Agreement(iou=0.0, ball=ball)
-    if masked:
-        _agree(found, where, notes)
-    known = found.ball
-    assert known is not None
-    kept, evened = _compared(roll, known, notes) if masked else (tuple(range(len(roll.share))),
-                                                               np.ones(len(roll.share)))
-    return Reviewed(capture=capture, roll=roll, kept=kept, gains=evened, ball=known, masked=masked, iou=found.iou,
+    faults = [[*roll.faults[index], *(_mask_faults(roll, index, capture) if masked and not roll.faults[index] else [])]
+              for index in range(len(roll.share))]
+    _usable(capture, faults, where, skip, notes)
+    good = [index for index, each in enumerate(faults) if not each]
+    if not masked:
+        assert ball is not None
+        return Reviewed(capture=capture, roll=roll, kept=tuple(good), gains=np.ones(len(roll.share)), ball=ball,
+                        masked=False, iou=0.0, notes=tuple(notes))
+    few = few_of(roll.images, good)
+    found = agreement(few, capture.layout)
+    known = _agreed(found, where, notes)
+    kept, evened = _compared(roll, good, known, few, notes)
+    return Reviewed(capture=capture, roll=roll, kept=kept, gains=evened, ball=known, masked=True, iou=found.iou,
                     notes=tuple(notes))
 
 
@@ -109,17 +113,13 @@ def _masked(capture: Capture, where: str) -> bool:
 
 def focus_ball(capture: Capture, where: str) -> Ball:
     """The ball about the point that all cameras look at. Raises UserError where they look away from it."""
-    poses = np.stack([shot.pose for shot in capture.shots])
-    focus = nearest_point(poses[:, :3, 3], poses[:, :3, 2])
-    offsets = focus - poses[:, :3, 3]
-    ahead = np.einsum("ij,ij->i", offsets, poses[:, :3, 2]) > 0
+    focus, radius, ahead = focus_of(np.stack([shot.pose for shot in capture.shots]))
     if ahead.mean() < 0.9:
         raise UserError([Problem(
             where=where, path="", rule="expected cameras that look at one object, got "
             f"{np.sum(~ahead)} of {len(ahead)} that look away from where their axes meet",
-            hint=f"negate y and z of the camera axes if they are OpenGL's; {SURROUNDINGS}; a part of it can be taken "
-            "with --ball or --box")])
-    radius = REACH * float(np.median(np.linalg.norm(offsets, axis=1)))
+            hint="negate y and z of the camera axes if they are of the other convention; "
+            f"{SURROUNDINGS}; a part of it can be taken with --ball or --box")])
     return Ball(centre=(float(focus[0]), float(focus[1]), float(focus[2])), radius=radius)
 
 
@@ -127,14 +127,16 @@ def _place(ball: Ball) -> str:
     return f"({', '.join(f'{value:.3g}' for value in ball.centre)})"
 
 
-def _bad_mask(roll: Roll, index: int, capture: Capture) -> Problem:
+def _mask_faults(roll: Roll, index: int, capture: Capture) -> list[Problem]:
     shot, share = capture.shots[index], roll.share[index]
-    return Problem(where=str(shot.mask or shot.image), path="", rule=f"expected a mask of {LEAST:.0%} to {MOST:.0%} of "
-                   f"the frame, got {share:.1%}", hint="white is the object; mend the mask, or leave the image out")
+    if LEAST <= share <= MOST:
+        return []
+    return [Problem(where=str(shot.mask or shot.image), path="", rule=f"expected a mask of {LEAST:.0%} to {MOST:.0%} "
+                    f"of the frame, got {share:.1%}", hint="white is the object; mend the mask or leave the image out")]
 
 
-def _agree(found: Agreement, where: str, notes: list[str]) -> None:
-    """Raises UserError where cameras and masks do not belong together."""
+def _agreed(found: Agreement, where: str, notes: list[str]) -> Ball:
+    """The ball about the object. Raises UserError where cameras and masks do not belong together."""
     figure = f"the visual hull of the masks fills them to IoU {found.iou:.2f}"
     if found.remedy:
         raise UserError([Problem(where=where, path="", rule=f"expected cameras and masks that agree, got: {figure} "
@@ -146,21 +148,23 @@ def _agree(found: Agreement, where: str, notes: list[str]) -> None:
                                  "poses went wrong")])
     if found.iou < ENOUGH:
         notes.append(f"{figure} (expected {ENOUGH:g}): thin parts, ragged masks, or poses that are a little off")
+    return found.ball
 
 
-def _compared(roll: Roll, ball: Ball, notes: list[str]) -> tuple[tuple[int, ...], np.ndarray]:
-    """Images that are sharp, and the gains of all."""
-    bad = blurred(roll.sharpness, roll.images.poses, np.array(ball.centre))
-    kept = tuple(index for index in range(len(roll.share)) if index not in set(bad))
-    if bad and len(kept) >= 8:
-        notes.append(f"{len(bad)} blurred images left out: {listed(roll.images.names[index] for index in bad)}")
-    else:
-        kept = tuple(range(len(roll.share)))
-    found = gains(roll.images, ball, few_of(roll.images))
-    told = f"exposures differ by factors of {found.min():.2f} to {found.max():.2f} where images see the same places"
-    if not drifting(found):
+def _compared(roll: Roll, good: list[int], ball: Ball, few: PosedImages,
+              notes: list[str]) -> tuple[tuple[int, ...], np.ndarray]:
+    """Those of the good images that are sharp, and the gains of all."""
+    images, kept = roll.images, tuple(good)
+    bad = {good[place] for place in blurred(roll.sharpness[good], images.poses[good], np.array(ball.centre))}
+    if bad and len(good) - len(bad) >= FEWEST:
+        kept = tuple(index for index in good if index not in bad)
+        notes.append(f"{len(bad)} blurred images left out: {listed(images.names[index] for index in sorted(bad))}")
+    found = gains(images, ball, few)
+    used = found[list(kept)]
+    if not drifting(used):
         return kept, np.ones(len(found))
-    notes.append(f"{told} (expected {LOW} to {HIGH}): all were evened, by one factor for each image")
+    notes.append(f"exposures differ by factors of {used.min():.2f} to {used.max():.2f} where images see the same "
+                 f"places (expected {LOW} to {HIGH}): all were evened, by one factor for each image")
     return kept, found
 
 

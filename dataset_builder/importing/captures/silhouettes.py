@@ -4,6 +4,7 @@ Wrong axes, cameras given the other way round, and inverted masks empty the hull
 it whole is tried, and named.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,8 +40,8 @@ class Agreement:
 
 
 def agreement(images: PosedImages, layout: str) -> Agreement:
-    """Of images with masks; where they disagree, what the matrices of a capture of this layout may be is tried."""
-    images = few_of(images)
+    """Of a few images with masks, see `few_of`; where they disagree, what the matrices of a capture of this layout may
+    be is tried."""
     iou, ball = _score(images)
     if iou >= ENOUGH:
         return Agreement(iou=iou, ball=ball)
@@ -55,13 +56,9 @@ def _remedies(images: PosedImages, layout: str) -> dict[str, PosedImages]:
     def with_poses(poses: np.ndarray) -> PosedImages:
         return PosedImages(pixels=images.pixels, poses=poses, focal=images.focal, centre=images.centre)
 
-    wanted = MATRICES[layout]
-    written = _matrices(images.poses, wanted)
-    others = {f"the matrices are {way} with {axes}'s axes, where {layout} has {' with '.join(wanted)}'s axes; convert "
-              "them": with_poses(_poses(written, (way, axes)))
-              for way in (TO_WORLD, TO_CAMERA) for axes in ("OpenCV", "OpenGL") if (way, axes) != wanted}
     inverted = images.pixels.copy()
     inverted[..., 3] = 1 - inverted[..., 3]
+    others = {text: with_poses(poses) for text, poses in meanings(images.poses, layout).items()}
     return {**others,
             "mirror the images left to right, or negate x of the camera axes": with_poses(
                 images.poses @ np.diag([-1.0, 1, 1, 1])),
@@ -69,6 +66,15 @@ def _remedies(images: PosedImages, layout: str) -> dict[str, PosedImages]:
                 images.poses @ np.diag([1.0, -1, 1, 1])),
             "invert the masks: white is to be the object": PosedImages(
                 pixels=inverted, poses=images.poses, focal=images.focal, centre=images.centre)}
+
+
+def meanings(poses: np.ndarray, layout: str) -> dict[str, np.ndarray]:
+    """What the matrices of a capture of a layout may be instead, and the poses (N, 4, 4) that follow."""
+    wanted = MATRICES[layout]
+    written = _matrices(poses, wanted)
+    return {f"the matrices are {way} with {axes}'s axes, where {layout} has {' with '.join(wanted)}'s axes; convert "
+            "them": _poses(written, (way, axes))
+            for way in (TO_WORLD, TO_CAMERA) for axes in ("OpenCV", "OpenGL") if (way, axes) != wanted}
 
 
 def _matrices(poses: np.ndarray, kind: tuple[str, str]) -> np.ndarray:
@@ -83,9 +89,9 @@ def _poses(written: np.ndarray, kind: tuple[str, str]) -> np.ndarray:
     return poses if kind[1] == "OpenCV" else poses @ FLIP
 
 
-def few_of(images: PosedImages) -> PosedImages:
-    """A few images, evenly chosen, with opacity alone at a small size, 0 or 1."""
-    chosen = np.unique(np.linspace(0, len(images.pixels) - 1, VIEWS).astype(int))
+def few_of(images: PosedImages, usable: Sequence[int]) -> PosedImages:
+    """A few of the images of some indices, evenly chosen, with opacity alone at a small size, 0 or 1."""
+    chosen = np.array(usable)[np.unique(np.linspace(0, len(usable) - 1, VIEWS).astype(int))]
     height, width = images.pixels.shape[1:3]
     step = max(1, -(-max(height, width) // PIXELS))
     rows, columns = height // step, width // step

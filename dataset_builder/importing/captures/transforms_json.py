@@ -16,8 +16,8 @@ from dataset_builder.digest import read_regular
 from dataset_builder.errors import UserError
 from dataset_builder.importing.captures.capture import (
     Capture,
+    CaptureShot,
     Lens,
-    Shot,
     find_mask,
     guarded,
     inside,
@@ -92,9 +92,9 @@ def _read(path: Path) -> Capture:
         masks = path.parent / image.parent.name.replace("images", "masks")
         mask = inside(path.parent, frame.mask_path, str(path)) if frame.mask_path else find_mask(
             image, image.parent, masks if masks != image.parent else path.parent / "masks")
-        shots.append(Shot(name=image.relative_to(path.parent).as_posix(), image=image, mask=mask,
-                          lens=_lens(file, frame, image, f"{path}: frames[{index}]"),
-                          pose=undo @ _matrix(frame.transform_matrix) @ OPENGL))
+        shots.append(CaptureShot(name=image.relative_to(path.parent).as_posix(), image=image, mask=mask,
+                                 lens=_lens(file, frame, image, f"{path}: frames[{index}]"),
+                                 pose=undo @ _matrix(frame.transform_matrix) @ OPENGL))
     return Capture(layout="transforms.json", shots=tuple(shots))
 
 

@@ -18,7 +18,7 @@ FEWEST_POINTS, PLANE = 50, 0.1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Placement:
+class CapturePlacement:
     """From a capture's frame to its object's: metres, Z up, front towards -Y."""
 
     turn: np.ndarray

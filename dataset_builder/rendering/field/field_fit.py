@@ -23,7 +23,9 @@ from dataset_builder.rendering.field.field_mesh import FieldSurface, coloured, s
 from dataset_builder.rendering.field.field_pixels import chosen_images, fit_pixels
 from dataset_builder.rendering.field.field_stages import stages_of
 from dataset_builder.rendering.field.field_state import FitState
-from dataset_builder.rendering.field.field_training import Told, trained
+from dataset_builder.rendering.field.field_training import FitProgress, Told, trained
+
+__all__ = ["FieldSettings", "FitProgress", "fit_field"]
 
 LEAST_IMAGES = 8
 LEAST_SIZE = 16
@@ -89,7 +91,8 @@ def _check(images: PosedImages, where: str) -> None:
         raise UserError(f"{where}: expected at least {LEAST_IMAGES} images, got {count} (a field needs views from all "
                         "sides)")
     if min(height, width) < LEAST_SIZE:
-        raise UserError(f"{where}: expected images of at least {LEAST_SIZE} pixels along a side, got {width} x {height}")
+        raise UserError(f"{where}: expected at least {LEAST_SIZE} pixels along a side of images, got {width} x "
+                        f"{height}")
 
 
 def _record(settings: FieldSettings, surface: FieldSurface, key: str, images: PosedImages, views: int,

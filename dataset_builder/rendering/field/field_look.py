@@ -44,8 +44,9 @@ def grid_look(file: FieldFile) -> Look:
     assert file.grid is not None and file.record.kind != "splats"
     side = dr.opaque(mi.UInt32, len(file.grid))
     sharpness = dr.opaque(mi.Float, file.numbers.get("sharpness", 1.0))
+    empty = owned(mi.Float, empty_blocks(file.grid[..., 0], file.record.kind))
     seen = _SeenGrid(model=FieldModel(kind=file.record.kind, cell=2 / mi.Float(side), sharpness=sharpness),
-                     grid=owned(mi.Float, file.grid), side=side, empty=owned(mi.Float, empty_blocks(file.grid[..., 0], file.record.kind)),
+                     grid=owned(mi.Float, file.grid), side=side, empty=empty,
                      blocks=dr.opaque(mi.UInt32, -(-len(file.grid) // BLOCK)))
     scale, radius = dr.opaque(mi.Float, file.numbers["scale"]), dr.opaque(mi.Float, file.radius)
     centre = mi.Point3f(*(dr.opaque(mi.Float, value) for value in file.centre))

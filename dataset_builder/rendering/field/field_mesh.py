@@ -101,8 +101,9 @@ def coloured(mesh: TriangleMesh, look: Look, *, cell: float, white: float) -> Tr
         np.add.at(normals, mesh.faces[:, corner], mesh.area_normals)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
     origins = mesh.positions + AHEAD * cell * normals
-    found, opacity = look(*(kind(*(owned(mi.Float, values) for values in array.T.astype(np.float32)))
-                            for kind, array in ((mi.Point3f, origins), (mi.Vector3f, -normals))), mi.Bool(True))
+    from_outside, inwards = ([owned(mi.Float, values) for values in array.T.astype(np.float32)]
+                             for array in (origins, -normals))
+    found, opacity = look(mi.Point3f(*from_outside), mi.Vector3f(*inwards), mi.Bool(True))
     shown = np.stack([np.array(channel) for channel in found / (dr.maximum(opacity, FAINT) * white)], axis=1)
     colours = np.concatenate([np.clip(shown, 0, 1), np.ones((len(shown), 1))], axis=1)
     return TriangleMesh(positions=mesh.positions, faces=mesh.faces, uvs=mesh.uvs, material=mesh.material,

@@ -25,6 +25,10 @@ COARSE = 64
 """Most cells along a side of the first grid."""
 BUSY = 0.05
 """Optical depth of a coarse cell from which it holds something."""
+RATE = 0.15
+"""Of a stage, at first; it falls to a tenth."""
+SHARPNESS = 1.5, 8.0
+"""Of a distance field, from the begin of its fit to its end, per cell; see FieldModel."""
 REACH = 4.0
 """Value of a distance, 12 UNITs from the surface, from which a cell is fitted."""
 BEGUN = 0.2
@@ -32,14 +36,13 @@ BEGUN = 0.2
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stage:
+class FitStage:
     """Steps on one grid."""
 
     kind: Kind
     resolution: int
     steps: int
     rate: float
-    """Of the first channel and of colour, at first; it falls to a tenth."""
     smooth: Smoothness
     sharpness: tuple[float, float] = (1.0, 1.0)
     """At its begin and at its end; see FieldModel."""
@@ -59,17 +62,18 @@ class Begin:
     """(S, S, S) optical depth of these cells."""
 
 
-def stages_of(kind: Kind, resolution: int, steps: int) -> tuple[Stage, ...]:
+def stages_of(kind: Kind, resolution: int, steps: int) -> tuple[FitStage, ...]:
     """The stages that `steps` are shared out to."""
     coarse = max(16, min(COARSE, resolution // 2))
-    first = Stage(kind="density", resolution=coarse, steps=steps // 3, rate=0.15, smooth=Smoothness(variation=0.02))
-    rest = steps - first.steps
+    even, parts = Smoothness(variation=0.02), 3 if kind == "density" else 4
+    first = FitStage(kind="density", resolution=coarse, steps=steps // parts, rate=RATE, smooth=even)
     if kind == "density":
-        return (first, Stage(kind="density", resolution=resolution, steps=rest, rate=0.15,
-                             smooth=Smoothness(variation=0.02)))
-    smooth = Smoothness(eikonal=0.02, bend=0.02)
-    return (first, Stage(kind="sdf", resolution=resolution, steps=rest, rate=0.15, smooth=smooth,
-                         sharpness=(0.75, 6.0)))
+        return first, FitStage(kind="density", resolution=resolution, steps=steps - first.steps, rate=RATE, smooth=even)
+    second = FitStage(kind="density", resolution=resolution, steps=steps // parts, rate=RATE, smooth=even)
+    low, high = (value * UNIT * resolution / 2 for value in SHARPNESS)
+    third = FitStage(kind="sdf", resolution=resolution, steps=steps - first.steps - second.steps, rate=RATE,
+                     smooth=Smoothness(eikonal=0.1, bend=0.3), sharpness=(low, high))
+    return first, second, third
 
 
 def first_begin(hull: np.ndarray) -> Begin:
@@ -79,16 +83,16 @@ def first_begin(hull: np.ndarray) -> Begin:
     return Begin(values=values, active=inner(hull), occupied=hull, optical=np.zeros(hull.shape))
 
 
-def next_begin(stage: Stage, before: np.ndarray, hull: np.ndarray) -> Begin:
+def next_begin(stage: FitStage, before: np.ndarray, hull: np.ndarray) -> Begin:
     """What a stage takes over of the values (S, S, S, 4) of density that the one before it ended with."""
+    hull = enlarged(hull, len(before))
     optical = np.logaddexp(0, GAIN * before[..., 0] + SHIFT) * (before[..., 0] > 0)
     busy = ndimage.binary_dilation(optical > BUSY, np.ones((3, 3, 3), dtype=bool)) & hull
     if stage.kind == "sdf":
         before = as_distance(before)
         busy = (before[..., 0] > REACH) & hull
         optical = np.where(before[..., 0] > OUTSIDE, 1.0, 0.0)
-    nearest = ((np.arange(stage.resolution) + 0.5) * (len(before) / stage.resolution)).astype(int)
-    fine = busy[np.ix_(nearest, nearest, nearest)]
+    fine = enlarged(busy, stage.resolution)
     return Begin(values=resampled(before, stage.resolution), active=inner(fine), occupied=busy, optical=optical)
 
 
@@ -102,6 +106,12 @@ def as_distance(density: np.ndarray) -> np.ndarray:
     out = density.copy()
     out[..., 0] = OUTSIDE + np.clip(smooth, -OUTSIDE, OUTSIDE)
     return out
+
+
+def enlarged(cells: np.ndarray, side: int) -> np.ndarray:
+    """(side, side, side) of an array (S, S, S): each cell as the one of those that its middle lies in."""
+    nearest = ((np.arange(side) + 0.5) * (len(cells) / side)).astype(int)
+    return cells[np.ix_(nearest, nearest, nearest)]
 
 
 def inner(cells: np.ndarray) -> np.ndarray:

@@ -15,9 +15,9 @@ from dataset_builder.rendering.buffers import owned
 from dataset_builder.rendering.field.field_grid import CHANNELS, FieldGrid
 from dataset_builder.rendering.field.field_model import FieldModel
 from dataset_builder.rendering.field.field_pixels import FitPixels
-from dataset_builder.rendering.field.field_stages import Stage, first_begin, next_begin
+from dataset_builder.rendering.field.field_stages import FitStage, first_begin, next_begin
 from dataset_builder.rendering.field.field_state import FitState
-from dataset_builder.rendering.field.field_step import Drawn, take_step
+from dataset_builder.rendering.field.field_step import Drawn, Losses, take_step
 from dataset_builder.seeding import derive_seed
 
 EVERY = 50
@@ -47,47 +47,57 @@ class FitProgress:
 Told = Callable[[FitProgress], None]
 
 
-def trained(stages: Sequence[Stage], state: FitState, pixels: FitPixels, hull: np.ndarray, *, seed: int, where: str,
+def trained(stages: Sequence[FitStage], state: FitState, pixels: FitPixels, hull: np.ndarray, *, seed: int, where: str,
             told: Told) -> np.ndarray:
     """(R, R, R, 4) values after all steps. Raises UserError where the loss is not finite, or nothing is left to fit."""
     total = sum(stage.steps for stage in stages)
     for number in range(state.stage, len(stages)):
         stage, done = stages[number], sum(each.steps for each in stages[:number])
         begin = first_begin(hull) if state.before is None else next_begin(stage, state.before, hull)
-        if not begin.active.any():
-            raise UserError(f"{where}: expected a field that holds something, got an empty one after {done} of {total} "
-                            "steps (check masks and cameras)")
         grid, spanned = FieldGrid.of(begin.active), pixels.spanned(begin.occupied, begin.optical)
         if not spanned.count:
-            raise UserError(f"{where}: expected pixels whose rays meet the object, got none of {pixels.count} (check "
-                            "poses)")
+            raise UserError(f"{where}: expected a field that holds something, got an empty one after {done} of {total} "
+                            "steps (check masks and cameras)")
         optimiser = _optimiser(begin.values[begin.active], state)
-        cell = dr.opaque(mi.Float, 2 / stage.resolution)
-        low, high = stage.sharpness
         while state.step < stage.steps:
-            share = state.step / stage.steps
-            optimiser.set_learning_rate(stage.rate * FALL ** share)
-            model = FieldModel(kind=stage.kind, cell=cell, sharpness=dr.opaque(mi.Float, low * (high / low) ** share))
-            losses = take_step(grid, optimiser, model, spanned, stage.smooth,
-                               Drawn.of(derive_seed(seed, "stage", number), state.step))
-            state.step += 1
+            losses = _one_step(stage, state, grid, optimiser, spanned, derive_seed(seed, "stage", number))
             loss = float(losses.total[0])
             if not np.isfinite(loss):
                 raise UserError(f"{where}: expected a fit that settles, got a loss of {loss} after {done + state.step} "
                                 f"of {total} steps (check the images for extreme values)")
             state.losses = [*state.losses, loss][-LAST:]
-            if state.step % EVERY == 0 or state.step == stage.steps:
-                error = float(losses.error[0]) / max(float(losses.inside[0]), 1.0)
-                told(FitProgress(step=done + state.step, steps=total, loss=loss,
-                                 psnr=-10 * float(np.log10(max(error, 1e-10)))))
-                if state.step < stage.steps:
-                    state.moments = _moments(optimiser)
-                    state.keep()
-        values = grid.dense(optimiser["table"].numpy().reshape(-1, CHANNELS))
-        state.before, state.moments, state.stage, state.step = values, None, number + 1, 0
-        state.keep()
+            if state.step % EVERY and state.step < stage.steps:
+                continue
+            if state.step < stage.steps:
+                state.moments = _moments(optimiser)
+                state.keep()
+            else:
+                state.before = grid.dense(optimiser["table"].numpy().reshape(-1, CHANNELS))
+                state.moments, state.stage, state.step = None, number + 1, 0
+                state.keep()
+            told(_progress(losses, done + (state.step or stage.steps), total))
+            if not state.step:
+                break
     assert state.before is not None
     return state.before
+
+
+def _one_step(stage: FitStage, state: FitState, grid: FieldGrid, optimiser: Adam, pixels: FitPixels,
+              seed: int) -> Losses:
+    """The next step of a stage."""
+    share, (low, high) = state.step / stage.steps, stage.sharpness
+    optimiser.set_learning_rate(stage.rate * FALL**share)
+    model = FieldModel(kind=stage.kind, cell=dr.opaque(mi.Float, 2 / stage.resolution),
+                       sharpness=dr.opaque(mi.Float, low * (high / low) ** share))
+    losses = take_step(grid, optimiser, model, pixels, stage.smooth, Drawn.of(seed, state.step))
+    state.step += 1
+    return losses
+
+
+def _progress(losses: Losses, step: int, total: int) -> FitProgress:
+    error = float(losses.error[0]) / max(float(losses.inside[0]), 1.0)
+    psnr = -10 * float(np.log10(max(error, 1e-10)))
+    return FitProgress(step=step, steps=total, loss=float(losses.total[0]), psnr=psnr)
 
 
 def _optimiser(values: np.ndarray, state: FitState) -> Adam:
@@ -95,10 +105,9 @@ def _optimiser(values: np.ndarray, state: FitState) -> Adam:
     table = values if state.moments is None else state.moments[0]
     optimiser = Adam(lr=1.0, params={"table": owned(mi.Float, table)}, beta_2=0.99, epsilon=EPSILON)
     if state.moments is not None:
-        kept, promoted, rate, (_, *moments) = optimiser.state["table"]
-        moments[:2] = (owned(type(kept_moment), array)
-                       for kept_moment, array in zip(moments, state.moments[1:], strict=False))
-        optimiser.state["table"] = kept, promoted, rate, (dr.opaque(dr.uint32_array_t(dr.leaf_t(type(moments[0]))), state.step), *moments)
+        value, promoted, rate, (count, first, second, most) = optimiser.state["table"]
+        first, second = (owned(type(first), moment) for moment in state.moments[1:])
+        optimiser.state["table"] = value, promoted, rate, (dr.opaque(type(count), state.step), first, second, most)
     return optimiser
 
 

@@ -69,9 +69,9 @@ def field_of_splats(cloud: SplatCloud, stance: SplatStance, *, key: str, white: 
     found, mesh = moved(found, matrix), transform(surface.mesh, matrix)
     centre = mesh.bounds.mean(axis=0)
     record = FieldRecord(
-        key=key, kind="splats", truth=False, views=0, held_out=0, width=cells, resolution=0, psnr=0.0, psnr_worst=0.0,
-        ssim=0.0, opacity_iou=0.0, silhouette_iou=surface.silhouette_iou, level=0.0, bodies=surface.bodies,
-        bodies_dropped=surface.dropped, depth_95=0.0, loss=0.0)
+        key=key, kind="splats", truth=False, masked=False, views=0, held_out=0, width=cells, resolution=0, psnr=0.0,
+        psnr_worst=0.0, ssim=0.0, opacity_iou=0.0, silhouette_iou=surface.silhouette_iou, level=0.0,
+        bodies=surface.bodies, bodies_dropped=surface.dropped, depth_95=0.0, loss=0.0)
     bare = FieldFile(record=record, mesh=mesh, centre=(float(centre[0]), float(centre[1]), float(centre[2])),
                      radius=ball_about(found, centre), white=white, splats=found)
     cell = 2 * radius * matrix[0, 0] / cells

@@ -19,7 +19,7 @@ from dataset_builder.assets.field_file import FieldFile
 from dataset_builder.geometry.splat_cloud import SplatCloud
 from dataset_builder.geometry.splat_moves import turn_matrices
 from dataset_builder.rendering.buffers import owned
-from dataset_builder.rendering.field.field_look import Look
+from dataset_builder.rendering.field.looks import Look
 
 EXTENT = 3.0
 """Standard deviations at which a splat ends, those of KHR_gaussian_splatting."""

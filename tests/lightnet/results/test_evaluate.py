@@ -242,7 +242,7 @@ def test_files_of_ones_own_are_composed(folder: Path, checkpoint: Path, tmp_path
 
 def test_compose_wants_a_dataset_or_files(folder: Path, checkpoint: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert compose_verb("--checkpoint", checkpoint, "--i-s", "a.exr") == 2
-    assert "--s-prime, --mask, --background missing" in capsys.readouterr().err
+    assert "--s-prime, --mask, --background or --empty missing" in capsys.readouterr().err
     assert compose_verb(folder, "--checkpoint", checkpoint, "--mask", "a.exr") == 2
     assert "expected a dataset or files, got both" in capsys.readouterr().err
 

@@ -77,7 +77,8 @@ def test_splats_in_one_place_both_count() -> None:
 def test_encoded_colours_are_blended_encoded() -> None:
     """0.75 encoded, a third opaque: what is covered has the radiance of all of it."""
     light, opacity, _ = seen(splat(0.75, 1 / 3, srgb=True), np.array([[0, 0, 3.0]]), AHEAD)
-    assert np.allclose(light, linear_from_srgb(np.array(0.75)) / 3, atol=1e-5) and np.allclose(opacity, 1 / 3, atol=1e-6)
+    assert np.allclose(light, linear_from_srgb(np.array(0.75)) / 3, atol=1e-5)
+    assert np.allclose(opacity, 1 / 3, atol=1e-6)
     two = joined([splat(0.9, 0.8, (0, 0, 0.5), srgb=True), splat(0.3, 1, (0, 0, -0.5), srgb=True)])
     assert np.allclose(seen(two, np.array([[0, 0, 3.0]]), AHEAD)[0],
                        linear_from_srgb(np.array(0.8 * 0.9 + 0.2 * 0.3)), atol=1e-3)

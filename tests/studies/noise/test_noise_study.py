@@ -33,18 +33,22 @@ LAYERS = "layers={i_s: object, i_t: object, d: object, r: object, s_prime: objec
 SETTINGS = (LAYERS, "render.spp=4", "render.max_depth=2", "gates.mask_overlap=0.2", "splits.test.lights=2",
             "splits.train.objects.count=1")
 LEVELS = "0,0.008,0.016"
+FIELD = ("views=8", "size=16", "held_out=1", "spp=4", "resolution=32", "steps=10", "gates={psnr: 0, opacity_iou: 0}")
+WITH_FIELD = f"{LEVELS},density"
 
 
-def made(spec: Path, out: Path, levels: str = LEVELS, *overrides: str) -> NoiseStudy:
-    return NoiseStudy(spec=spec, overrides=(*SETTINGS, *overrides), levels=parse_levels(levels), out=out, device="cpu",
-                      training=base_of(load_training(None, TINY)), per_level_steps=1, backend="llvm", workers=1)
+def made(spec: Path, out: Path, levels: str = WITH_FIELD, *overrides: str) -> NoiseStudy:
+    return NoiseStudy(spec=spec, overrides=(*SETTINGS, *overrides), levels=parse_levels(levels, FIELD), out=out,
+                      training=base_of(load_training(None, TINY)), per_level_steps=1, device="cpu", backend="llvm",
+                      workers=1)
 
 
 def run(spec: Path, out: Path) -> int:
     """Exit code of the study as a user runs it."""
-    return main(["study", "noise", str(spec), "--out", str(out), "--levels", LEVELS, "--per-level-steps", "1",
-                 "--backend", "llvm", "--workers", "1", "--device", "cpu",
+    return main(["study", "noise", str(spec), "--out", str(out), "--levels", WITH_FIELD, "--per-level-steps", "1",
+                 "--backend", "llvm", "--workers", "1", "--device", "cpu", "--x", "roughness_rms",
                  *(text for override in SETTINGS for text in ("--set", override)),
+                 *(text for key in FIELD for text in ("--field", key)),
                  *(text for override in TINY for text in ("--train-set", override))])
 
 
@@ -179,39 +183,42 @@ def test_levels_lie_where_they_were_measured(uneven: tuple[NoiseStudy, HeldOut])
 
 @pytest.fixture(scope="module")
 def studied(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """The small spec at three levels, studied; (spec, out)."""
+    """The small spec at three levels of noise and one of a field, studied; (spec, out)."""
     spec, out = write_spec(tmp_path_factory.mktemp("noise")), tmp_path_factory.mktemp("out") / "study"
     assert run(spec, out) == 0
     return spec, out
 
 
 def test_only_the_rough_mesh_is_rendered_again(studied: tuple[Path, Path]) -> None:
-    """Two views, two lights each, three levels: counted from what the build wrote of every example."""
+    """Two views, two lights each, four levels: counted from what the build wrote of every example."""
     spec, out = studied
     study = made(spec, out)
     found = {one.name: one for one in count_passes(study)}
     assert {name: (one.ran, one.examples) for name, one in found.items()} == {
-        "first_hit": (2, 12), "source": (2, 12), "target": (4, 12), "lighting": (4, 12), "rough": (12, 12),
-        "first_hit_rough": (12, 12)}
+        "first_hit": (2, 16), "source": (2, 16), "target": (4, 16), "lighting": (4, 16), "rough": (16, 16),
+        "first_hit_rough": (16, 16)}
     assert {name for name, one in found.items() if not one.once} == {"rough", "first_hit_rough"}
     steps = Counter(line["step"] for line in lines(out / "dataset" / "seconds.csv"))
-    assert steps["target"] == 4 and steps["rough"] == 12
+    assert steps["target"] == 4 and steps["rough"] == 16
     text = "\n".join(pass_lines(list(found.values())))
-    assert "rough (S'): ran 12 times for 12 examples, once per example" in text
-    assert "target (I_t): ran 4 times for 12 examples, once per view and light" in text
+    assert "rough (S'): ran 16 times for 16 examples, once per example" in text
+    assert "target (I_t): ran 4 times for 16 examples, once per view and light" in text
 
 
 def test_every_level_has_figures_of_every_training(studied: tuple[Path, Path]) -> None:
     _, out = studied
     rows = lines(out / "levels.csv")
-    names = {"mixed", *(f"level {n}" for n in range(3)), "copy_i_s", "d_s_prime", "dr_s_prime"}
-    assert {(row["level"], row["by"]) for row in rows} == {(str(n), name) for n in range(3) for name in names}
-    roughness = [float(row["roughness"]) for row in rows if row["by"] == "mixed"]
+    names = {"mixed", *(f"level {n}" for n in range(4)), "copy_i_s", "d_s_prime", "dr_s_prime"}
+    assert {(row["level"], row["by"]) for row in rows} == {(str(n), name) for n in range(4) for name in names}
+    roughness = [float(row["roughness"]) for row in rows if row["by"] == "mixed" and row["rough"] != "density"]
     # Isotropic noise moves vertices by sigma across the surface, which is what distance sees of it, and less on edges
     assert np.all(np.diff(roughness) > 0.002) and 0.5 * 0.016 < roughness[-1] < 1.7 * 0.016
     assert roughness[0] < 1e-4, "no subdivision, no noise"
     noisy = {row["level"]: float(row["psnr"]) for row in rows if row["by"] == "dr_s_prime"}
     assert noisy["0"] > noisy["2"] + 1
+    like = lines(out / "likeness.csv")
+    assert {line["by"] for line in like} == {"normal_median", "to_clean_rms", "s_relmse", "cost"}
+    assert len(like) == 4 * 2 and {line["rough"] for line in like} == {"density"}
 
 
 def test_the_report_has_its_figures(studied: tuple[Path, Path]) -> None:
@@ -231,6 +238,6 @@ def test_a_second_run_makes_nothing_again(studied: tuple[Path, Path], capsys: py
     capsys.readouterr()
     assert run(spec, out) == 0
     printed = capsys.readouterr().out
-    assert {path: path.stat().st_mtime_ns for path in before} == before and len(before) == 12 + 4 + 1
+    assert {path: path.stat().st_mtime_ns for path in before} == before and len(before) == 8 + 5 + 1
     assert (out / "levels.csv").read_bytes() == table
-    assert "rough (S'): ran 12 times" in printed and "step 1," not in printed
+    assert "rough (S'): ran 16 times" in printed and "step 1," not in printed
