@@ -21,9 +21,12 @@ MOST = 60
 
 def seen_cells(optical: np.ndarray, images: PosedImages, chosen: np.ndarray, *, centre: np.ndarray,
                radius: float) -> np.ndarray:
-    """(R, R, R) bool: cells that a share FEW or more of the `chosen` images see, and their neighbours. An image sees
-    the cells that its rays pass before less than BLOCKED of the light is left. optical: (R, R, R) optical depth of a cell,
-    by z, y, x. Worked out for blocks of cells where there are more than COARSE along a side."""
+    """(R, R, R) bool: cells that a share FEW or more of the `chosen` images see, and their neighbours. An image
+    sees the cells that its rays pass before less than BLOCKED of the light is left.
+
+    optical: (R, R, R) optical depth of a cell, by z, y, x. Blocks of cells are looked at where there are more than
+    COARSE along a side.
+    """
     block = -(-len(optical) // COARSE)
     coarse = _blocks(optical, block) * block
     side = len(coarse)
