@@ -81,6 +81,8 @@ def _import(options: argparse.Namespace) -> int:
 
     if options.folder.suffix.lower() in READERS and not options.folder.is_dir():
         return import_splats.run(options)
+    if options.linear:
+        raise UserError("--linear: expected none with photographs, which are sRGB; it is for splats")
     job = _job(options)
     done = import_capture(job, fit=_fitted(options.backend), picture=None if options.no_sheet else _sheet, told=_told)
     record, console = done.record, common.wide_console()

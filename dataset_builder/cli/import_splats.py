@@ -5,6 +5,9 @@ import argparse
 from dataset_builder.cli import common
 from dataset_builder.errors import UserError, printable
 
+FITTED = {"size": 256, "field": "density", "steps": 300, "seed": 0, "no_sheet": False}
+"""Options that are about a fit, and their defaults."""
+
 
 def run(options: argparse.Namespace) -> int:
     """Import a file of splats with the options of the verb. Raises UserError for those that are for photographs."""
@@ -12,7 +15,9 @@ def run(options: argparse.Namespace) -> int:
     from dataset_builder.rendering.backend import activate
 
     for name, given in (("--distance", options.distance), ("--images", options.images), ("--frame", options.frame),
-                        ("--skip-bad", options.skip_bad), ("--up plane", options.up == "plane")):
+                        ("--skip-bad", options.skip_bad), ("--up plane", options.up == "plane"),
+                        *((f"--{name.replace('_', '-')}", getattr(options, name) != default)
+                          for name, default in FITTED.items())):
         if given:
             raise UserError(f"{name}: expected none with a file of splats; it is for photographs")
     box = common.numbers("--box", options.box, 6) if options.box else None

@@ -24,6 +24,7 @@ from dataset_builder.importing.captures.upright import CapturePlacement, metres_
 from dataset_builder.importing.in_place import move, refuse_existing
 from dataset_builder.label.field_record import FieldRecord
 from dataset_builder.lock import locked
+from dataset_builder.seeding import SEED_BITS
 
 GREY = 0.18
 """Reflectance of what is of median luminance in a photograph: cameras expose the middle of a scene to it."""
@@ -150,6 +151,10 @@ def _check(job: CaptureJob) -> None:
                           ("--distance", job.distance and job.distance[2])):
         if value is not None and not 0 < value < 1e6:
             problems.append(problem(option, f"expected a number above 0, got {value:g}"))
+    if not abs(job.yaw) < 1e6:
+        problems.append(problem("--yaw", f"expected a number of degrees, got {job.yaw:g}"))
+    if not 0 <= job.seed < 2**SEED_BITS:
+        problems.append(problem("--seed", f"expected a whole number from 0 to 2**{SEED_BITS} - 1, got {job.seed}"))
     if problems:
         raise UserError(problems)
 

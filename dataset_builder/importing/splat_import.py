@@ -96,5 +96,9 @@ def _check(job: SplatJob) -> None:
     for option, value in (("--height", job.height), ("--white", job.white)):
         if value is not None and not 0 < value < 1e6:
             wrong.append((option, f"expected a number above 0, got {value:g}"))
+    if not abs(job.yaw) < 1e6:
+        wrong.append(("--yaw", f"expected a number of degrees, got {job.yaw:g}"))
+    if job.ball is not None and not job.ball[3] > 0:
+        wrong.append(("--ball", f"expected a radius above 0, got {job.ball[3]:g}"))
     if wrong:
         raise UserError([Problem(where="", path=option, rule=rule) for option, rule in wrong])

@@ -182,6 +182,9 @@ def test_without_masks_the_record_says_so(tmp_path: Path, stub: Stub) -> None:
     (("--ball", "0,0,0,nan"), "--ball: expected 4 numbers"), (("--ball", "0,0,0,-1"), "expected a radius above 0"),
     (("--box", "0,0,0,1,1,0"), "--box: expected two opposite corners"),
     (("--distance", "a", "b", "far"), "--distance: expected 1 number, got far"),
+    (("--yaw", "nan", "--height", "1"), "--yaw: expected a number of degrees, got nan"),
+    (("--seed", "-1", "--height", "1"), "--seed: expected a whole number from 0 to 2**64 - 1, got -1"),
+    (("--linear",), "--linear: expected none with photographs"),
     (("--size", "9999"), "--size: expected at most 2048, got 9999"), ((), "expected a length"),
 ])
 def test_the_command_line_tells_what_is_wrong(written: Path, options: tuple[str, ...], rule: str, tmp_path: Path,
