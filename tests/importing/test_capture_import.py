@@ -182,7 +182,10 @@ def test_without_masks_the_record_says_so(tmp_path: Path, stub: Stub) -> None:
     (("--ball", "0,0,0,nan"), "--ball: expected 4 numbers"), (("--ball", "0,0,0,-1"), "expected a radius above 0"),
     (("--box", "0,0,0,1,1,0"), "--box: expected two opposite corners"),
     (("--distance", "a", "b", "far"), "--distance: expected 1 number, got far"),
-    (("--size", "9999"), "--size: expected at most 2048, got 9999"), ((), "expected a length"),
+    (("--size", "9999"), "--size: expected 16 to 2048, got 9999"), ((), "expected a length"),
+    (("--resolution", "8"), "--resolution: expected 32 to 512, got 8"),
+    (("--steps", "9"), "--steps: expected 10 to 100000, got 9"),
+    (("--linear",), "--linear: expected none with photographs"),
 ])
 def test_the_command_line_tells_what_is_wrong(written: Path, options: tuple[str, ...], rule: str, tmp_path: Path,
                                               capsys: pytest.CaptureFixture[str]) -> None:
