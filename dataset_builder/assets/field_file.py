@@ -21,6 +21,10 @@ FORMAT = 1
 """Of the file; a reader takes no other."""
 ZIP = b"PK\x03\x04"
 """What such a file starts with; NumPy takes everything else for a pickle."""
+GREY_CARD = 0.18
+"""Reflectance of what is of median luminance in a capture: cameras expose the middle of a scene to it."""
+DARKEST = 1e-3
+"""Least radiance of white that is taken for granted."""
 HEADER = "field"
 """Member with the record and what is no array, as JSON text in bytes."""
 
@@ -63,6 +67,11 @@ class FieldFile:
         colors = self.mesh.colors
         if colors is not None and not ((colors >= 0) & (colors <= 1)).all():
             raise UserError("field: mesh: expected colours in [0, 1], got others")
+
+
+def white_of_median(median: float) -> float:
+    """Radiance of white paper where this is the median luminance of what a capture shows."""
+    return max(median / GREY_CARD, DARKEST)
 
 
 def encode(content: FieldFile) -> bytes:
