@@ -26,6 +26,10 @@ UNREADABLE = (OSError, ValueError, LookupError, TypeError, AttributeError, EOFEr
 """What reading damaged bytes raises."""
 CHANNELS = 4
 """Of a cell: density or nearness to the surface, red, green, blue. A cell of zeros is empty."""
+GREY_CARD = 0.18
+"""Reflectance of what is of median luminance in a capture: cameras expose the middle of a scene to it."""
+DARKEST = 1e-3
+"""Least radiance of white that is taken for granted."""
 HEADER = "field"
 """Member with the record and what is no array, as JSON text in bytes."""
 
@@ -77,6 +81,11 @@ class FieldFile:
         colors = self.mesh.colors
         if colors is not None and not ((colors >= 0) & (colors <= 1)).all():
             raise UserError("field: mesh: expected colours in [0, 1], got others")
+
+
+def white_of_median(median: float) -> float:
+    """Radiance of white paper where this is the median luminance of what a capture shows."""
+    return max(median / GREY_CARD, DARKEST)
 
 
 def encode(content: FieldFile) -> bytes:
