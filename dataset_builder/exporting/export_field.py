@@ -1,12 +1,13 @@
 """A field's file -> a file of splats, or of its mesh, by the suffix of its name."""
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 from dataset_builder.assets.field_file import read_field
-from dataset_builder.errors import UserError
+from dataset_builder.errors import OutputError, UserError
 from dataset_builder.exporting import field_formats
 from dataset_builder.files import write_atomic
 from dataset_builder.geometry.mesh import TriangleMesh
@@ -38,13 +39,15 @@ def export_field(source: Path, out: Path, content: Content | None = None) -> Fie
 
     A field that is a grid has one splat made for each vertex of its mesh, flat and of one colour. Raises UserError for
     a file that is no field, a suffix that is not written, and splats of linear colours as .ply, which cannot say so;
-    OutputError where it cannot be written.
+    OutputError where it cannot be written, or is there already.
     """
     suffix = out.suffix.lower()
     chosen = content or ("splats" if suffix in SPLATS else "mesh")
     writers = SPLATS if chosen == "splats" else MESHES
     if suffix not in writers:
         raise UserError(f"{out}: expected a name for {chosen} that ends in one of {' '.join(sorted(writers))}")
+    if os.path.lexists(out):
+        raise OutputError(f"{out}: expected no such file yet, got one; nothing is overwritten (name another)")
     field = read_field(source)
     if chosen == "mesh":
         write_atomic(out, MESHES[suffix](field.mesh, suffix))

@@ -26,8 +26,8 @@ class FieldRecord(Model):
     resolution: int
     """Cells along a side of its grid; 0 for splats."""
     psnr: float
-    """dB over held-out images inside of their masks, divided by the radiance of white paper, sRGB-encoded and cut off at
-    1, mean over images; 0 where none were held out."""
+    """dB over held-out images inside of their masks, divided by the radiance of white paper, sRGB-encoded and cut off
+    at 1, mean over images; 0 where none were held out."""
     psnr_worst: float
     """Of the worst of these images."""
     ssim: float

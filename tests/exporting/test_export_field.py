@@ -112,7 +112,15 @@ def test_the_verb(tmp_path: Path, field: tuple[Path, FieldFile], capsys: pytest.
     assert "triangles" in capsys.readouterr().out and (tmp_path / "a.glb").exists()
     assert main(["export-field", str(field[0]), str(tmp_path / "a.ply"), "--splats"]) == 0
     assert "4,000 splats" in capsys.readouterr().out
-    assert main(["export-field", str(tmp_path / "b.npz"), str(tmp_path / "a.ply")]) == 2
+    assert main(["export-field", str(tmp_path / "b.npz"), str(tmp_path / "b.ply")]) == 2
+
+
+def test_nothing_is_overwritten(tmp_path: Path, field: tuple[Path, FieldFile],
+                                capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "vase.ply").write_text("the scan")
+    assert main(["export-field", str(field[0]), str(tmp_path / "vase.ply")]) == 2
+    assert "nothing is overwritten" in capsys.readouterr().err
+    assert (tmp_path / "vase.ply").read_text() == "the scan"
 
 
 def test_splats_of_a_mesh_cover_it(field: tuple[Path, FieldFile]) -> None:
