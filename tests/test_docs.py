@@ -29,7 +29,7 @@ from tools import spec_tables
 ROOT = Path(__file__).parent.parent
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
 OTHERS = [ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]
-MINI, TURNING = "3df-lighting-mini", "3df-lighting-360"
+MINI, TURNING, SEEN = "3df-lighting-mini", "3df-lighting-360", "3df-lighting-field-mini"
 CHEAP = ("--set", "image={width: 24, height: 24}", "--set", "render.spp=4", "--set", "render.max_depth=3",
          "--set", "rough.edge_length=0.2", "--set", "gates.mask_overlap=0.1", "--set", "splits.train.pairs=1",
          "--set", "splits.train.views=1", "--workers", "1", "--backend", "llvm")
@@ -281,16 +281,20 @@ def test_yaml_blocks_are_valid(page: Path) -> None:
     """Parts of dataset files fit into the mini dataset's, whole object files are object files."""
     for block in blocks(page, "yaml"):
         parts = YAML(typ="safe").load(block)
-        if "family" in parts:
+        if "family" in parts or isinstance(parts.get("file"), str):
             assert ObjectSpec.model_validate(parts)
         else:
-            assert load_dataset(ROOT / "scene_specs" / f"{MINI}.yaml", [f"{key}={json.dumps(part)}" for key, part
-                                                                         in merged(parts).items()])
+            spec = SEEN if "source" in str(parts.get("splits")) else MINI
+            assert load_dataset(ROOT / "scene_specs" / f"{spec}.yaml", [f"{key}={json.dumps(part)}" for key, part
+                                                                        in merged(parts).items()])
 
 
-def merged(parts: dict[str, dict[str, object]]) -> dict[str, object]:
-    """Overrides of single values, so that what a page leaves out stays as it is."""
-    return {f"{name}.{key}": value for name, values in parts.items() for key, value in values.items()}
+def merged(parts: dict[str, object]) -> dict[str, object]:
+    """Overrides of single values, so that what a page leaves out stays as it is; lists as they are."""
+    found = dict[str, object]()
+    for name, values in parts.items():
+        found |= {f"{name}.{key}": each for key, each in values.items()} if isinstance(values, dict) else {name: values}
+    return found
 
 
 def known_keys() -> set[str]:
