@@ -63,7 +63,8 @@ def test_linear_colours(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("more", "told"), [
     (["--ball", "9,9,9,1"], "crop: expected it to hold splats"), (["--ball", "9,9,9"], "expected 4 numbers"),
     (["--distance", "a", "b", "1"], "it is for photographs"), (["--up", "0,0,0"], "up: expected a direction"),
-    (["--yaw", "inf"], "--yaw: expected a number of degrees, got inf"), (["--ball", "0,0,0,0"], "a radius above 0, got 0"),
+    (["--yaw", "inf"], "--yaw: expected a number of degrees, got inf"),
+    (["--ball", "0,0,0,0"], "a radius above 0, got 0"),
     (["--field", "sdf"], "--field: expected none with a file of splats"), (["--no-sheet"], "--no-sheet: expected none"),
     (["--height", "-1"], "--height: expected a number above 0"), (["--name", "../a"], "--name: expected letters")])
 def test_mistakes_are_told_and_leave_nothing(scene: Path, tmp_path: Path, more: list[str], told: str,

@@ -44,7 +44,7 @@ def test_images_without_a_size_are_told(tmp_path: Path) -> None:
     folder = Made(poses=orbit(8)).write_colmap(tmp_path / "a", binary=False)
     cameras = folder / "sparse" / "0" / "cameras.txt"
     cameras.write_text(cameras.read_text().replace("OPENCV 64 64", "OPENCV 0 0"))
-    with pytest.raises(UserError, match="view_000.png: camera: expected an image size above 0, got 0 x 0"):
+    with pytest.raises(UserError, match=r"view_000\.png: camera: expected an image size above 0, got 0 x 0"):
         review(folder)
 
 
