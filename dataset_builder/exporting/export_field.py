@@ -37,14 +37,17 @@ def export_field(source: Path, out: Path, content: Content | None = None) -> Fie
     """Write a field as splats, or as its mesh; by default as splats where the format can hold them.
 
     A field that is a grid has one splat made for each vertex of its mesh, flat and of one colour. Raises UserError for
-    a file that is no field, a suffix that is not written, and splats of linear colours as .ply, which cannot say so;
-    OutputError where it cannot be written.
+    a file that is no field, an `out` that is there already, a suffix that is not written, and splats of linear colours
+    as .ply, which cannot say so; OutputError where it cannot be written.
     """
     suffix = out.suffix.lower()
     chosen = content or ("splats" if suffix in SPLATS else "mesh")
     writers = SPLATS if chosen == "splats" else MESHES
     if suffix not in writers:
         raise UserError(f"{out}: expected a name for {chosen} that ends in one of {' '.join(sorted(writers))}")
+    if out.exists() or out.is_symlink():
+        raise UserError(f"{out}: expected no such file yet, got one; nothing is overwritten (remove it, or name "
+                        "another)")
     field = read_field(source)
     if chosen == "mesh":
         write_atomic(out, MESHES[suffix](field.mesh, suffix))
