@@ -79,6 +79,9 @@ def _import(options: argparse.Namespace) -> int:
     from dataset_builder.assets.splat_file import READERS
     from dataset_builder.importing.capture_import import import_capture
 
+    for name, value, most in (("--size", options.size, MOST_SIZE), ("--resolution", options.resolution, MOST_CELLS)):
+        if value > most:
+            raise UserError(f"{name}: expected at most {most}, got {value}")
     if options.folder.suffix.lower() in READERS and not options.folder.is_dir():
         return import_splats.run(options)
     if options.linear:
@@ -104,9 +107,6 @@ def _job(options: argparse.Namespace) -> "CaptureJob":
     if options.distance:
         first, second, metres = options.distance
         distance = first, second, common.numbers("--distance", metres, 1)[0]
-    for name, value, most in (("--size", options.size, MOST_SIZE), ("--resolution", options.resolution, MOST_CELLS)):
-        if value > most:
-            raise UserError(f"{name}: expected at most {most}, got {value}")
     return CaptureJob(
         folder=options.folder, out=options.out, name=options.name or (folder.name if folder.is_dir() else folder.stem),
         licence=options.licence.strip(), category=options.category.strip(), size=options.size, images=options.images,

@@ -28,6 +28,8 @@ from dataset_builder.seeding import SEED_BITS
 
 GREY = 0.18
 """Reflectance of what is of median luminance in a photograph: cameras expose the middle of a scene to it."""
+DARKEST = 1e-3
+"""Least linear value of white that is taken for granted."""
 LEAST_PSNR = 22.0
 """dB of images that were held out, below which a field is told to be poor."""
 SIZES = (0.01, 20.0)
@@ -179,7 +181,11 @@ def _white(job: CaptureJob, done: Reviewed) -> tuple[float, str]:
     if job.white is not None:
         return job.white, f"white of the photographs is {job.white:g}, as given"
     median = float(np.median((done.roll.median / done.gains)[list(done.kept)]))
-    white = max(median / GREY, 1e-3)
+    white = median / GREY
+    if not white >= DARKEST:
+        raise UserError([Problem(where=str(job.folder), path="", rule="expected an object that is not black, to tell "
+                                 f"what white is, got a median luminance of {median:.3g}",
+                                 hint="give --white X, the linear value of white paper")])
     return white, (f"white of the photographs is taken to be {white:.3g}: their median luminance on the object, "
                    f"{median:.3g}, is taken for a reflectance of {GREY}; --white says better")
 

@@ -1,5 +1,6 @@
 """Splats become an object: a field and a spec that the builder takes, or a clear error and nothing."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -66,6 +67,7 @@ def test_linear_colours(tmp_path: Path) -> None:
     (["--yaw", "inf"], "--yaw: expected a number of degrees, got inf"),
     (["--ball", "0,0,0,0"], "a radius above 0, got 0"),
     (["--field", "sdf"], "--field: expected none with a file of splats"), (["--no-sheet"], "--no-sheet: expected none"),
+    (["--resolution", "100000"], "--resolution: expected at most 512, got 100000"),
     (["--height", "-1"], "--height: expected a number above 0"), (["--name", "../a"], "--name: expected letters")])
 def test_mistakes_are_told_and_leave_nothing(scene: Path, tmp_path: Path, more: list[str], told: str,
                                              capsys: pytest.CaptureFixture[str]) -> None:
@@ -78,3 +80,12 @@ def test_no_file_and_no_splats(tmp_path: Path, capsys: pytest.CaptureFixture[str
     for suffix in (".ply", ".spz", ".glb", ".usda"):
         assert main(["import", "capture", str(tmp_path / f"none{suffix}"), "--out", str(tmp_path), *FAST]) == 2
     assert "readable" in capsys.readouterr().err
+
+
+def test_white_is_no_guess_from_a_black_object(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cloud = box(8, degree=0)
+    write_ply(tmp_path / "a.ply", replace(cloud, harmonics=np.full_like(cloud.harmonics, -2)))
+    arguments = ["import", "capture", str(tmp_path / "a.ply"), "--out", str(tmp_path / "out"), *FAST]
+    assert main(arguments) == 2
+    assert "an object that is not black" in capsys.readouterr().err and not [*tmp_path.glob("out/*.npz")]
+    assert main([*arguments, "--white", "0.5"]) == 0
