@@ -89,3 +89,13 @@ def test_white_is_no_guess_from_a_black_object(tmp_path: Path, capsys: pytest.Ca
     assert main(arguments) == 2
     assert "an object that is not black" in capsys.readouterr().err and not [*tmp_path.glob("out/*.npz")]
     assert main([*arguments, "--white", "0.5"]) == 0
+
+
+def test_a_mesh_that_is_poor_is_told(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["import", "capture", str(scene), "--out", str(tmp_path / "out"), *FAST]) == 0
+    assert "the mesh fills the splats" not in capsys.readouterr().out
+    one = box(4, degree=0)
+    write_ply(tmp_path / "one.ply", replace(one, **{
+        name: getattr(one, name)[:1] for name in ("centres", "scales", "turns", "opacities", "harmonics")}))
+    assert main(["import", "capture", str(tmp_path / "one.ply"), "--out", str(tmp_path / "out"), *FAST]) == 0
+    assert "(expected 0.8): too few, thin or faint splats" in capsys.readouterr().out

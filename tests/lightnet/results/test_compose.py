@@ -3,7 +3,6 @@
 import json
 from dataclasses import fields, replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ import torch
 from dataset_builder.errors import UserError
 from dataset_builder.lightnet.data.batch import Inputs
 from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
-from dataset_builder.lightnet.results import compose_input
 from dataset_builder.lightnet.results.compose import Composite, blend, compose, panels, seen, with_rim
 from dataset_builder.lightnet.results.compose_input import PARTS, ComposeInput, input_from_dataset, input_from_files
 from dataset_builder.lightnet.settings import DataSpec, TrainingSpec
@@ -255,29 +253,3 @@ def test_datasets_without_a_scene_are_told(tmp_path: Path, folder: Path) -> None
     (cut / "dataset.json").write_text(json.dumps(manifest))
     with pytest.raises(UserError, match=r"expected the extent frame, .* got object \(build with --set layers.i_t=fr"):
         input_from_dataset(cut, split="train")
-
-
-def test_a_field_is_not_drawn_over_what_stands_before_it(frame: ComposeInput, monkeypatch: pytest.MonkeyPatch) -> None:
-    """`mask_field` is that of the field alone; the rough mesh is hidden where furniture stands before it."""
-    alone, rough = np.ones_like(frame.mask), np.ones_like(frame.mask)
-    alone[:, 0], rough[-4:] = 0.5, 0
-    layers = {"i_s": frame.i_s, "s_prime": frame.s_prime, "mask_field": alone, "mask_rough": rough,
-              "i_t_empty": light(9)}
-
-    class Stored:
-        """A dataset of one example of a capture."""
-
-        keys, splits = ("0",), {"train": ("0",)}
-
-        def __getitem__(self, key: str) -> dict[str, np.ndarray]:
-            return layers
-
-        def label(self, key: str) -> dict:
-            return {}
-
-    extents = tuple(SimpleNamespace(name=name, extent="frame") for name in layers)
-    monkeypatch.setattr(compose_input, "load_manifest", lambda folder: SimpleNamespace(layers=extents))
-    monkeypatch.setattr(compose_input, "open_dataset", lambda folder, layers: Stored())
-    monkeypatch.setattr(compose_input, "lighting_of", lambda label: None)
-    found = input_from_dataset(Path("a"), key="0")
-    assert not found.mask[-4:].any() and (found.mask[:-4, 0] == 0.5).all() and (found.mask[:-4, 1:] == 1).all()
