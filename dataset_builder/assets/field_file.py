@@ -83,9 +83,15 @@ class FieldFile:
             raise UserError("field: mesh: expected colours in [0, 1], got others")
 
 
-def white_of_median(median: float) -> float:
-    """Radiance of white paper where this is the median luminance of what a capture shows."""
-    return max(median / GREY_CARD, DARKEST)
+def white_of_median(median: float, where: str) -> float:
+    """Radiance of white paper where this is the median luminance of what a capture shows. Raises UserError for what is
+    black; where: the capture."""
+    white = median / GREY_CARD
+    if not white >= DARKEST:
+        raise UserError([Problem(where=where, path="", hint="give --white X, the linear value of white paper",
+                                 rule="expected an object that is not black, to tell what white is, got a median "
+                                      f"luminance of {median:.3g}")])
+    return white
 
 
 def encode(content: FieldFile) -> bytes:

@@ -151,7 +151,7 @@ def _white(job: CaptureJob, done: Reviewed) -> tuple[float, str]:
     if job.white is not None:
         return job.white, f"white of the photographs is {job.white:g}, as given"
     median = float(np.median((done.roll.median / done.gains)[list(done.kept)]))
-    white = white_of_median(median)
+    white = white_of_median(median, str(job.folder))
     return white, (f"white of the photographs is taken to be {white:.3g}: their median luminance on the object, "
                    f"{median:.3g}, is taken for a reflectance of {GREY_CARD}; --white says better")
 

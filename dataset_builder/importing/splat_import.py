@@ -13,6 +13,8 @@ from dataset_builder.rendering.field.splat_field import CELLS, SplatStance
 from dataset_builder.rendering.splat_capture import captured_splats
 
 Vector = tuple[float, float, float]
+LEAST_IOU = 0.8
+"""Of the mesh's silhouettes and the splats' opacities, below which a mesh is told to be poor."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,6 +71,9 @@ def import_splats(job: SplatJob) -> ImportedSplats:
     stance = SplatStance(up=job.up or (x, y, z), yaw=job.yaw, height=job.height, box=job.box, ball=job.ball)
     found = captured_splats(job.file, stance, srgb=job.srgb, white=job.white, cells=job.cells)
     notes = (*found.notes, *([] if job.up else [f"up is {_axis((x, y, z))}, as usual for {job.file.suffix} files"]),
+             *([] if found.field.record.silhouette_iou >= LEAST_IOU else [
+                 f"the mesh fills the splats to IoU {found.field.record.silhouette_iou:.2f} (expected {LEAST_IOU:g}): "
+                 "too few, thin or faint splats, or --resolution is too low"]),
              *([] if job.height else ["no height is given: a unit of the file is taken for a metre"]))
     field, spec = job.files
     with output_errors(job.out):

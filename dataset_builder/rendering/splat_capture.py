@@ -46,7 +46,7 @@ def captured_splats(path: Path, stance: SplatStance, *, srgb: bool | None = None
         notes.append(f"{left:,} of {len(found.cloud):,} splats lie outside of the crop, or apart from its largest body")
     if white is None:
         median = float(np.median(luminance(field.mesh.colors[..., :3])))
-        paper = white_of_median(median)
+        paper = white_of_median(median, str(path))
         colours = np.append(np.clip(field.mesh.colors[..., :3] / paper, 0, 1), field.mesh.colors[..., 3:], axis=-1)
         field = replace(field, white=paper, mesh=replace(field.mesh, colors=colours))
         notes.append(f"white of the capture is taken to be {paper:.3g}: the median luminance of the object, "

@@ -219,3 +219,14 @@ def test_a_folder_called_capture_is_still_one_of_models(tmp_path: Path, monkeypa
     (tmp_path / "capture").mkdir()
     assert main(["import", "capture", "--licence", "CC0-1.0"]) == 2
     assert "capture: left out" in capsys.readouterr().err or not (tmp_path / "captures").exists()
+
+
+def test_white_is_no_guess_from_black_photographs(tmp_path: Path, stub: Stub) -> None:
+    def black(index: int, rgba: np.ndarray) -> np.ndarray:
+        return rgba * [0, 0, 0, 1]
+
+    replace(MADE, shown=black).write_transforms(tmp_path / "a")
+    job = CaptureJob(folder=tmp_path / "a", out=tmp_path / "out", name="a", licence="CC0-1.0", size=48, height=0.75)
+    with pytest.raises(UserError, match=r"an object that is not black.*give --white X"):
+        import_capture(job, fit=stub, picture=None)
+    assert not stub.calls and not [*(tmp_path / "out").glob("a.*")]

@@ -1,5 +1,6 @@
 """Splats become an object: a field and a spec that the builder takes, or a clear error and nothing."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -69,6 +70,8 @@ def test_linear_colours(tmp_path: Path) -> None:
     (["--resolution", "5000"], "--resolution: expected 16 to 512, got 5000"),
     (["--ball", "0,0,0,-1"], "expected a radius above 0"), (["--box", "0,0,0,1,1,0"], "--box: expected two opposite"),
     (["--up", "0,0,0"], "up: expected a direction"),
+    (["--field", "sdf"], "--field: expected none with a file of splats"),
+    (["--ball", "0,0,0,0"], "a radius above 0, got 0"),
     (["--height", "-1"], "--height: expected a number above 0"), (["--name", "../a"], "--name: expected letters")])
 def test_mistakes_are_told_and_leave_nothing(scene: Path, tmp_path: Path, more: list[str], told: str,
                                              capsys: pytest.CaptureFixture[str]) -> None:
@@ -81,3 +84,22 @@ def test_no_file_and_no_splats(tmp_path: Path, capsys: pytest.CaptureFixture[str
     for suffix in (".ply", ".spz", ".glb", ".usda"):
         assert main(["import", "capture", str(tmp_path / f"none{suffix}"), "--out", str(tmp_path), *FAST]) == 2
     assert "readable" in capsys.readouterr().err
+
+
+def test_white_is_no_guess_from_a_black_object(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cloud = box(8, degree=0)
+    write_ply(tmp_path / "a.ply", replace(cloud, harmonics=np.full_like(cloud.harmonics, -2)))
+    arguments = ["import", "capture", str(tmp_path / "a.ply"), "--out", str(tmp_path / "out"), *FAST]
+    assert main(arguments) == 2
+    assert "an object that is not black" in capsys.readouterr().err and not [*tmp_path.glob("out/*.npz")]
+    assert main([*arguments, "--white", "0.5"]) == 0
+
+
+def test_a_mesh_that_is_poor_is_told(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["import", "capture", str(scene), "--out", str(tmp_path / "out"), *FAST]) == 0
+    assert "the mesh fills the splats" not in capsys.readouterr().out
+    one = box(4, degree=0)
+    write_ply(tmp_path / "one.ply", replace(one, **{
+        name: getattr(one, name)[:1] for name in ("centres", "scales", "turns", "opacities", "harmonics")}))
+    assert main(["import", "capture", str(tmp_path / "one.ply"), "--out", str(tmp_path / "out"), *FAST]) == 0
+    assert "(expected 0.8): too few, thin or faint splats" in capsys.readouterr().out

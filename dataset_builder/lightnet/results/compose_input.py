@@ -83,8 +83,15 @@ def input_from_dataset(folder: Path, *, key: str = "", split: str = "", index: i
     dataset = open_dataset(folder, layers=list(dict.fromkeys(parts.values())))
     chosen = _key(dataset, folder, key, split, index)
     example = dataset[chosen]
-    return ComposeInput(name=f"{folder}, example {chosen}", lighting=lighting_of(dataset.label(chosen)),
-                        **{part: example[layer] for part, layer in parts.items()})
+    pictures = {part: example[layer] for part, layer in parts.items()}
+    if parts["mask"] == "mask_field" and ROUGH in pictures:
+        pictures["mask"] = unhidden(pictures["mask"], pictures[ROUGH])
+    return ComposeInput(name=f"{folder}, example {chosen}", lighting=lighting_of(dataset.label(chosen)), **pictures)
+
+
+def unhidden(mask_field: np.ndarray, mask_rough: np.ndarray) -> np.ndarray:
+    """(H, W, 1) what shows of a field, which is seen alone: no more than of its mesh, which furniture may hide."""
+    return np.minimum(mask_field, mask_rough)
 
 
 def _layers_of_parts(folder: Path) -> dict[str, str]:
