@@ -54,8 +54,6 @@ class FieldFile:
     splats: SplatCloud | None = None
     numbers: dict[str, float] = field(default_factory=dict)
     """What raw values become opacity and colour by; see `rendering.field`."""
-    more: dict[str, np.ndarray] = field(default_factory=dict)
-    """Other arrays that the field is evaluated with, by name: weights, cells that hold something."""
 
     def __post_init__(self) -> None:
         figures = {"radius": self.radius, "white": self.white}
@@ -80,8 +78,7 @@ def encode(content: FieldFile) -> bytes:
               "radius": content.radius, "white": content.white, "numbers": content.numbers,
               "srgb": content.splats is not None and content.splats.srgb}
     arrays = {HEADER: np.frombuffer(json.dumps(header, sort_keys=True).encode(), np.uint8),
-              **{f"mesh.{name}": value for name, value in _arrays(content.mesh).items()},
-              **{f"more.{name}": value for name, value in content.more.items()}}
+              **{f"mesh.{name}": value for name, value in _arrays(content.mesh).items()}}
     if content.grid is not None:
         arrays["grid"] = content.grid
     if content.splats is not None:
@@ -134,4 +131,4 @@ def _decoded(members: Any) -> FieldFile:
                      centre=tuple(header["centre"]), radius=header["radius"], white=header["white"],
                      grid=members["grid"] if "grid" in members.files else None,
                      splats=SplatCloud(**splats, srgb=header["srgb"]) if splats else None,
-                     numbers=header["numbers"], more=group("more"))
+                     numbers=header["numbers"])
