@@ -9,7 +9,7 @@ from dataset_builder.errors import UserError, printable
 if TYPE_CHECKING:
     from dataset_builder.importing.captures.photographs import Ball
 
-PHOTOGRAPHS = ("distance", "images", "frame", "skip-bad", "size", "field", "steps", "seed")
+PHOTOGRAPHS = ("distance", "images", "frame", "skip-bad", "size", "field", "steps", "seed", "no-sheet")
 """Options that mean nothing for splats."""
 LEAST_CELLS, MOST_CELLS = 16, 512
 

@@ -100,7 +100,7 @@ def import_capture(job: CaptureJob, *, fit: Fit, picture: Picture | None,
     import goes on. Raises UserError, with nothing written, for whatever is wrong with capture or options, or where a
     file is there already.
     """
-    check_options(licence=job.licence, name=job.name, numbers={
+    check_options(licence=job.licence, name=job.name, yaw=job.yaw, seed=job.seed, numbers={
         "--height": job.height, "--white": job.white, "--distance": job.distance and job.distance[2]})
     refuse_existing(job.out, job.files)
     capture = read_capture(job.folder, images=job.images, frame=job.frame)

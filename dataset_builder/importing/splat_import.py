@@ -61,7 +61,8 @@ class ImportedSplats:
 def import_splats(job: SplatJob) -> ImportedSplats:
     """Write a field and its spec for a file of splats. Raises UserError, with nothing written, for whatever is wrong
     with the file or the options, or where a file is there already."""
-    check_options(licence=job.licence, name=job.name, numbers={"--height": job.height, "--white": job.white})
+    check_options(licence=job.licence, name=job.name, yaw=job.yaw,
+                  numbers={"--height": job.height, "--white": job.white})
     refuse_existing(job.out, job.files)
     require_writable(job.out)
     x, y, z = upward(job.file).tolist()

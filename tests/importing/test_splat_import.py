@@ -62,6 +62,8 @@ def test_linear_colours(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("more", "told"), [
     (["--ball", "9,9,9,1"], "crop: expected it to hold splats"), (["--ball", "9,9,9"], "expected 4 numbers"),
+    (["--yaw", "inf"], "--yaw: expected a number of degrees, got inf"),
+    (["--no-sheet"], "--no-sheet: expected none"),
     (["--distance", "a", "b", "1"], "it is for photographs"), (["--steps", "300"], "--steps: expected none"),
     (["--seed", "0"], "--seed: expected none"), (["--frame", "0"], "--frame: expected none"),
     (["--resolution", "5000"], "--resolution: expected 16 to 512, got 5000"),

@@ -11,6 +11,7 @@ import numpy as np
 from dataset_builder.assets.field_file import FieldFile
 from dataset_builder.errors import Problem, UserError, printable
 from dataset_builder.geometry.mesh import TriangleMesh
+from dataset_builder.seeding import SEED_BITS
 
 GROUND = 1.0
 """Percentile of the heights of the mesh that is the ground: single lumps below it do not lift the rest."""
@@ -41,7 +42,7 @@ def moved_poses(poses: np.ndarray, before: FieldFile, after: FieldFile) -> np.nd
     return moved
 
 
-def check_options(*, licence: str, name: str, numbers: Mapping[str, float | None]) -> None:
+def check_options(*, licence: str, name: str, yaw: float, numbers: Mapping[str, float | None], seed: int = 0) -> None:
     """Raise UserError that tells every option that is none: of what the spec says, and of `numbers` by option, which
     are above 0."""
     wrong = []
@@ -52,6 +53,10 @@ def check_options(*, licence: str, name: str, numbers: Mapping[str, float | None
         wrong.append(("--name", f"expected letters, digits, _, . and -, got {name}"))
     wrong += [(option, f"expected a number above 0, got {value:g}") for option, value in numbers.items()
               if value is not None and not 0 < value < 1e6]
+    if not abs(yaw) < 1e6:
+        wrong.append(("--yaw", f"expected a number of degrees, got {yaw:g}"))
+    if not 0 <= seed < 2**SEED_BITS:
+        wrong.append(("--seed", f"expected a whole number from 0 to 2**{SEED_BITS} - 1, got {seed}"))
     if wrong:
         raise UserError(Problem(where="", path=option, rule=rule) for option, rule in wrong)
 

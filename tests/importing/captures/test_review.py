@@ -168,11 +168,11 @@ def test_all_faults_of_cameras_and_files_are_told_at_once(copied: Path, tmp_path
     said = refused(copied, tmp_path / "work").splitlines()
     for name, rule in (("view_000.png: camera", "expected finite numbers, got NaN"),
                        ("view_001.png: camera", "got -1.0000: a mirrored camera"),
-                       ("view_002.png: camera", "got 8.0000"), ("images/view_003.png", "No such file"),
+                       ("view_002.png: camera", "got 8.0000"), ("images/view_003.png", "found none (put it back"),
                        ("images/view_004.png", "expected a readable image"),
                        ("images/view_005.png", "expected an image of the calibration's shape, 64 x 64, got 40 x 64"),
                        ("masks/view_006.png", "expected a mask of the image's size, 64 x 64, got 32 x 32"),
-                       ("masks/view_007.png", "No such file"),
+                       ("masks/view_007.png", "found none (put it back"),
                        ("view_009.png: camera", "focal lengths above 0, got -1"),
                        ("images/view_011.png", "got two poses of this one")):
         assert any(name in line and rule in line for line in said), (name, rule, said)
