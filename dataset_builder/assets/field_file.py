@@ -59,8 +59,6 @@ class FieldFile:
     splats: SplatCloud | None = None
     numbers: dict[str, float] = field(default_factory=dict)
     """What raw values become opacity and colour by; see `rendering.field`."""
-    more: dict[str, np.ndarray] = field(default_factory=dict)
-    """Other arrays that the field is evaluated with, by name: weights, cells that hold something."""
 
     def __post_init__(self) -> None:
         figures = {"radius": self.radius, "white": self.white}
@@ -96,8 +94,7 @@ def white_of_median(median: float, where: str) -> float:
 
 def encode(content: FieldFile) -> bytes:
     """The bytes of a field's file, the same for the same field."""
-    arrays = {**{f"mesh.{name}": value for name, value in _arrays(content.mesh).items()},
-              **{f"more.{name}": value for name, value in content.more.items()}}
+    arrays = {f"mesh.{name}": value for name, value in _arrays(content.mesh).items()}
     if content.grid is not None:
         arrays["grid"] = content.grid
     if content.splats is not None:
@@ -156,4 +153,4 @@ def _decoded(members: Any) -> FieldFile:
                      centre=tuple(header["centre"]), radius=header["radius"], white=header["white"],
                      grid=members["grid"] if "grid" in members.files else None,
                      splats=SplatCloud(**splats, srgb=header["srgb"]) if splats else None,
-                     numbers=header["numbers"], more=group("more"))
+                     numbers=header["numbers"])

@@ -57,8 +57,7 @@ def export_usd(job: ExportJob) -> Exported:
     """Write the example into a folder beside `out`, and give it that name when it is whole.
 
     Raises UserError, with nothing written: no such dataset or key, files that the label names missing or changed,
-    something there already, the rough mesh's field not
-    there, and without usd-core.
+    something there already, the field of the rough mesh not there, and without usd-core.
     """
     with missing_named():
         import pxr  # noqa: F401

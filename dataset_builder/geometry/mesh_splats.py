@@ -3,6 +3,7 @@
 import numpy as np
 
 from dataset_builder.geometry.mesh import TriangleMesh
+from dataset_builder.geometry.rough_base import vertex_normals
 from dataset_builder.geometry.splat_cloud import SplatCloud
 from dataset_builder.geometry.splat_harmonics import Y0
 from dataset_builder.tonemap import srgb
@@ -20,11 +21,9 @@ def splats_of_mesh(mesh: TriangleMesh) -> SplatCloud:
     """One flat splat at each vertex, of the mesh's colour there, sRGB-encoded, the same from all sides."""
     used, corner = np.unique(mesh.faces, return_inverse=True)
     corner = corner.reshape(mesh.faces.shape)
-    doubled = mesh.area_normals
-    normals = np.stack([_summed(corner, doubled[:, axis], len(used)) for axis in range(3)], axis=1)
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    normals = np.where(length > 0, normals / np.where(length > 0, length, 1), (0.0, 0.0, 1.0))
-    spread = SPREAD * np.sqrt(_summed(corner, np.linalg.norm(doubled, axis=1) / 6, len(used)))
+    normals = vertex_normals(mesh)[used]
+    thirds = np.repeat(np.linalg.norm(mesh.area_normals, axis=1) / 6, 3)
+    spread = SPREAD * np.sqrt(np.bincount(corner.ravel(), weights=thirds, minlength=len(used)))
     spread = np.maximum(spread, max(LEAST * float(np.median(spread)), 1e-9))
     shown = np.ones((*corner.shape, 3)) if mesh.colors is None else mesh.colors[..., :3].astype(np.float64)
     times = np.bincount(corner.ravel(), minlength=len(used))
@@ -36,8 +35,3 @@ def splats_of_mesh(mesh: TriangleMesh) -> SplatCloud:
               "turns": turns / np.linalg.norm(turns, axis=1, keepdims=True), "opacities": np.full(len(used), OPACITY),
               "harmonics": ((srgb(np.clip(colour, 0, 1)) - 0.5) / Y0)[:, None]}
     return SplatCloud(srgb=True, **{name: np.ascontiguousarray(value, np.float32) for name, value in single.items()})
-
-
-def _summed(corner: np.ndarray, of_face: np.ndarray, count: int) -> np.ndarray:
-    """(count,) sums over the faces (F, 3) that have a vertex."""
-    return np.bincount(corner.ravel(), weights=np.repeat(of_face, 3), minlength=count)

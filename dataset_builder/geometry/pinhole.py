@@ -27,6 +27,15 @@ def look_at(position: Sequence[float] | np.ndarray, target: Sequence[float] | np
     return np.stack([right, np.cross(right, forward), forward])
 
 
+def sphere_lattice(count: int) -> np.ndarray:
+    """(count, 3) unit vectors evenly on the sphere, from +Z down: a Fibonacci lattice (Gonzalez, "Measurement of areas
+    on a sphere using Fibonacci and latitude-longitude lattices", 2010)."""
+    k = np.arange(count) + 0.5
+    z, azimuth = 1 - 2 * k / count, np.pi * (1 + 5**0.5) * k
+    flat = np.sqrt(1 - z**2)
+    return np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), z], axis=1)
+
+
 def unit(vectors: np.ndarray) -> np.ndarray:
     """(..., 3) vectors brought to length 1."""
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
@@ -80,6 +89,12 @@ class Pinhole:
         """(4, 4) camera from world as OpenCV has it: x right, y down, z forward."""
         axes = self.basis * np.array([[1], [-1], [1]])
         return np.vstack([np.column_stack([axes, -axes @ self.position]), [0, 0, 0, 1]])
+
+    @property
+    def opencv_pose(self) -> np.ndarray:
+        """(4, 4) world from camera, `opencv_extrinsics` the other way."""
+        axes = self.basis * np.array([[1], [-1], [1]])
+        return np.vstack([np.column_stack([axes.T, self.position]), [0, 0, 0, 1]])
 
     @property
     def opengl_pose(self) -> np.ndarray:

@@ -45,7 +45,7 @@ def field_needs(planner: Planner, refs: Iterable[ExampleRef]) -> dict[ExampleRef
 
 def _needs(planner: Planner, pair: PairRef, level: int) -> tuple[FieldNeed, ...]:
     spec = planner.loaded.dataset
-    split = next(split for split in spec.splits if split.name == pair.split)
+    split = spec.split_of(pair.split)
     rough = split.levels(spec.rough)[level]
     asked = dict.fromkeys([*((split.source,) if split.source.image else ()),
                            *((rough,) if isinstance(rough, FieldSpec) else ())])

@@ -17,7 +17,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from dataset_builder.geometry.pinhole import Pinhole, unit
+from dataset_builder.geometry.pinhole import Pinhole, sphere_lattice, unit
 from dataset_builder.geometry.posed_images import PosedImages
 from dataset_builder.geometry.rough_base import bounding_radius
 from dataset_builder.label.field_plan import FieldPlan
@@ -74,7 +74,7 @@ class StudioCameras:
     def images(self, pixels: np.ndarray, chosen: slice) -> PosedImages:
         """Some of the images, of which `pixels` (N, H, W, 4) are all."""
         cameras = self.cameras[chosen]
-        return PosedImages(pixels=pixels[chosen], poses=np.array([_pose(each) for each in cameras]),
+        return PosedImages(pixels=pixels[chosen], poses=np.array([each.opencv_pose for each in cameras]),
                            focal=np.array([[each.focal] * 2 for each in cameras]),
                            centre=np.array([[each.width / 2, each.height / 2] for each in cameras]))
 
@@ -82,13 +82,9 @@ class StudioCameras:
 def directions(views: int, held_out: int, seed: int) -> np.ndarray:
     """(views + held_out, 3) unit vectors towards cameras: a Fibonacci lattice on the whole sphere, turned at random,
     then random ones, uniform on the sphere."""
-    k = np.arange(views) + 0.5
-    z, phi = 1 - 2 * k / views, pi * (1 + 5**0.5) * k
-    flat = np.sqrt(1 - z**2)
-    lattice = np.stack([flat * np.cos(phi), flat * np.sin(phi), z], axis=1)
     # Columns of a matrix of Gaussians, made orthonormal: a uniform rotation, or one mirrored
     turn, _ = np.linalg.qr(rng(seed, "turn").standard_normal((3, 3)))
-    return np.concatenate([lattice @ turn.T, unit(rng(seed, "held out").standard_normal((held_out, 3)))])
+    return np.concatenate([sphere_lattice(views) @ turn.T, unit(rng(seed, "held out").standard_normal((held_out, 3)))])
 
 
 def white_of(field: FieldPlan) -> float:
@@ -148,9 +144,3 @@ def _in_frame(camera: Pinhole, frame: LocalFrame) -> CameraPlan:
     ux, uy, uz = camera.up.tolist()
     return frame.camera(CameraPlan(position=(px, py, pz), target=(tx, ty, tz), up=(ux, uy, uz), fov=camera.fov,
                                    coverage=1.0, visibility=1.0))
-
-
-def _pose(camera: Pinhole) -> np.ndarray:
-    """(4, 4) frame from camera as OpenCV has it: x right, y down, z forward."""
-    axes = camera.basis * np.array([[1], [-1], [1]])
-    return np.vstack([np.column_stack([axes.T, camera.position]), [0, 0, 0, 1]])

@@ -47,14 +47,14 @@ def write_preview(folder: Path, name: str, out: Path | None = None) -> PreviewFi
         raise _wrong(folder, f"expected a layer to look at, of {', '.join(SHOWN)}, got none")
     layers.sort(key=[*SHOWN].index)
     dataset = open_dataset(folder, layers=layers)
-    places = dict(sorted(_places(dataset, folder, name).items()))
-    keys = [*places.values()]
+    found_at = dict(sorted(places(dataset, folder, name).items()))
+    keys = [*found_at.values()]
     groups = [[layer for layer in layers if (layer == SOURCE) == of_source] for of_source in (True, False)]
     factors = {layer: factor for group in groups if group for factor in [_exposure(dataset, keys, group)]
                for layer in group}
     out = out or folder / "previews"
     found = PreviewFiles(strip=out / f"{name}-strip.png", animation=out / f"{name}.png", views=len(keys))
-    chosen = [[*places.items()][place] for place in spread_indices(len(keys), STRIP)]
+    chosen = [[*found_at.items()][place] for place in spread_indices(len(keys), STRIP)]
     rows = [SheetRow(lines=[SHOWN[layer]], panels={f"view {frame}": to_8bit(dataset[key][layer], factors[layer])
                                                    for frame, key in chosen}) for layer in layers]
     stream = BytesIO()
@@ -73,8 +73,9 @@ def animated(frames: Iterator[Image.Image]) -> bytes:
     return stream.getvalue()
 
 
-def _places(dataset: Dataset, folder: Path, name: str) -> dict[int, str]:
-    """Keys of a sequence by their frames."""
+def places(dataset: Dataset, folder: Path, name: str) -> dict[int, str]:
+    """Keys of a sequence by their frames, of the first light and noise level where the name does not end in both.
+    Raises UserError where there is none of that name."""
     found: dict[str, dict[int, str]] = {}
     for key in (key for keys in dataset.splits.values() for key in keys):
         plan = dataset.label(key).plan

@@ -29,7 +29,7 @@ def made(seed: int = 0, splats: bool = False) -> FieldFile:
                        harmonics=np.zeros((5, 4, 3), np.float32), srgb=False)
     return FieldFile(record=RECORD, mesh=MESH, centre=(0.0, 0.1, 0.4), radius=0.5, white=2.0,
                      grid=None if splats else draws.normal(size=(4, 4, 4, 4)).astype(np.float32),
-                     splats=cloud if splats else None, numbers={"scale": 3.0}, more={"cells": np.ones((2, 2, 2), bool)})
+                     splats=cloud if splats else None, numbers={"scale": 3.0})
 
 
 @pytest.mark.parametrize("splats", [False, True])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dataset_builder.geometry.pinhole import Pinhole, look_at
+from dataset_builder.geometry.pinhole import Pinhole, look_at, sphere_lattice
 from dataset_builder.seeding import rng
 from tests.plans import example_plan
 
@@ -61,6 +61,18 @@ def test_the_matrices_say_what_project_says(camera: Pinhole) -> None:
     assert np.allclose(camera.intrinsics @ seen, np.stack([column, row, np.ones(len(points))]) * distance)
     turned = np.linalg.inv(camera.opengl_pose) @ homogeneous.T
     assert np.allclose(turned[:3], seen * [[1], [-1], [-1]])
+
+
+@pytest.mark.parametrize("camera", cameras())
+def test_poses_are_extrinsics_the_other_way(camera: Pinhole) -> None:
+    assert np.allclose(camera.opencv_pose @ camera.opencv_extrinsics, np.eye(4), atol=1e-12)
+    assert np.allclose(camera.opencv_pose @ np.diag([1.0, -1, -1, 1]), camera.opengl_pose, atol=1e-12)
+
+
+def test_a_lattice_covers_the_sphere_evenly() -> None:
+    ways = sphere_lattice(200)
+    assert np.allclose(np.linalg.norm(ways, axis=1), 1) and np.abs(ways.mean(axis=0)).max() < 0.01
+    assert np.allclose(ways.T @ ways / 200, np.eye(3) / 3, atol=0.005)
 
 
 def test_points_behind_have_a_negative_distance() -> None:

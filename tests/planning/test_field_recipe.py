@@ -9,10 +9,12 @@ from pydantic import ValidationError
 
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.planning.catalogue import count_examples, examples
+from dataset_builder.planning.field_recipe import in_world
 from dataset_builder.planning.plan import Planner
 from dataset_builder.planning.scene.assets_of_plan import turned_up
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.resolve import LoadedSpec
+from tests.plans import example_plan
 
 Load = Callable[..., LoadedSpec]
 FIELD = {"kind": "field", "views": 24, "size": 32, "resolution": 32, "steps": 40, "spp": 4}
@@ -58,6 +60,14 @@ def test_the_source_light_turns_with_the_object(load: Load, dataset_data: dict[s
         own, world = plan.field.light.lights[1], plan.source_light.lights[1]
         assert np.allclose(turned_up(plan.target.yaw) @ own.direction, world.direction)
         assert plan.field.light.open == () and plan.source_light.open == ("ceiling", "walls")
+
+
+def test_an_image_turns_with_the_object() -> None:
+    light = example_plan().source_light
+    sky = light.lights[0].model_copy(update={"turn": 20.0, "image": "sky.hdr"})
+    plain = light.lights[0].model_copy(update={"turn": 0.0, "image": ""})
+    world = in_world(light.model_copy(update={"lights": (sky, plain)}), 30.0, ("ceiling",))
+    assert [each.turn for each in world.lights] == [50.0, 0.0] and world.open == ("ceiling",)
 
 
 def test_what_is_simulated_of_a_field(load: Load, dataset_data: dict[str, Any]) -> None:

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from dataset_builder.label.example_plan import ExamplePlan, GoalPlan, RoughStep, SppPart
+from dataset_builder.label.field_plan import FieldPlan
 from dataset_builder.label.scene_plan import MaterialChange, Param, PortalPlan
 from dataset_builder.label.scene_source import SceneThingPlan
 from dataset_builder.rendering.pass_inputs import (
@@ -209,3 +210,15 @@ def test_a_layer_with_fewer_goals_keeps_its_last() -> None:
     assert goals_at(found, "target", 0) == (goal(0.2), goal(0.3, "s"))
     assert goals_at(found, "target", 1) == (goal(0.1), goal(0.3, "s"))
     assert goals_at(found, "source", 0) == ()
+
+
+@pytest.mark.parametrize(("edit", "again"), [
+    (within("field", views=51), True), (within("field", kind="own"), True), (within("camera", fov=41.0), True),
+    (within("target.object", seed="7"), True), (within("render", spp_source=128), True),
+    (within("room.scene.file", source_sha256="0"), False), (opened("source"), False),
+    (lamp("target_light", radiance=(9.0, 9.0, 9.0)), False), (within("rough", sigma=0.02), False),
+])
+def test_what_is_seen_through_a_field_depends_on_that_alone(edit: Edit, again: bool) -> None:
+    seen = plan().model_copy(update={"field": FieldPlan(kind="density", views=50)})
+    keys = [key_of(inputs_of(each, "source"), {}) for each in (plan(), seen, edit(seen))]
+    assert keys[0] != keys[1] and (keys[1] != keys[2]) == again

@@ -1,6 +1,8 @@
 """The strip and the animation have the views in order, at one exposure."""
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -8,12 +10,14 @@ from PIL import Image
 
 from dataset_builder.cli.main import main
 from dataset_builder.errors import UserError
+from dataset_builder.label.sequence_plan import SequencePlan
 from dataset_builder.report.example_sheet import LABEL_WIDTH, MARGIN
-from dataset_builder.report.sequence_preview import CELL, LARGEST, small, write_preview
-from dataset_builder.shards.reader import open_dataset
+from dataset_builder.report.sequence_preview import CELL, LARGEST, places, small, write_preview
+from dataset_builder.shards.reader import Dataset, open_dataset
 from dataset_builder.tonemap import exposure, to_8bit
 from tests.lightnet.synthetic import write_synthetic
 from tests.lightnet.turning_set import write_turning
+from tests.plans import example_plan
 
 FRAMES, SIZE = 12, 32
 
@@ -47,6 +51,19 @@ def test_a_strip_has_ten_of_them(folder: Path, tmp_path: Path) -> None:
     assert found.views == FRAMES
     with Image.open(found.strip) as strip:
         assert strip.width >= MARGIN + LABEL_WIDTH + 10 * CELL and strip.height > 3 * CELL
+
+
+def test_a_name_alone_takes_the_first_light_and_level(tmp_path: Path) -> None:
+    def label(key: str) -> SimpleNamespace:
+        frame, level = divmod(int(key), 2)
+        plan = example_plan(int(key))
+        return SimpleNamespace(plan=plan.model_copy(update={
+            "rough": plan.rough.model_copy(update={"level": level}),
+            "sequence": SequencePlan(name="turn-00-00", frame=frame, frames=3)}))
+
+    dataset = cast(Dataset, SimpleNamespace(splits={"turn": [str(number) for number in range(6)]}, label=label))
+    assert places(dataset, tmp_path, "turn-00-00") == {0: "0", 1: "2", 2: "4"}
+    assert places(dataset, tmp_path, f"turn-00-00-{example_plan().light}-1") == {0: "1", 1: "3", 2: "5"}
 
 
 def test_large_frames_are_made_smaller() -> None:

@@ -10,6 +10,7 @@ import io
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from dataset_builder.digest import read_regular
 from dataset_builder.importing.captures.capture import Capture, CaptureShot, Lens, guarded, inside, problem, rigid
@@ -46,18 +47,10 @@ def _read(folder: Path, path: Path, frame: int) -> Capture:
         lens = Lens(size=(width, height), focal=(optics[0] * width, optics[1] * height),
                     centre=(optics[2] * width, optics[3] * height))
         shots.append(CaptureShot(name=name, image=image, mask=mask if (folder / "masks").is_dir() else None, lens=lens,
-                                 pose=rigid(_turn(np.array(turn)), np.array(place))))
+                                 pose=rigid(Rotation.from_rotvec(turn).as_matrix(), np.array(place))))
     if videos and not shots:
         first = videos[0]
         raise problem(first, "expected a folder of frames for every camera, got videos",
                       f"for every video: mkdir {first.with_suffix('')}; ffmpeg -i {first} -start_number 0 "
                       f"{first.with_suffix('')}/{first.stem}_rgb%06d.png")
     return Capture(layout="ActorsHQ", shots=tuple(shots), metric=True)
-
-
-def _turn(axis: np.ndarray) -> np.ndarray:
-    """(3, 3) rotation about `axis` by its length in radians (Rodrigues)."""
-    angle = float(np.linalg.norm(axis))
-    x, y, z = axis / angle if angle else axis
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross

@@ -10,6 +10,7 @@ from typing import IO, Any
 import numpy as np
 
 from dataset_builder.digest import open_regular
+from dataset_builder.geometry.splat_moves import turn_matrices
 from dataset_builder.importing.captures.capture import (
     Capture,
     CaptureShot,
@@ -83,10 +84,9 @@ def _read(folder: Path, model: Path, images: str | None) -> Capture:
 
 
 def _pose(image: _Image) -> np.ndarray:
-    w, x, y, z = np.array(image.turn) / (math.hypot(*image.turn) or math.nan)
-    turn = np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-                     [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-                     [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])
+    # One of no length is told with other cameras that are no numbers
+    there = 0 < math.hypot(*image.turn) < math.inf
+    turn = turn_matrices(np.array([image.turn]))[0] if there else np.full((3, 3), math.nan)
     return rigid(turn.T, -turn.T @ np.array(image.place))
 
 

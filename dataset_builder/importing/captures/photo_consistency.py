@@ -1,6 +1,7 @@
 """Whether photographs without masks see the same things at the same places, in each way that their matrices may be
 meant."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -79,8 +80,7 @@ def focus_of(poses: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
 
 def _about_focus(images: PosedImages, poses: np.ndarray) -> float:
     focus, radius, _ = focus_of(poses)
-    return mismatch(PosedImages(pixels=images.pixels, poses=poses, focal=images.focal, centre=images.centre), focus,
-                    radius)
+    return mismatch(replace(images, poses=poses), focus, radius)
 
 
 def _few(capture: Capture) -> PosedImages | None:

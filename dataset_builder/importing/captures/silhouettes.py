@@ -5,7 +5,7 @@ it whole is tried, and named.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -53,19 +53,15 @@ def agreement(images: PosedImages, layout: str) -> Agreement:
 
 def _remedies(images: PosedImages, layout: str) -> dict[str, PosedImages]:
     """What to do, and the images after that."""
-    def with_poses(poses: np.ndarray) -> PosedImages:
-        return PosedImages(pixels=images.pixels, poses=poses, focal=images.focal, centre=images.centre)
-
     inverted = images.pixels.copy()
     inverted[..., 3] = 1 - inverted[..., 3]
-    others = {text: with_poses(poses) for text, poses in meanings(images.poses, layout).items()}
+    others = {text: replace(images, poses=poses) for text, poses in meanings(images.poses, layout).items()}
     return {**others,
-            "mirror the images left to right, or negate x of the camera axes": with_poses(
-                images.poses @ np.diag([-1.0, 1, 1, 1])),
-            "mirror the images top to bottom, or negate y of the camera axes": with_poses(
-                images.poses @ np.diag([1.0, -1, 1, 1])),
-            "invert the masks: white is to be the object": PosedImages(
-                pixels=inverted, poses=images.poses, focal=images.focal, centre=images.centre)}
+            "mirror the images left to right, or negate x of the camera axes": replace(
+                images, poses=images.poses @ np.diag([-1.0, 1, 1, 1])),
+            "mirror the images top to bottom, or negate y of the camera axes": replace(
+                images, poses=images.poses @ np.diag([1.0, -1, 1, 1])),
+            "invert the masks: white is to be the object": replace(images, pixels=inverted)}
 
 
 def meanings(poses: np.ndarray, layout: str) -> dict[str, np.ndarray]:

@@ -13,6 +13,7 @@ from dataset_builder.geometry.marching import largest_parts, level_mesh, solid
 from dataset_builder.geometry.mesh import TriangleMesh
 from dataset_builder.geometry.posed_images import PosedImages
 from dataset_builder.geometry.raycast import RayScene
+from dataset_builder.geometry.rough_base import vertex_normals
 from dataset_builder.rendering.buffers import owned
 from dataset_builder.rendering.field.field_look import Look
 from dataset_builder.rendering.field.field_model import GAIN, OUTSIDE, SHIFT, Kind
@@ -87,8 +88,8 @@ def silhouette_iou(mesh: TriangleMesh, images: PosedImages, compared: np.ndarray
     the sum of maxima, over middles of pixels, of which large images have only every so many looked at."""
     scene = RayScene([(mesh.positions, mesh.faces, 1)])
     both = either = 0.0
+    row, column = pixel_grid(images)
     for number in compared:
-        row, column = pixel_grid(images)
         mask = np.asarray(images.pixels[number, row, column, 3], dtype=np.float64)
         hit = scene.first_hit(*images.rays(number, column + 0.5, row + 0.5))[0]
         both, either = both + np.minimum(mask, hit).sum(), either + np.maximum(mask, hit).sum()
@@ -107,10 +108,7 @@ def pixel_grid(images: PosedImages) -> tuple[np.ndarray, np.ndarray]:
 def coloured(mesh: TriangleMesh, look: Look, *, cell: float, white: float) -> TriangleMesh:
     """The mesh with the colours that a field shows at its vertices, seen from outside along the normal; cell: of the
     field, metres."""
-    normals = np.zeros_like(mesh.positions)
-    for corner in range(3):
-        np.add.at(normals, mesh.faces[:, corner], mesh.area_normals)
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+    normals = vertex_normals(mesh)
     origins = mesh.positions + AHEAD * cell * normals
     from_outside, inwards = ([owned(mi.Float, values) for values in array.T.astype(np.float32)]
                              for array in (origins, -normals))

@@ -90,9 +90,9 @@ def take_step(grid: FieldGrid, optimiser: Adam, model: FieldModel, pixels: FitPi
     dr.backward(loss)
     optimiser.step()
     with dr.suspend_grad():
-        shown = displayed(colour) - displayed(target)
+        shown, wanted = (mi.math.linear_to_srgb(dr.clip(each, 0, 1)) for each in (colour, target))
         inside = truth.w > 0.5
-        error = dr.sum(dr.select(inside, dr.squared_norm(shown), 0))
+        error = dr.sum(dr.select(inside, dr.squared_norm(shown - wanted), 0))
         return Losses(total=dr.detach(loss), error=dr.detach(error), inside=3 * dr.sum(mi.Float(inside)))
 
 
@@ -136,9 +136,3 @@ def evenness(grid: FieldGrid, table: mi.Float, kind: Kind, smooth: Smoothness, d
     slope = dr.sqrt(dr.maximum(steep, 1e-8)) * scale
     bent = sum(dr.square(bend * scale) for bend in bends)
     return smooth.eikonal * dr.mean(dr.square(slope - 1)) + smooth.bend * dr.mean(bent) / 3
-
-
-def displayed(colour: mi.Color3f) -> mi.Color3f:
-    """sRGB-encoded, clipped to [0, 1] (IEC 61966-2-1)."""
-    value = dr.clip(colour, 0, 1)
-    return dr.select(value <= 0.0031308, 12.92 * value, 1.055 * dr.power(dr.maximum(value, 1e-6), 1 / 2.4) - 0.055)

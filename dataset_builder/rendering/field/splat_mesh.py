@@ -9,7 +9,7 @@ import numpy as np
 from dataset_builder.errors import UserError
 from dataset_builder.geometry.depth_fusion import fused, lightened
 from dataset_builder.geometry.marching import largest_parts
-from dataset_builder.geometry.pinhole import look_at
+from dataset_builder.geometry.pinhole import Pinhole, sphere_lattice
 from dataset_builder.geometry.posed_images import PosedImages
 from dataset_builder.rendering.buffers import owned
 from dataset_builder.rendering.field.field_mesh import FieldSurface, silhouette_iou
@@ -47,18 +47,13 @@ def splat_surface(sight: Sight, *, centre: np.ndarray, radius: float, cells: int
 
 
 def _cameras(centre: np.ndarray, radius: float, size: int, views: int) -> PosedImages:
-    """Black images of cameras on a Fibonacci sphere that see the ball."""
-    number = np.arange(views) + 0.5
-    polar, azimuth = np.arccos(1 - 2 * number / views), np.pi * (1 + 5**0.5) * number
-    out = np.stack([np.cos(azimuth) * np.sin(polar), np.sin(azimuth) * np.sin(polar), np.cos(polar)], axis=1)
-    poses = np.tile(np.eye(4), (views, 1, 1))
-    for pose, way in zip(poses, out, strict=True):
-        right, up, forward = look_at(way, np.zeros(3))
-        pose[:3, :3] = np.stack([right, -up, forward], axis=1)
-        pose[:3, 3] = centre + way * (ROOM * radius / np.sin(np.radians(FOV / 2)))
-    focal = size / (2 * np.tan(np.radians(FOV / 2)))
-    return PosedImages(pixels=np.zeros((views, size, size, 4), np.float32), poses=poses,
-                       focal=np.full((views, 2), focal), centre=np.full((views, 2), size / 2))
+    """Black images of cameras all around that see the ball."""
+    distance = ROOM * radius / np.sin(np.radians(FOV / 2))
+    cameras = [Pinhole(position=centre + distance * way, target=centre, fov=FOV, width=size, height=size)
+               for way in sphere_lattice(views)]
+    return PosedImages(pixels=np.zeros((views, size, size, 4), np.float32),
+                       poses=np.array([each.opencv_pose for each in cameras]),
+                       focal=np.full((views, 2), cameras[0].focal), centre=np.full((views, 2), size / 2))
 
 
 def seen_along(sight: Sight, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -51,6 +51,20 @@ def test_every_lens_of_colmap_that_is_read(tmp_path: Path, model: str, bend: tup
         assert (lens.focal, lens.centre, lens.bend) == ((30.0, 30.0), (12.0, 8.0), bend)
 
 
+def test_quaternions_of_any_length(tmp_path: Path) -> None:
+    """Doubled, they mean the same; of no length, the camera is no number and told with others, not the whole model."""
+    path = replace(MADE, poses=orbit(3)).write_colmap(tmp_path, binary=False) / "sparse/0/images.txt"
+    before = read_capture(tmp_path)
+    lines = [line.split() for line in path.read_text().splitlines()]
+    cameras = [line for line in lines if len(line) == 10 and line[0] != "#"]
+    cameras[0][1:5] = [repr(2 * float(number)) for number in cameras[0][1:5]]
+    cameras[1][1:5] = ["0"] * 4
+    path.write_text("\n".join(map(" ".join, lines)) + "\n")
+    poses = [shot.pose for shot in read_capture(tmp_path).shots]
+    assert np.allclose(poses[0], before.shots[0].pose, atol=1e-12) and np.isnan(poses[1]).any()
+    assert np.array_equal(poses[2], before.shots[2].pose)
+
+
 @pytest.mark.parametrize("binary", [True, False])
 def test_other_lenses_are_refused_by_name(tmp_path: Path, binary: bool) -> None:
     folder = replace(MADE, poses=orbit(2)).write_colmap(tmp_path / "a", binary=binary, model="OPENCV_FISHEYE")

@@ -111,6 +111,7 @@ def test_deviations_are_over_views_and_within_sequences() -> None:
     found = spread([[1.0, 3.0], [11.0, 13.0], [7.0]])
     assert (found.mean, found.count) == (7.0, 5) and found.within == pytest.approx(sqrt(2))
     assert found.deviation == pytest.approx(np.std([1, 3, 11, 13, 7], ddof=1))
+    assert spread([[1.0, 3.0], [5.0, 5.0]]).within == 1.0
     assert np.isnan(spread([[1.0]]).deviation) and np.isnan(spread([[1.0]]).within) and np.isnan(spread([[]]).mean)
 
 
