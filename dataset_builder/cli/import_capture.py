@@ -21,7 +21,10 @@ if TYPE_CHECKING:
 VERB = "import capture"
 """Parsed as one word."""
 _WORDS = VERB.split()
-MOST_SIZE, MOST_CELLS = 2048, 512
+BOUNDS = {"size": (16, 2048), "resolution": (32, 512), "steps": (10, 100_000)}
+"""Of options, as of the keys of a field in a spec."""
+DEFAULTED = ("frame", "size", "field", "resolution", "steps", "seed")
+"""Options whose defaults are those of `CaptureJob`."""
 
 
 def joined(arguments: Sequence[str]) -> list[str]:
@@ -59,16 +62,16 @@ def add(verbs: common.Verbs) -> None:
     where.add_argument("--ball", metavar="X,Y,Z,R", help="what to take of images without masks, in the capture's frame")
     where.add_argument("--box", metavar="X,Y,Z,X,Y,Z", help="the same, two opposite corners")
     verb.add_argument("--images", metavar="NAME", help="folder of the images of a COLMAP model, such as images_4")
-    verb.add_argument("--frame", type=int, default=0, metavar="N", help="frame of a rig's cameras (default: 0)")
+    verb.add_argument("--frame", type=int, metavar="N", help="frame of a rig's cameras (default: 0)")
     verb.add_argument("--skip-bad", action="store_true", help="leave out images that cannot be used")
-    verb.add_argument("--size", type=common.positive, default=256, metavar="N",
+    verb.add_argument("--size", type=common.positive, metavar="N",
                       help="longest side of the images that are fitted, pixels (default: 256)")
-    verb.add_argument("--field", choices=("density", "sdf"), default="density",
+    verb.add_argument("--field", choices=("density", "sdf"),
                       help="volume density, whose mesh is pitted, or signed distance, smooth (default: density)")
-    verb.add_argument("--resolution", type=common.positive, default=128, metavar="N",
+    verb.add_argument("--resolution", type=common.positive, metavar="N",
                       help="cells along a side of the field (default: 128)")
-    verb.add_argument("--steps", type=common.positive, default=300, metavar="N", help="of the fit (default: 300)")
-    verb.add_argument("--seed", type=int, default=0, help="of the fit (default: 0)")
+    verb.add_argument("--steps", type=common.positive, metavar="N", help="of the fit (default: 300)")
+    verb.add_argument("--seed", type=int, help="of the fit (default: 0)")
     verb.add_argument("--linear", action="store_true",
                       help="colours of splats are linear, whatever their file says (default: as it says)")
     verb.add_argument("--no-sheet", action="store_true", help="draw no contact sheet")
@@ -80,7 +83,7 @@ def _import(options: argparse.Namespace) -> int:
     from dataset_builder.importing.capture_import import import_capture
 
     if options.folder.suffix.lower() in READERS and not options.folder.is_dir():
-        return import_splats.run(options)
+        return import_splats.run(options, _ball(options))
     job = _job(options)
     done = import_capture(job, fit=_fitted(options.backend), picture=None if options.no_sheet else _sheet, told=_told)
     record, console = done.record, common.wide_console()
@@ -102,16 +105,18 @@ def _job(options: argparse.Namespace) -> "CaptureJob":
     if options.distance:
         first, second, metres = options.distance
         distance = first, second, common.numbers("--distance", metres, 1)[0]
-    for name, value, most in (("--size", options.size, MOST_SIZE), ("--resolution", options.resolution, MOST_CELLS)):
-        if value > most:
-            raise UserError(f"{name}: expected at most {most}, got {value}")
+    if options.linear:
+        raise UserError("--linear: expected none with photographs, which are taken to be sRGB; it is for splats")
+    given = {name: value for name in DEFAULTED if (value := getattr(options, name)) is not None}
+    for name, (least, most) in BOUNDS.items():
+        if not least <= given.get(name, least) <= most:
+            raise UserError(f"--{name}: expected {least} to {most}, got {given[name]}")
     return CaptureJob(
         folder=options.folder, out=options.out, name=options.name or (folder.name if folder.is_dir() else folder.stem),
-        licence=options.licence.strip(), category=options.category.strip(), size=options.size, images=options.images,
-        frame=options.frame, ball=_ball(options), yaw=options.yaw, height=options.height, distance=distance,
+        licence=options.licence.strip(), category=options.category.strip(), images=options.images,
+        ball=_ball(options), yaw=options.yaw, height=options.height, distance=distance,
         up=options.up if options.up in ("cameras", "plane") else tuple(common.numbers("--up", options.up, 3)),
-        white=options.white, field=options.field, resolution=options.resolution, steps=options.steps,
-        seed=options.seed, skip=options.skip_bad)
+        white=options.white, skip=options.skip_bad, **given)
 
 
 def _ball(options: argparse.Namespace) -> "Ball | None":
@@ -123,7 +128,6 @@ def _ball(options: argparse.Namespace) -> "Ball | None":
             raise UserError(f"--ball: expected a radius above 0, got {radius:g}")
         return Ball(centre=(x, y, z), radius=radius)
     return boxed(common.numbers("--box", options.box, 6)) if options.box else None
-
 
 
 def _fitted(backend: str) -> "Fit":

@@ -139,7 +139,8 @@ def _noise(options: argparse.Namespace) -> int:
     study = _noise_study(options)
     require(study)
     print(study.sentence, flush=True)
-    for built in Following(common.plain_console()).events(make(study)):
+    shown = Following(common.plain_console())
+    for built in shown.events(make(study, shown.field)):
         for line in rejected_lines(built.manifest.rejected if built.manifest else (), study.dataset):
             print(line)
     passes = count_passes(study)

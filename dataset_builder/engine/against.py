@@ -1,9 +1,10 @@
 """What a build of a spec into a folder would run again, and what changed: from plans alone, before anything renders."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 from dataset_builder.engine.made_by import plan_digest, versions
@@ -51,6 +52,27 @@ class Against:
     passes: Mapping[str, PassRuns]
 
 
+@dataclass(kw_only=True)
+class _Count:
+    """Counts what would run, by key: once, however many examples need it."""
+
+    passes: dict[str, PassRuns] = field(default_factory=dict)
+    known: set[str] = field(default_factory=set)
+    running: set[str] = field(default_factory=set)
+
+    def add(self, name: str, key: str) -> None:
+        """An example has it."""
+        self.passes.setdefault(name, PassRuns()).total += key not in self.known
+        self.known.add(key)
+
+    def run(self, name: str, key: str, changed: Callable[[], list[str]]) -> None:
+        """An example that is to be made needs it, and no earlier build kept it."""
+        if key not in self.running:
+            self.running.add(key)
+            self.passes[name].runs += 1
+            self.passes[name].changed.update(changed())
+
+
 def against(planner: Planner, folder: Path, job: BuildJob) -> Against:
     """Compare the plans of a whole dataset with what is published in `folder` and with the results that the job's store
     keeps. Raises ShardError where a dataset in the folder cannot be read, OutputError where a build would refuse it."""
@@ -59,7 +81,7 @@ def against(planner: Planner, folder: Path, job: BuildJob) -> Against:
     made_by, memory = versions(job.backend, spec), job.memory
     published, old = PublishedExamples(folder), _plans_in(folder)
     shelf, root = job.fields, planner.loaded.path.parent
-    passes, seen, kept, unplanned = dict[str, PassRuns](), set[str](), 0, 0
+    count, kept, unplanned = _Count(), 0, 0
     for plan in _plans(planner):
         if plan is None:
             unplanned += 1
@@ -68,25 +90,14 @@ def against(planner: Planner, folder: Path, job: BuildJob) -> Against:
         kept += same
         before = old.get(_place(plan))
         for task in (task for task in tasks_of(plan) if task.field.kind != "own"):
-            if (key := shelf.key(task)) in seen:
-                continue
-            seen.add(key)
-            runs = passes.setdefault(FIELD, PassRuns())
-            runs.total += 1
+            count.add(FIELD, key := shelf.key(task))
             if not same and not shelf.path(task, root).is_file():
-                runs.runs += 1
-                runs.changed.update(_changed_field(before, task))
+                count.run(FIELD, key, partial(_changed_field, before, task))
         for name in all_passes(plan):
-            inputs = inputs_of(plan, name)
-            if (key := memory.key(plan, name)) in seen:
-                continue
-            seen.add(key)
-            runs = passes.setdefault(name, PassRuns())
-            runs.total += 1
+            count.add(name, key := memory.key(plan, name))
             if not same and not job.store.has(key):
-                runs.runs += 1
-                runs.changed.update(_changed(before, name, inputs))
-    return Against(examples=len(planner.examples), kept=kept, unplanned=unplanned, passes=passes)
+                count.run(name, key, partial(_changed, before, name, inputs_of(plan, name)))
+    return Against(examples=len(planner.examples), kept=kept, unplanned=unplanned, passes=count.passes)
 
 
 def _plans(planner: Planner) -> Iterator[ExamplePlan | None]:

@@ -11,11 +11,12 @@ LEAST_PART = 0.01
 """Parts with fewer triangles than this share of the largest are dropped."""
 
 
-def solid(values: np.ndarray, level: float) -> np.ndarray:
-    """`values`, with all made solid that a cube of 3 cells cannot reach from outside through values below `level`: what
-    no camera sees says nothing of itself, and surfaces have holes. values: (Z, Y, X)."""
+def solid(values: np.ndarray, level: float, seen: np.ndarray | None = None) -> np.ndarray:
+    """`values`, with all made solid that a cube of 3 cells cannot reach from outside through `seen` values below
+    `level`: what no camera sees says nothing of itself, and surfaces have holes. values, seen: (Z, Y, X); without
+    `seen`, all is."""
     cube = np.ones((3, 3, 3), dtype=bool)
-    free = np.pad(values < level, 2, constant_values=True)
+    free = np.pad((values < level) & (True if seen is None else seen), 2, constant_values=True)
     rooms, _ = ndimage.label(ndimage.binary_erosion(free, cube, border_value=1))
     inner = ~ndimage.binary_dilation(rooms == rooms[0, 0, 0], cube)[2:-2, 2:-2, 2:-2]
     # Two cells deep nothing is left of the surface between cells, and holes there would be surfaces of their own

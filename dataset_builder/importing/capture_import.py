@@ -1,6 +1,5 @@
 """A folder of posed photographs to a field with its mesh, and the object spec that names it."""
 
-import re
 import shutil
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
@@ -9,7 +8,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from dataset_builder.assets.field_file import FieldFile, encode
+from dataset_builder.assets.field_file import GREY_CARD, FieldFile, encode, white_of_median
 from dataset_builder.digest import digest
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.files import output_errors, require_writable, write_atomic
@@ -19,20 +18,16 @@ from dataset_builder.importing.captures.find_capture import read_capture
 from dataset_builder.importing.captures.photographs import Ball
 from dataset_builder.importing.captures.pose_checks import camera_notes
 from dataset_builder.importing.captures.review import Reviewed, reviewed, without_blur
-from dataset_builder.importing.captures.settle import moved_poses, settled, spec_text
+from dataset_builder.importing.captures.settle import check_options, moved_poses, settled, spec_text
 from dataset_builder.importing.captures.upright import CapturePlacement, metres_per_unit, turned, up_of
 from dataset_builder.importing.in_place import move, refuse_existing
 from dataset_builder.label.field_record import FieldRecord
 from dataset_builder.lock import locked
 
-GREY = 0.18
-"""Reflectance of what is of median luminance in a photograph: cameras expose the middle of a scene to it."""
 LEAST_PSNR = 22.0
 """dB of images that were held out, below which a field is told to be poor."""
 SIZES = (0.01, 20.0)
 """Metres that an object is expected to be high."""
-SAID = 60
-"""Letters of a category or a licence."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +100,8 @@ def import_capture(job: CaptureJob, *, fit: Fit, picture: Picture | None,
     import goes on. Raises UserError, with nothing written, for whatever is wrong with capture or options, or where a
     file is there already.
     """
-    _check(job)
+    check_options(licence=job.licence, name=job.name, yaw=job.yaw, seed=job.seed, numbers={
+        "--height": job.height, "--white": job.white, "--distance": job.distance and job.distance[2]})
     refuse_existing(job.out, job.files)
     capture = read_capture(job.folder, images=job.images, frame=job.frame)
     scale, scale_said = metres_per_unit(capture, job.distance)
@@ -135,25 +131,6 @@ def import_capture(job: CaptureJob, *, fit: Fit, picture: Picture | None,
     return ImportedCapture(files=tuple(job.out / name for name in names), record=content.record, notes=notes)
 
 
-def _check(job: CaptureJob) -> None:
-    """Raises UserError that tells every option that is none."""
-    def problem(option: str, rule: str, hint: str = "") -> Problem:
-        return Problem(where="", path=option, rule=rule, hint=hint)
-
-    problems = []
-    if not re.fullmatch(r"[A-Za-z0-9.+-]{1,100}", job.licence):
-        problems.append(problem("--licence", "expected the SPDX identifier of the photographs' licence, such as "
-                                f"CC-BY-4.0, got {job.licence or 'none'}"))
-    if not re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}", job.name):
-        problems.append(problem("--name", f"expected letters, digits, _, . and -, got {job.name}"))
-    for option, value in (("--height", job.height), ("--white", job.white),
-                          ("--distance", job.distance and job.distance[2])):
-        if value is not None and not 0 < value < 1e6:
-            problems.append(problem(option, f"expected a number above 0, got {value:g}"))
-    if problems:
-        raise UserError(problems)
-
-
 def _placed(done: Reviewed, job: CaptureJob, scale: float, scale_said: str) -> tuple[CapturePlacement, tuple[str, ...]]:
     """Where the object stands, and what is to be told of the cameras. Where only a height is given, the ball is taken
     for as high, until the mesh is there."""
@@ -164,7 +141,7 @@ def _placed(done: Reviewed, job: CaptureJob, scale: float, scale_said: str) -> t
     turn = turned(up, first.pose[:3, 3] - centre, job.yaw)
     if job.height is not None:
         scale, scale_said = job.height / (2 * done.ball.radius), f"scale from a height of {job.height:g} m"
-    notes = (*done.notes, *(note.text for note in camera_notes(capture, centre, up)), up_said,
+    notes = (*done.notes, *camera_notes(capture, centre, up), up_said,
              f"front as {first.name} sees it" + f", turned by {job.yaw:g} degrees" * bool(job.yaw), scale_said)
     return CapturePlacement(turn=turn, scale=scale, origin=centre), notes
 
@@ -174,9 +151,9 @@ def _white(job: CaptureJob, done: Reviewed) -> tuple[float, str]:
     if job.white is not None:
         return job.white, f"white of the photographs is {job.white:g}, as given"
     median = float(np.median((done.roll.median / done.gains)[list(done.kept)]))
-    white = max(median / GREY, 1e-3)
+    white = white_of_median(median)
     return white, (f"white of the photographs is taken to be {white:.3g}: their median luminance on the object, "
-                   f"{median:.3g}, is taken for a reflectance of {GREY}; --white says better")
+                   f"{median:.3g}, is taken for a reflectance of {GREY_CARD}; --white says better")
 
 
 def _key(job: CaptureJob, done: Reviewed, placement: CapturePlacement, white: float) -> str:

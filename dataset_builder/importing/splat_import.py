@@ -1,14 +1,12 @@
 """A file of splats to a field with its mesh, and the object spec that names it."""
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
 from dataset_builder.assets.field_file import encode
 from dataset_builder.assets.splat_file import upward
-from dataset_builder.errors import Problem, UserError
 from dataset_builder.files import output_errors, require_writable, write_atomic
-from dataset_builder.importing.captures.settle import spec_text
+from dataset_builder.importing.captures.settle import check_options, spec_text
 from dataset_builder.importing.in_place import refuse_existing
 from dataset_builder.label.field_record import FieldRecord
 from dataset_builder.rendering.field.splat_field import CELLS, SplatStance
@@ -63,7 +61,8 @@ class ImportedSplats:
 def import_splats(job: SplatJob) -> ImportedSplats:
     """Write a field and its spec for a file of splats. Raises UserError, with nothing written, for whatever is wrong
     with the file or the options, or where a file is there already."""
-    _check(job)
+    check_options(licence=job.licence, name=job.name, yaw=job.yaw,
+                  numbers={"--height": job.height, "--white": job.white})
     refuse_existing(job.out, job.files)
     require_writable(job.out)
     x, y, z = upward(job.file).tolist()
@@ -84,17 +83,3 @@ def import_splats(job: SplatJob) -> ImportedSplats:
 
 def _axis(up: Vector) -> str:
     return next(f"{'-' if value < 0 else ''}{name}" for name, value in zip("xyz", up, strict=True) if value)
-
-
-def _check(job: SplatJob) -> None:
-    """Raises UserError that tells every option that is none."""
-    wrong = []
-    if not re.fullmatch(r"[A-Za-z0-9.+-]{1,100}", job.licence):
-        wrong.append(("--licence", f"expected an SPDX identifier such as CC-BY-4.0, got {job.licence or 'none'}"))
-    if not re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}", job.name):
-        wrong.append(("--name", f"expected letters, digits, _, . and -, got {job.name}"))
-    for option, value in (("--height", job.height), ("--white", job.white)):
-        if value is not None and not 0 < value < 1e6:
-            wrong.append((option, f"expected a number above 0, got {value:g}"))
-    if wrong:
-        raise UserError([Problem(where="", path=option, rule=rule) for option, rule in wrong])

@@ -35,15 +35,15 @@ class Rates:
     noise: float = 1.6
     """Relative error at one sample per pixel, typical of layers with light by camera paths; goals of accuracy are
     expected to take (noise / error)^2 samples."""
-    image_paths: float = 7e6
+    image_paths: float = 9e6
     """Samples per second and core of images of an object alone, most of which miss it."""
-    seconds_per_image: float = 0.03
+    seconds_per_image: float = 0.05
     """Of such an image, to launch and keep it."""
-    seconds_per_field: float = 3.0
+    seconds_per_field: float = 5.0
     """Before and after the steps of a fit: pixels, hull, mesh, figures."""
-    seconds_per_step: float = 0.01
+    seconds_per_step: float = 0.025
     """Of a fit, whatever its grid."""
-    seconds_per_cell: float = 2.4e-8
+    seconds_per_cell: float = 1.8e-8
     """Of a step of a fit, per cell of its grid."""
     bytes_per_cell: float = 2.0
     """Of a field's file."""

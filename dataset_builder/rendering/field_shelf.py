@@ -66,7 +66,8 @@ class FieldShelf:
 
     def get(self, task: FieldTask, mesh_root: Path) -> FieldFile:
         """A field. Raises UserError where it was not made, or where its file is damaged."""
-        return _read(self.path(task, mesh_root), self.key(task))
+        path = self.path(task, mesh_root)
+        return _read(path, self.key(task), _stamp(path))
 
     def find(self, task: FieldTask, mesh_root: Path) -> FieldFile | None:
         """A field; None where it was not made, or where its file is damaged."""
@@ -79,9 +80,17 @@ NO_SHELF = FieldShelf()
 
 
 @lru_cache(maxsize=KEPT)
-def _read(path: Path, key: str) -> FieldFile:
-    """key: what it was made from, so that another field in its place is read anew."""
+def _read(path: Path, key: str, stamp: tuple[int, int]) -> FieldFile:
+    """key, stamp: what it was made from, and when, so that another file in its place is read anew."""
     return read_field(path)
+
+
+def _stamp(path: Path) -> tuple[int, int]:
+    """When a file was written, in ns, and its bytes; zeros where there is none."""
+    with suppress(OSError):
+        found = path.stat()
+        return found.st_mtime_ns, found.st_size
+    return 0, 0
 
 
 def tasks_of(plan: ExamplePlan) -> tuple[FieldTask, ...]:

@@ -7,18 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from dataset_builder.assets.field_file import FieldFile
+from dataset_builder.assets.field_file import GREY_CARD, FieldFile, white_of_median
 from dataset_builder.assets.file_model import refuse
 from dataset_builder.assets.splat_file import read_splats
 from dataset_builder.digest import digest, sha256_file
 from dataset_builder.errors import UserError
 from dataset_builder.rendering.field.splat_field import CELLS, SplatStance, field_of_splats
 from dataset_builder.tonemap import luminance
-
-GREY = 0.18
-"""Reflectance that the middle of what a capture shows is taken for: cameras expose to it."""
-DARKEST = 1e-3
-"""Least radiance of white that is taken for granted."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -36,7 +31,7 @@ def captured_splats(path: Path, stance: SplatStance, *, srgb: bool | None = None
 
     srgb: whether colours are sRGB-encoded, where that is known better than the file says. white: radiance of white
     paper in the light of the capture; None takes the median luminance of the mesh's colours for a reflectance of
-    `GREY`. Mitsuba's variant is set. Raises UserError where the file cannot be read, or holds no such object.
+    `GREY_CARD`. Mitsuba's variant is set. Raises UserError where the file cannot be read, or holds no such object.
     """
     found = read_splats(path, srgb=srgb)
     asked = {"sha256": sha256_file(path), "stance": asdict(stance), "srgb": srgb, "white": white, "cells": cells}
@@ -51,9 +46,9 @@ def captured_splats(path: Path, stance: SplatStance, *, srgb: bool | None = None
         notes.append(f"{left:,} of {len(found.cloud):,} splats lie outside of the crop, or apart from its largest body")
     if white is None:
         median = float(np.median(luminance(field.mesh.colors[..., :3])))
-        paper = max(median / GREY, DARKEST)
+        paper = white_of_median(median)
         colours = np.append(np.clip(field.mesh.colors[..., :3] / paper, 0, 1), field.mesh.colors[..., 3:], axis=-1)
         field = replace(field, white=paper, mesh=replace(field.mesh, colors=colours))
         notes.append(f"white of the capture is taken to be {paper:.3g}: the median luminance of the object, "
-                     f"{median:.3g}, is taken for a reflectance of {GREY}")
+                     f"{median:.3g}, is taken for a reflectance of {GREY_CARD}")
     return CapturedSplats(field=field, notes=tuple(notes))

@@ -32,7 +32,7 @@ def check_gates(layers: Mapping[str, np.ndarray], gates: GatesSpec, evidence: Ma
     if "mask_rough" in known:
         found += mask_overlap(known["mask"], known["mask_rough"], gates.mask_overlap)
     if "mask_field" in known:
-        found += mask_overlap(known["mask"], known["mask_field"], gates.mask_overlap, "mask_field")
+        found += field_overlap(known["mask"], known["mask_field"], gates.mask_overlap)
     if "s_prime" in known:
         found += s_prime_energy(known["s_prime"], known["mask"], gates.s_prime_energy)
     if set(SPLIT_NEEDS) <= set(known):
@@ -49,12 +49,20 @@ def coverage(mask: np.ndarray, bounds: tuple[float, float]) -> list[Violation]:
     return _within(COVERAGE, "share of the frame under the mask", float(mask.mean(dtype=np.float64)), bounds)
 
 
-def mask_overlap(mask: np.ndarray, other: np.ndarray, least: float, name: str = "mask_rough") -> list[Violation]:
-    """Intersection over union of two soft masks, sum(min) / sum(max), is at least `least`. name: of the other one."""
-    union = float(np.maximum(mask, other).sum(dtype=np.float64))
-    shared = float(np.minimum(mask, other).sum(dtype=np.float64))
+def mask_overlap(mask: np.ndarray, mask_rough: np.ndarray, least: float) -> list[Violation]:
+    """Intersection over union of two soft masks, sum(min) / sum(max), is at least `least`."""
+    union = float(np.maximum(mask, mask_rough).sum(dtype=np.float64))
+    shared = float(np.minimum(mask, mask_rough).sum(dtype=np.float64))
     overlap = shared / union if union else 0.0
-    return _within(OVERLAP, f"intersection over union of mask and {name}", overlap, (least, 1.0))
+    return _within(OVERLAP, "intersection over union of mask and mask_rough", overlap, (least, 1.0))
+
+
+def field_overlap(mask: np.ndarray, mask_field: np.ndarray, least: float) -> list[Violation]:
+    """The share of the mask that the field covers, sum(min) / sum(mask), is at least `least`. What stands before the
+    object hides nothing of a field, so that there may be more of that."""
+    whole = float(mask.sum(dtype=np.float64))
+    covered = float(np.minimum(mask, mask_field).sum(dtype=np.float64)) / whole if whole else 0.0
+    return _within(OVERLAP, "share of mask that mask_field covers", covered, (least, 1.0))
 
 
 def s_prime_energy(s_prime: np.ndarray, mask: np.ndarray, bounds: tuple[float, float]) -> list[Violation]:

@@ -127,8 +127,8 @@ class GatesSpec(Model):
     """Bounds that an example must meet to be included in the dataset."""
 
     mask_overlap: Share = 0.7
-    """Minimum intersection over union of `mask` and `mask_rough`, and of `mask` and `mask_field` where `i_s` is the
-    image of a field."""
+    """Minimum intersection over union of `mask` and `mask_rough`, and minimum share of `mask` that `mask_field` covers
+    where `i_s` is the image of a field."""
     s_prime_energy: Annotated[Interval, interval(0)] = (1e-3, 1e3)
     """Minimum and maximum mean of `s_prime` over the mask."""
     coverage: Annotated[Interval, interval(0, 1)] = (0.01, 0.95)

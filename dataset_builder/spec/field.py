@@ -9,8 +9,10 @@ from pydantic import Field, model_validator
 from dataset_builder.spec.model import Model, broken
 from dataset_builder.spec.numbers import PositiveInt, Share
 
-LEAST_VIEWS = 8
-"""Images below which nothing useful is fitted."""
+LEAST_VIEWS, MOST_VIEWS = 8, 300
+"""Images below which nothing useful is fitted, and what a fit takes at most."""
+MOST_HELD_OUT = 64
+"""Images that a field is measured on at most."""
 
 
 class FieldGatesSpec(Model):
@@ -30,9 +32,9 @@ class FieldSpec(Model):
     field: Literal["density", "sdf"] = "density"
     """density: volume density, as NeRF has it; its mesh is pitted. sdf: signed distance, as NeuS has it; its mesh is
     smooth."""
-    views: Annotated[int, Field(ge=LEAST_VIEWS, le=10_000)] = 100
+    views: Annotated[int, Field(ge=LEAST_VIEWS, le=MOST_VIEWS)] = 100
     """Images that it is fitted to, on a full sphere."""
-    held_out: Annotated[int, Field(ge=1, le=1000)] = 16
+    held_out: Annotated[int, Field(ge=1, le=MOST_HELD_OUT)] = 16
     """Further images that it is measured on."""
     size: Annotated[int, Field(ge=16, le=2048)] = 128
     """Width and height of these images in pixels."""
@@ -66,8 +68,7 @@ class SeenSpec(FieldSpec):
 
     @model_validator(mode="after")
     def _field_asked_for(self) -> "SeenSpec":
-        changed = [name for name, each in type(self).model_fields.items() if getattr(self, name) != each.default]
-        if self.kind == "mesh" and (extra := sorted(changed)):
+        if self.kind == "mesh" and (extra := sorted(self.model_fields_set - {"kind"})):
             raise broken(f"expected `kind: field` beside {', '.join(extra)}, got kind mesh", path=("kind",))
         return self
 

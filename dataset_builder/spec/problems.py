@@ -58,7 +58,7 @@ def nearest(name: str, known: Sequence[str], what: str = "name") -> str:
     if close := get_close_matches(name.rpartition("/")[2], ends, n=1):
         return f"nearest known {what}: {ends[close[0]]}"
     listed = ", ".join(known[:MAX_KNOWN]) + (", ..." if len(known) > MAX_KNOWN else "")
-    several = f"{what[:-1]}ies" if what.endswith("y") else f"{what}s"
+    several = f"{what[:-1]}ies" if what.endswith("y") and not what.endswith("ey") else f"{what}s"
     return f"known {several}: {listed}" if known else ""
 
 

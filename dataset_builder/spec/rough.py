@@ -215,6 +215,15 @@ class RoughSpec(Model):
                          "one out)", path=(ways[-1] if ways else "sigma",))
         return self
 
+    @model_validator(mode="after")
+    def _different_fields(self) -> "RoughSpec":
+        made = [field.model_dump(exclude={"gates"}) for field in self.fields]
+        for number, each in enumerate(made):
+            if each in made[:number]:
+                raise broken("expected fields that differ in more than their gates, since equal ones give equal "
+                             f"examples, got the field of fields[{made.index(each)}]", path=("fields", number))
+        return self
+
     @property
     def levels(self) -> tuple[Level, ...]:
         """The noise levels, one or more."""

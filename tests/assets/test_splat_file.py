@@ -215,3 +215,16 @@ def test_damage_ends_in_a_cloud_or_a_clear_error(tmp_path: Path, suffix: str, cu
         return
     assert len(cloud) and np.isfinite(cloud.harmonics).all() and (cloud.scales > 0).all()
     assert np.allclose(np.linalg.norm(cloud.turns, axis=1), 1, atol=1e-5)
+
+
+def test_columns_that_are_not_read_are_told(tmp_path: Path) -> None:
+    """Such as the filter of Mip-Splatting, without which splats look otherwise."""
+    path = tmp_path / "a.ply"
+    write_ply(path, ball(20, degree=1))
+    assert not any("not taken" in note for note in read_splats(path).notes)
+    whole = path.read_bytes()
+    path.write_bytes(whole.replace(b"float nx\n", b"float filter_3D\n"))
+    assert "columns filter_3D, not taken" in read_splats(path).notes
+    path.write_bytes(whole.replace(b"float f_rest_8\n", b"float other\n"))
+    with pytest.raises(UserError, match="expected three channels of harmonics, got 8 columns f_rest_"):
+        read_splats(path)

@@ -36,7 +36,8 @@ class Stub:
         faces = np.array([[0, 1, 3], [4, 6, 7], [0, 4, 5], [2, 3, 7], [0, 2, 6], [1, 5, 7]])
         mesh = TriangleMesh(positions=corners + ball.centre, faces=faces, uvs=np.zeros((6, 3, 2)), material=np.zeros(6))
         return FieldFile(record=RECORD.model_copy(update={"key": key, "psnr": 21.0}), mesh=mesh, centre=ball.centre,
-                         radius=ball.radius, white=white, grid=np.zeros((4, 4, 4, 4), np.float32))
+                         radius=ball.radius, white=white, grid=np.zeros((4, 4, 4, 4), np.float32),
+                         numbers={"scale": white})
 
 
 @pytest.fixture(scope="module")
@@ -182,7 +183,12 @@ def test_without_masks_the_record_says_so(tmp_path: Path, stub: Stub) -> None:
     (("--ball", "0,0,0,nan"), "--ball: expected 4 numbers"), (("--ball", "0,0,0,-1"), "expected a radius above 0"),
     (("--box", "0,0,0,1,1,0"), "--box: expected two opposite corners"),
     (("--distance", "a", "b", "far"), "--distance: expected 1 number, got far"),
-    (("--size", "9999"), "--size: expected at most 2048, got 9999"), ((), "expected a length"),
+    (("--yaw", "nan", "--height", "1"), "--yaw: expected a number of degrees, got nan"),
+    (("--seed", "-1", "--height", "1"), "--seed: expected a whole number from 0 to 2**64 - 1, got -1"),
+    (("--size", "9999"), "--size: expected 16 to 2048, got 9999"), ((), "expected a length"),
+    (("--resolution", "8"), "--resolution: expected 32 to 512, got 8"),
+    (("--steps", "9"), "--steps: expected 10 to 100000, got 9"),
+    (("--linear",), "--linear: expected none with photographs"),
 ])
 def test_the_command_line_tells_what_is_wrong(written: Path, options: tuple[str, ...], rule: str, tmp_path: Path,
                                               capsys: pytest.CaptureFixture[str]) -> None:

@@ -62,7 +62,13 @@ def test_linear_colours(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("more", "told"), [
     (["--ball", "9,9,9,1"], "crop: expected it to hold splats"), (["--ball", "9,9,9"], "expected 4 numbers"),
-    (["--distance", "a", "b", "1"], "it is for photographs"), (["--up", "0,0,0"], "up: expected a direction"),
+    (["--yaw", "inf"], "--yaw: expected a number of degrees, got inf"),
+    (["--no-sheet"], "--no-sheet: expected none"),
+    (["--distance", "a", "b", "1"], "it is for photographs"), (["--steps", "300"], "--steps: expected none"),
+    (["--seed", "0"], "--seed: expected none"), (["--frame", "0"], "--frame: expected none"),
+    (["--resolution", "5000"], "--resolution: expected 16 to 512, got 5000"),
+    (["--ball", "0,0,0,-1"], "expected a radius above 0"), (["--box", "0,0,0,1,1,0"], "--box: expected two opposite"),
+    (["--up", "0,0,0"], "up: expected a direction"),
     (["--height", "-1"], "--height: expected a number above 0"), (["--name", "../a"], "--name: expected letters")])
 def test_mistakes_are_told_and_leave_nothing(scene: Path, tmp_path: Path, more: list[str], told: str,
                                              capsys: pytest.CaptureFixture[str]) -> None:

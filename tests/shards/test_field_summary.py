@@ -16,9 +16,9 @@ SDF, OWN = FieldPlan(kind="sdf", views=50), FieldPlan(kind="own")
 
 
 def record(key: str, kind: str = "density", psnr: float = 30.0, **figures: float) -> FieldRecord:
-    plain = {"truth": True, "views": 50, "held_out": 8, "width": 64, "resolution": 48, "psnr_worst": psnr - 5, "ssim": 0.9,
-             "opacity_iou": 0.9, "silhouette_iou": 0.9, "level": 0.1, "bodies": 1, "bodies_dropped": 0, "depth_95": 0.1,
-             "loss": 0.1}
+    plain = {"truth": True, "views": 50, "held_out": 8, "width": 64, "resolution": 48, "psnr_worst": psnr - 5,
+             "ssim": 0.9, "opacity_iou": 0.9, "silhouette_iou": 0.9, "level": 0.1, "bodies": 1, "bodies_dropped": 0,
+             "depth_95": 0.1, "loss": 0.1}
     return FieldRecord.model_validate({**plain, "key": key, "kind": kind, "psnr": psnr, **figures})
 
 

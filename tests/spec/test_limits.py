@@ -8,6 +8,8 @@ from time import perf_counter
 import pytest
 
 from dataset_builder.errors import SpecError
+from dataset_builder.rendering.field import field_figures, field_pixels
+from dataset_builder.spec import field
 from dataset_builder.spec.load import MOST_BYTES, MOST_NODES, load_dataset, read_document, read_text
 
 SECONDS = 15.0
@@ -88,6 +90,13 @@ def test_limits_of_keys(tiny, extra: str, message: str) -> None:
     ("splits.train.objects.count=18446744073709551615", "objects.count: expected <= 1000000"),
     ("splits.train.views=18446744073709551615", "views: expected <= 1000000"),
     ("splits.train.views=1000000", "splits: expected at most 1000000 examples of all splits together, got "),
+    ("splits.train.source={kind: field, views: 301}", "source.views: expected <= 300, got 301"),
+    ("splits.train.source={kind: field, held_out: 65}", "source.held_out: expected <= 64, got 65"),
+    ("splits.train.source={field: density}", "source.kind: expected `kind: field` beside field, got kind mesh"),
+    ("splits.train.source={kind: mesh, views: 100}", "source.kind: expected `kind: field` beside views, got kind mesh"),
+    ("rough.fields=[{}, {field: sdf}, {gates: {psnr: 1}}]",
+     r"rough.fields\[2\]: expected fields that differ .* got the field of fields\[0\]"),
+    ("splits.train.oddly=1", r"expected no such key, got 1 \(known keys: "),
     (".".join("a" * 3000) + "=1", "expected a path of at most 40 keys, got 3000"),
     ("splits.train.objects.from=[" + "x" * 300 + ".yaml]", "expected a spec file, found none"),
 ])
@@ -111,3 +120,7 @@ GLTF = '{"asset": {"version": "2.0"}, '
 def test_meshes_are_files(tiny, name: str, content: str, message: str) -> None:
     with pytest.raises(SpecError, match=message):
         load_dataset(tiny(**{"objects/chair.yaml": f"file: {name}\n", f"objects/{name}": content}))
+
+
+def test_fields_use_all_images_that_a_spec_may_ask_for() -> None:
+    assert (field.MOST_VIEWS, field.MOST_HELD_OUT) == (field_pixels.MOST_IMAGES, field_figures.MOST_HELD_OUT)

@@ -4,6 +4,7 @@ Scales are logarithms, opacities are logits, quaternions are w x y z and of any 
 first those of red, then of green, then of blue.
 """
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,8 @@ from dataset_builder.digest import open_regular
 from dataset_builder.spec.file_reference import MOST_BYTES
 from dataset_builder.spec.ply_references import MOST_HEADER, PlyHeader, ply_header
 
+TAKEN = re.compile(r"[xyz]|n[xyz]|f_dc_\d|f_rest_\d+|opacity|scale_[012]|rot_[0123]")
+"""Columns that are read, and normals, which trainers write as zeros."""
 FLAT = -20.0
 """Logarithm of the third scale of splats that have two."""
 
@@ -32,13 +35,17 @@ def read(path: Path) -> SplatFile:
     tables = ply_tables(path, content_of(path), header)
     vertex = tables.get("vertex", {})
     rest = sum(name.startswith("f_rest_") for name in vertex)
-    check_harmonics(path, rest // 3 + 1 if rest % 3 == 0 else -1, "f_rest")
+    if rest % 3:
+        refuse(path, f"expected three channels of harmonics, got {rest} columns f_rest_")
+    check_harmonics(path, rest // 3 + 1, "f_rest")
     third = "scale_2" in vertex
     scales = _columns(path, vertex, "scale_", 3 if third else 2)
     dc, higher = _columns(path, vertex, "f_dc_", 3), _columns(path, vertex, "f_rest_", rest)
     harmonics = np.concatenate([dc[:, None], higher.reshape(len(dc), 3, rest // 3).transpose(0, 2, 1)], axis=1)
     others = sorted({*tables} - {"vertex"})
+    spare = sorted(name for name in vertex if not TAKEN.fullmatch(name))
     notes = [*([f"elements {', '.join(others)}, not taken"] if others else []),
+             *([f"columns {', '.join(spare)}, not taken"] if spare else []),
              *([] if third else ["splats of two scales, which are flat"])]
     with np.errstate(all="ignore"):
         if not third:

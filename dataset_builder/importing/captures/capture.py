@@ -116,6 +116,9 @@ def find_mask(image: Path, images: Path, masks: Path) -> Path | None:
 
 def inside(folder: Path, name: str, where: str) -> Path:
     """A file that a capture names. Raises UserError for a path that leads out of its folder."""
+    if "\\" in name and not (folder / name).exists():
+        # As Windows writes paths
+        name = name.replace("\\", "/")
     path = folder / name
     if "\0" in name or Path(name).is_absolute() or ".." in Path(name).parts:
         raise problem(where, f"expected the path of a file in {folder.name}, got {json.dumps(name)[:80]}",

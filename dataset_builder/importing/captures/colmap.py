@@ -4,7 +4,6 @@ import math
 import struct
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
 from typing import IO, Any
 
@@ -107,7 +106,7 @@ def _lines(path: Path) -> Iterator[str]:
     with open_regular(path) as stream:
         for line in stream:
             if not line.startswith(b"#"):
-                yield line.decode("utf-8", errors="replace").strip()
+                yield line.decode("utf-8", errors="replace").strip().removeprefix("\ufeff")
 
 
 def _cameras_txt(path: Path) -> Iterator[tuple[int, Lens]]:
@@ -117,15 +116,24 @@ def _cameras_txt(path: Path) -> Iterator[tuple[int, Lens]]:
 
 
 def _images_txt(path: Path) -> Iterator[_Image]:
-    """Every second line lists points of the image, and may be empty."""
+    """Every second line lists points of the image, x, y and number of each, and may be empty."""
     lines = _lines(path)
     for line in lines:
         words = line.split(maxsplit=9)
+        if not words:
+            continue
         if len(words) < 10:
             raise ValueError(f"the line {line[:60]!r} of images.txt")
         turn = tuple(map(float, words[1:8]))
         yield _Image(name=words[9], camera=int(words[8]), turn=turn[:4], place=turn[4:])
-        next(islice(lines, 1), None)
+        points = next(lines, "").split()
+        if points and (len(points) % 3 or not _is_number(points[-1])):
+            raise problem(path, f"expected the points of image {words[9]} in the line after it, or an empty line, got "
+                          f"{' '.join(points)[:60]}", "put an empty line after each image")
+
+
+def _is_number(word: str) -> bool:
+    return word.removeprefix("-").isdecimal()
 
 
 def _points_txt(path: Path) -> Iterator[tuple[int, tuple[float, float, float]]]:

@@ -23,11 +23,17 @@ def read_capture(folder: Path, *, images: str | None = None, frame: int = 0) -> 
                       f"mkdir -p FOLDER/images; ffmpeg -i {folder} -vf fps=2 FOLDER/images/%05d.png; {RECONSTRUCT}")
     if not folder.is_dir():
         raise problem(folder, "expected a folder of photographs with their poses, found none")
-    if (folder / CALIBRATION).is_file():
+    rig = (folder / CALIBRATION).is_file()
+    colmap = not rig and not transforms_file(folder) and model_folder(folder)
+    for option, given, fits, of in (("--images", images, colmap, "a COLMAP model"), ("--frame", frame, rig, "a rig")):
+        if given and not fits:
+            raise problem(folder, f"expected {of} where this option is given, got another capture", "leave it out",
+                          path=option)
+    if rig:
         found = read_actors_hq(folder, frame)
     elif transforms_file(folder):
         found = read_transforms(folder)
-    elif model_folder(folder):
+    elif colmap:
         found = read_colmap(folder, images)
     else:
         raise problem(folder, f"expected poses ({POSES}), found none", RECONSTRUCT)

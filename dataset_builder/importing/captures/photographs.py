@@ -1,5 +1,6 @@
 """A photograph to linear pixels of a pinhole camera: decoded, cut to what it is of, undistorted, averaged."""
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +23,8 @@ IN = 0.5
 """Mask from which a pixel is the object's."""
 LEAST, MOST = 0.01, 0.9
 """Shares of the frame that a mask may have."""
+COVER_SIDE = 256
+"""Side that coverage is looked at with, pixels."""
 BORDER = 24
 """Places along each side of a window that are looked at."""
 SHRINK = 0.97
@@ -57,6 +60,13 @@ def header_of(image: Path) -> tuple[tuple[int, int], bool]:
     """(width, height) and whether there is coverage, from the image's header. Raises UserError."""
     with opened_image(ImageFile(name=str(image), content=image)) as opened:
         return opened.size, bool(opened.has_transparency_data)
+
+
+def is_covered(image: Path) -> bool:
+    """Whether an image has coverage that is not 1 everywhere. Raises UserError where it cannot be read."""
+    if not header_of(image)[1]:
+        return False
+    return bool(_decoded(image, COVER_SIDE, srgb=False)[0][..., 3].min() < 1)
 
 
 def frame_size(sizes: list[tuple[int, int]], long: int) -> tuple[int, int]:
@@ -196,12 +206,19 @@ def median_luminance(pixels: np.ndarray) -> float:
 
 def file_faults(shot: CaptureShot) -> list[Problem]:
     """What is wrong with a shot's files, as far as headers tell."""
+    gone = [path for path in (shot.image, shot.mask) if path is not None and not os.path.exists(path)]
+    if gone:
+        return [Problem(where=str(path), path="", rule="expected a file that the capture names, found none",
+                        hint="put it back; capital letters count, in endings too") for path in gone]
     try:
         (width, height), _ = header_of(shot.image)
         mask = header_of(shot.mask)[0] if shot.mask else (width, height)
     except UserError as error:
         return list(error.problems)
     known, faults = shot.lens.size, []
+    if min(known) <= 0:
+        return [Problem(where=f"{shot.image}: camera", path="", rule="expected an image size above 0, got "
+                        f"{known[0]} x {known[1]}", hint="calibrate it again")]
     if abs(width * known[1] - height * known[0]) > known[0] + known[1]:
         hint = ("it was turned after calibration; turn it back" if (height, width) == known else
                 "take the images that were calibrated, neither cropped nor padded")

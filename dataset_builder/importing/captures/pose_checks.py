@@ -1,7 +1,6 @@
 """What can be said of a capture before a pixel is read: numbers of its cameras, files, and where cameras stand."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,13 +14,6 @@ STRAY = 1e-3
 """How far the determinant of a rotation may be from 1."""
 WIDEST = 60.0
 """Degrees between neighbouring cameras, seen from above, from which the side between is told to be a guess."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Note:
-    """Something that was measured and is to be told, but does not stop an import."""
-
-    text: str
 
 
 def pose_faults(shot: CaptureShot) -> list[Problem]:
@@ -71,15 +63,16 @@ def too_few(count: int, where: str) -> list[Problem]:
                     hint="photograph the object from all around, 50 to 200 times")] if count < FEWEST else []
 
 
-def camera_notes(capture: Capture, centre: np.ndarray, up: np.ndarray) -> list[Note]:
-    """How many images there are, and the widest gap between cameras around the object, seen from above."""
+def camera_notes(capture: Capture, centre: np.ndarray, up: np.ndarray) -> list[str]:
+    """What is to be told of the cameras, but does not stop an import: that they are few, and the widest gap between
+    them around the object, seen from above."""
     notes = []
     if len(capture.shots) < FEW:
-        notes.append(Note(text=f"{len(capture.shots)} images; below {FEW} a field guesses much"))
+        notes.append(f"{len(capture.shots)} images; below {FEW} a field guesses much")
     gap = widest_gap(np.array([shot.pose[:3, 3] for shot in capture.shots]) - centre, up)
     if gap > WIDEST:
-        notes.append(Note(text=f"{gap:.0f} degrees around the object have no camera (more than {WIDEST:.0f}); what is "
-                          "seen from there only is a guess"))
+        notes.append(f"{gap:.0f} degrees around the object have no camera (more than {WIDEST:.0f}); what is seen from "
+                     "there only is a guess")
     return notes
 
 

@@ -12,7 +12,7 @@ from dataset_builder.importing.captures.capture import Capture, listed
 from dataset_builder.importing.captures.darkroom import Roll, developed
 from dataset_builder.importing.captures.photo_checks import HIGH, LOW, blurred, drifting, gains
 from dataset_builder.importing.captures.photo_consistency import check_consistency, focus_of
-from dataset_builder.importing.captures.photographs import LEAST, MOST, Ball, header_of
+from dataset_builder.importing.captures.photographs import LEAST, MOST, Ball, header_of, is_covered
 from dataset_builder.importing.captures.pose_checks import FEWEST, shortened, shot_faults, too_few
 from dataset_builder.importing.captures.silhouettes import (
     ENOUGH,
@@ -59,6 +59,9 @@ def reviewed(capture: Capture, where: str, *, size: int, ball: Ball | None, skip
     notes = list[str]()
     capture = _usable(capture, shot_faults(capture), where, skip, notes)
     masked = _masked(capture, where)
+    if masked and ball is not None:
+        notes.append("the ball or box that is given is not used: what the masks show is taken")
+        ball = None
     if not masked:
         apart = check_consistency(capture, ball, where)
         ball = ball or focus_ball(capture, where)
@@ -68,9 +71,9 @@ def reviewed(capture: Capture, where: str, *, size: int, ball: Ball | None, skip
         notes.append(f"no masks: what is seen within {ball.radius:.3g} units of {_place(ball)} is taken with its "
                      "background, which was not removed")
     roll = developed(capture, size, ball, work, told)
-    faults = [[*roll.faults[index], *(_mask_faults(roll, index, capture) if masked and not roll.faults[index] else [])]
-              for index in range(len(roll.share))]
+    faults = [[*each] or _mask_faults(roll, index, capture, masked) for index, each in enumerate(roll.faults)]
     _usable(capture, faults, where, skip, notes)
+    notes += _same(roll)
     good = [index for index, each in enumerate(faults) if not each]
     if not masked:
         assert ball is not None
@@ -102,8 +105,12 @@ def _usable(capture: Capture, faults: list[list[Problem]], where: str, skip: boo
 
 
 def _masked(capture: Capture, where: str) -> bool:
-    """Whether images have masks. Raises UserError where some have, and others not."""
+    """Whether images have masks. Alpha is none where it is opaque all over the first image. Raises UserError where some
+    have masks, and others not."""
     without = [shot for shot in capture.shots if shot.mask is None and not header_of(shot.image)[1]]
+    alpha = [shot for shot in capture.shots if shot.mask is None]
+    if not without and alpha == [*capture.shots] and not is_covered(alpha[0].image):
+        return False
     if without and len(without) < len(capture.shots):
         raise UserError([Problem(where=where, path="", rule="expected masks (or alpha) for all images or for none, got "
                                  f"none for {len(without)}: {listed(shot.name for shot in without)}",
@@ -127,8 +134,20 @@ def _place(ball: Ball) -> str:
     return f"({', '.join(f'{value:.3g}' for value in ball.centre)})"
 
 
-def _mask_faults(roll: Roll, index: int, capture: Capture) -> list[Problem]:
+def _same(roll: Roll) -> list[str]:
+    """What is to be told of photographs that are there more than once."""
+    first = dict(zip(reversed(roll.seals), reversed(roll.images.names), strict=True))
+    again = [f"{name} and {first[seal]}" for seal, name in zip(roll.seals, roll.images.names, strict=True)
+             if seal and first[seal] != name]
+    return [f"{len(again)} images are copies of others, byte for byte: {listed(again)}"] if again else []
+
+
+def _mask_faults(roll: Roll, index: int, capture: Capture, masked: bool) -> list[Problem]:
     shot, share = capture.shots[index], roll.share[index]
+    if not masked:
+        return [] if share > 0 else [Problem(
+            where=str(shot.image), path="", rule="expected an image that shows what is to be taken, got one that sees "
+            "nothing of the ball or box", hint="give another --ball or --box, or leave the image out")]
     if LEAST <= share <= MOST:
         return []
     return [Problem(where=str(shot.mask or shot.image), path="", rule=f"expected a mask of {LEAST:.0%} to {MOST:.0%} "

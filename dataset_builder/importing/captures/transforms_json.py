@@ -89,9 +89,7 @@ def _read(path: Path) -> Capture:
     shots = []
     for index, frame in enumerate(file.frames):
         image = _image(path, frame.file_path)
-        masks = path.parent / image.parent.name.replace("images", "masks")
-        mask = inside(path.parent, frame.mask_path, str(path)) if frame.mask_path else find_mask(
-            image, image.parent, masks if masks != image.parent else path.parent / "masks")
+        mask = inside(path.parent, frame.mask_path, str(path)) if frame.mask_path else _mask(path.parent, image)
         shots.append(CaptureShot(name=image.relative_to(path.parent).as_posix(), image=image, mask=mask,
                                  lens=_lens(file, frame, image, f"{path}: frames[{index}]"),
                                  pose=undo @ _matrix(frame.transform_matrix) @ OPENGL))
@@ -105,6 +103,18 @@ def _matrix(rows: list[list[float]]) -> np.ndarray:
     return np.vstack([matrix[:3], [0.0, 0.0, 0.0, 1.0]])
 
 
+def _mask(folder: Path, image: Path) -> Path | None:
+    """In `masks_4` beside `images_4`, or else in `masks`, where images below `images` are below it likewise."""
+    first, *rest = image.relative_to(folder).parts
+    images = folder / first if rest else folder
+    masks = folder / first.replace("images", "masks")
+    if masks == images or not masks.is_dir():
+        masks = folder / "masks"
+    found = find_mask(image, images, masks)
+    beside = find_mask(image, image.parent, masks)
+    return beside if beside and beside.is_file() and not (found and found.is_file()) else found
+
+
 def _image(path: Path, name: str) -> Path:
     image = inside(path.parent, name, str(path))
     others = (image.with_name(image.name + ending) for ending in ENDINGS)
@@ -113,7 +123,14 @@ def _image(path: Path, name: str) -> Path:
 
 def _lens(file: _Transforms, frame: _Frame, image: Path, where: str) -> Lens:
     """Of a frame; what it does not say, the file says for all."""
-    said = {**file.model_dump(exclude_none=True), **frame.model_dump(exclude_none=True)}
+    own = frame.model_dump(exclude_none=True)
+    said = {**file.model_dump(exclude_none=True), **own}
+    for angle, length in (("camera_angle_x", "fl_x"), ("camera_angle_y", "fl_y")):
+        if angle in own and length not in own:
+            said.pop(length, None)
+        if not 0 < said.get(angle, 1.0) < math.pi and not said.get(length):
+            raise problem(where, f"expected an angle between 0 and pi radians, got {said[angle]:g}",
+                          "convert degrees to radians", path=angle)
     model = str(said.get("camera_model", READ[0]))
     if model not in READ or said.get("is_fisheye") or said.get("k3") or said.get("k4"):
         raise problem(where, f"expected a camera model of {', '.join(READ)} without k3 and k4, got {model[:40]}",

@@ -27,8 +27,6 @@ class CapturePlacement:
     """Metres per unit of the capture."""
     origin: np.ndarray
     """(3,) in the capture's frame, which becomes (0, 0, 0)."""
-    said: tuple[str, ...] = ()
-    """Where up, front and scale come from, for people."""
 
     def points(self, points: np.ndarray) -> np.ndarray:
         """(..., 3) metres of (..., 3) points of the capture."""

@@ -8,10 +8,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from dataset_builder.assets.field_file import CHANNELS
 from dataset_builder.rendering.buffers import owned
-
-CHANNELS = 4
-"""Of a cell: density or nearness to the surface, red, green, blue. A cell without a row is 0, which is empty."""
 
 
 @dataclass(kw_only=True, eq=False)

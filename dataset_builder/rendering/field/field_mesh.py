@@ -17,6 +17,7 @@ from dataset_builder.rendering.buffers import owned
 from dataset_builder.rendering.field.field_look import Look
 from dataset_builder.rendering.field.field_model import GAIN, OUTSIDE, SHIFT, Kind
 from dataset_builder.rendering.field.field_pixels import chosen_images
+from dataset_builder.rendering.field.field_sight import seen_cells
 
 LEVELS = (0.05, 0.1, 0.2, 0.3, 0.5)
 """Opacities of a cell of density that are tried."""
@@ -26,6 +27,8 @@ FINEST = 128
 """Pixels along the longer side of an image that are compared."""
 AHEAD = 3.0
 """Cells before the surface from which its colour is looked at."""
+INSIDE = 5.0
+"""Optical depth of a cell inside of a surface."""
 FAINT = 0.25
 """Opacity below which a colour is not divided by it any further."""
 
@@ -48,10 +51,11 @@ def surface_of(values: np.ndarray, kind: Kind, images: PosedImages, chosen: np.n
     """The surface of a grid (R, R, R) of first values at the level whose silhouette the masks of images agree with
     best. Raises UserError where there is none at any level."""
     compared = chosen[chosen_images(len(chosen), COMPARED)]
+    seen = seen_cells(optical_of(values, kind), images, chosen, centre=centre, radius=radius)
     best: FieldSurface | None = None
     for level in LEVELS if kind == "density" else (0.0,):
         raw = density_of(level) if kind == "density" else OUTSIDE
-        whole = level_mesh(solid(values, raw), raw, 2 / len(values))
+        whole = level_mesh(solid(values, raw, seen), raw, 2 / len(values))
         if whole is None:
             continue
         bare, bodies, dropped = largest_parts(whole)
@@ -64,6 +68,13 @@ def surface_of(values: np.ndarray, kind: Kind, images: PosedImages, chosen: np.n
         raise UserError(f"{where}: expected a field with a surface, got none at opacities of {LEVELS[0]} to "
                         f"{LEVELS[-1]} per cell (check masks and cameras, or take more steps)")
     return best
+
+
+def optical_of(values: np.ndarray, kind: Kind) -> np.ndarray:
+    """Optical depth of cells of first values, a cell long; inside of a distance field all of it."""
+    if kind == "sdf":
+        return np.where(values >= OUTSIDE, INSIDE, 0.0)
+    return np.where(values > 0, np.logaddexp(0, GAIN * values + SHIFT), 0.0)
 
 
 def density_of(opacity: float) -> float:

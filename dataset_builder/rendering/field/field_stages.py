@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
+from dataset_builder.assets.field_file import CHANNELS
 from dataset_builder.geometry.marching import solid
-from dataset_builder.rendering.field.field_grid import CHANNELS, resampled
+from dataset_builder.rendering.field.field_grid import resampled
 from dataset_builder.rendering.field.field_mesh import density_of
 from dataset_builder.rendering.field.field_model import (
     FIRST_COLOUR,

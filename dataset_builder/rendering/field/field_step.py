@@ -8,7 +8,8 @@ import drjit as dr
 import mitsuba as mi
 from drjit.opt import Adam
 
-from dataset_builder.rendering.field.field_grid import CHANNELS, FieldGrid
+from dataset_builder.assets.field_file import CHANNELS
+from dataset_builder.rendering.field.field_grid import FieldGrid
 from dataset_builder.rendering.field.field_model import UNIT, FieldModel, Kind, radiance, weights
 from dataset_builder.rendering.field.field_pixels import FitPixels
 from dataset_builder.seeding import derive_seed

@@ -10,9 +10,10 @@ import mitsuba as mi
 import numpy as np
 from drjit.opt import Adam
 
+from dataset_builder.assets.field_file import CHANNELS
 from dataset_builder.errors import UserError
 from dataset_builder.rendering.buffers import owned
-from dataset_builder.rendering.field.field_grid import CHANNELS, FieldGrid
+from dataset_builder.rendering.field.field_grid import FieldGrid
 from dataset_builder.rendering.field.field_model import FieldModel
 from dataset_builder.rendering.field.field_pixels import FitPixels
 from dataset_builder.rendering.field.field_stages import FitStage, first_begin, next_begin

@@ -1,12 +1,13 @@
 """The study of noise: one spec at several levels, built as any dataset is, and how often each pass ran for it."""
 
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 from dataset_builder.builder import Event, build
+from dataset_builder.engine.field_tasks import FieldNews
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.layers import PAPER_LAYERS
 from dataset_builder.lightnet.data.truth import problem_of
@@ -118,10 +119,11 @@ def _lacking(study: NoiseStudy) -> Iterator[Problem]:
                           "the levels of the study, got r3dm besides")
 
 
-def make(study: NoiseStudy) -> Iterator[Event]:
-    """Build the dataset at all levels, or go on with it; news as of any build. Raises UserError as a build does."""
+def make(study: NoiseStudy, told: Callable[[FieldNews], None] = lambda news: None) -> Iterator[Event]:
+    """Build the dataset at all levels, or go on with it; news as of any build, `told` included. Raises UserError as a
+    build does."""
     require(study)
-    yield from build(study.loaded, study.dataset, backend=study.backend, workers=study.workers)
+    yield from build(study.loaded, study.dataset, backend=study.backend, workers=study.workers, told=told)
 
 
 def level_name(level: int) -> str:

@@ -168,11 +168,11 @@ def test_all_faults_of_cameras_and_files_are_told_at_once(copied: Path, tmp_path
     said = refused(copied, tmp_path / "work").splitlines()
     for name, rule in (("view_000.png: camera", "expected finite numbers, got NaN"),
                        ("view_001.png: camera", "got -1.0000: a mirrored camera"),
-                       ("view_002.png: camera", "got 8.0000"), ("images/view_003.png", "No such file"),
+                       ("view_002.png: camera", "got 8.0000"), ("images/view_003.png", "found none (put it back"),
                        ("images/view_004.png", "expected a readable image"),
                        ("images/view_005.png", "expected an image of the calibration's shape, 64 x 64, got 40 x 64"),
                        ("masks/view_006.png", "expected a mask of the image's size, 64 x 64, got 32 x 32"),
-                       ("masks/view_007.png", "No such file"),
+                       ("masks/view_007.png", "found none (put it back"),
                        ("view_009.png: camera", "focal lengths above 0, got -1"),
                        ("images/view_011.png", "got two poses of this one")):
         assert any(name in line and rule in line for line in said), (name, rule, said)
@@ -214,7 +214,7 @@ def test_five_images_are_too_few_and_ten_are_few(tmp_path: Path) -> None:
     Made(poses=orbit(5)).write_transforms(tmp_path / "a")
     assert "expected at least 8 usable images, got 5" in refused(tmp_path / "a", tmp_path / "work")
     found = review(Made(poses=orbit(10)).write_transforms(tmp_path / "b"), tmp_path / "work")
-    notes = [note.text for note in camera_notes(found.capture, MIDDLE, np.array([0, 0, 1.0]))]
+    notes = camera_notes(found.capture, MIDDLE, np.array([0, 0, 1.0]))
     assert notes == ["10 images; below 20 a field guesses much"]
 
 
@@ -304,7 +304,7 @@ def test_the_widest_gap_is_measured() -> None:
     offsets = np.stack([np.cos(angles), np.sin(angles), [3.0, 1, 2, 0]], axis=1) @ turn
     assert widest_gap(offsets, up) == pytest.approx(160)
     capture = read_capture_of(offsets)
-    assert "160 degrees around the object have no camera" in camera_notes(capture, np.zeros(3), up)[1].text
+    assert "160 degrees around the object have no camera" in camera_notes(capture, np.zeros(3), up)[1]
 
 
 def read_capture_of(places: np.ndarray) -> object:
