@@ -65,7 +65,7 @@ def _noise_options(noise: argparse.ArgumentParser) -> None:
                        help="levels with a training of their own; noise: not those of fields (default: all)")
     noise.add_argument("--x", default="", metavar="FIGURE",
                        help="what curves are drawn over: a figure that labels have of rough meshes, such as "
-                       "silhouette_iou (default: roughness_rms; normal_median with fields)")
+                       "silhouette_iou (default: roughness_rms; s_relmse with fields)")
     noise.add_argument("--config", type=Path, help="how LighTNet is trained, a YAML file (default: its small size)")
     common.add_overrides(noise, "that configuration", "--train-set", "train_set")
     noise.add_argument("--steps", type=common.positive, help="batches to train on; short for --train-set steps=N")

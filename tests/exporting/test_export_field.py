@@ -129,10 +129,3 @@ def test_splats_of_a_mesh_cover_it(field: tuple[Path, FieldFile]) -> None:
     area = float(np.linalg.norm(mesh.area_normals, axis=1).sum()) / 2
     assert float((2 * np.pi * cloud.scales[:, 0]**2).sum()) > 2 * area
     assert np.allclose(cloud.scales[:, 2] / cloud.scales[:, 0], 0.1, atol=1e-5) and cloud.srgb
-
-
-def test_nothing_is_overwritten(tmp_path: Path, field: tuple[Path, FieldFile]) -> None:
-    (tmp_path / "a.ply").write_text("mine")
-    with pytest.raises(UserError, match="expected no such file yet"):
-        export_field(field[0], tmp_path / "a.ply")
-    assert (tmp_path / "a.ply").read_text() == "mine"

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from dataset_builder.errors import UserError
 from dataset_builder.label.example_label import RenderRecord
 
-DEFAULT, NORMALS = "roughness_rms", "normal_median"
+DEFAULT, NORMALS, SHADING = "roughness_rms", "normal_median", "s_relmse"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,7 +23,7 @@ from dataset_builder.studies.noise.study_levels import StudyLevel
 OWN = "own level"
 """Whoever was trained on the level at hand."""
 TRIVIAL = "dr_s_prime"
-HEADINGS = {TRIVIAL: "(D + R) S', true D, R", MIXED: "trained on all levels of noise", OWN: "trained on this level"}
+HEADINGS = {TRIVIAL: "(D + R) S', true D, R", MIXED: "trained on all noise", OWN: "trained on this level"}
 COLUMNS = ("examples", "objects", "by", "trained_on",
            *(f"{metric.name}{end}" for metric in METRICS for end in ("", "_error")))
 

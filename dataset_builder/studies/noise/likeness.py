@@ -9,7 +9,7 @@ import numpy as np
 
 from dataset_builder.lightnet.results.clustered_means import ClusteredMean
 from dataset_builder.studies.comma_separated import write_csv
-from dataset_builder.studies.noise.axes import NORMALS
+from dataset_builder.studies.noise.axes import NORMALS, SHADING
 from dataset_builder.studies.noise.level_trainings import MIXED
 from dataset_builder.studies.noise.levels import TRIVIAL, Level, fields_of, noise_of
 from dataset_builder.studies.noise.noise_study import level_name
@@ -17,7 +17,7 @@ from dataset_builder.studies.noise.noise_study import level_name
 COST = "cost"
 YARDSTICKS: Mapping[str, str] = {
     NORMALS: "deviation of normals, median", "to_clean_rms": "distance to the clean mesh, rms",
-    "s_relmse": "S' against S", COST: "PSNR of (D + R) S'",
+    SHADING: "S' against S", COST: "PSNR of (D + R) S'",
 }
 """What a reconstructed mesh is compared with noise by: figures of labels, and what its S' costs."""
 EVERYTHING = "all"

@@ -18,7 +18,7 @@ from dataset_builder.shards.folder import SECONDS
 from dataset_builder.spec.load import load_dataset
 from dataset_builder.spec.resolve import LoadedSpec
 from dataset_builder.studies.comma_separated import read_csv
-from dataset_builder.studies.noise.axes import DEFAULT, NORMALS, axis_of
+from dataset_builder.studies.noise.axes import DEFAULT, SHADING, axis_of
 from dataset_builder.studies.noise.study_levels import StudyLevel, overrides_of, problems_of
 from dataset_builder.studies.trainings import changed, settings_of
 
@@ -69,8 +69,8 @@ class NoiseStudy:
     @property
     def axis(self) -> str:
         """What curves are drawn over. A mesh from a field is much farther from the clean one than noise that tilts
-        normals as much, and S' follows normals first."""
-        return self.x or (DEFAULT if self.noise == tuple(range(len(self.levels))) else NORMALS)
+        normals as much: what both do to S' can be compared."""
+        return self.x or (DEFAULT if self.noise == tuple(range(len(self.levels))) else SHADING)
 
     @property
     def noise(self) -> tuple[int, ...]:

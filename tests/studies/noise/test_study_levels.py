@@ -61,7 +61,7 @@ def jobs_of(study: NoiseStudy) -> dict[str, tuple[int, ...]]:
 
 
 def test_the_axis_suits_the_levels(spec: Path) -> None:
-    assert made(spec, "0,0.01").axis == "roughness_rms" and made(spec, "0,0.01,sdf").axis == "normal_median"
+    assert made(spec, "0,0.01").axis == "roughness_rms" and made(spec, "0,0.01,sdf").axis == "s_relmse"
 
 
 def test_splits_are_the_datasets_own_where_nobody_named_any(spec: Path) -> None:
