@@ -57,6 +57,9 @@ def check_own_targets(dataset: DatasetSpec, document: Document,
             rule = (f"expected one level, since the rough mesh of {owners[split.name][0]} is its own, got {count} "
                     "levels, which would be equal")
             yield document.problem(("rough",), rule)
+        if split.source.kind == "field" and owners[split.name] == list(split.objects.source):
+            rule = f"expected kind mesh, since every object of split {split.name} is a field already, got field"
+            yield document.problem(("splits", number, "source", "kind"), rule)
         for index, key in enumerate(split.objects.source):
             if is_field(objects.get(key)) and objects[key].materials:
                 rule = (f"expected no `materials` of {key} as a target, since its image would not follow, got "

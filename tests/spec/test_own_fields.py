@@ -89,3 +89,10 @@ def test_materials_may_change_on_furniture_alone(spec) -> None:
 
 def test_furniture_asks_for_nothing(spec) -> None:
     assert "i_t" in load_dataset(spec("", target="stool", furniture="ball")).dataset.layers
+
+
+def test_a_field_of_a_field_is_refused(spec) -> None:
+    path = spec()
+    path.write_text(path.read_text() + "    source: {kind: field, views: 20}\n")
+    only, = problems(path)
+    assert only.startswith("tiny.yaml:8: splits[0].source.kind: expected kind mesh, since every object of split train")
