@@ -95,4 +95,4 @@ def test_a_field_of_a_field_is_refused(spec) -> None:
     path = spec()
     path.write_text(path.read_text() + "    source: {kind: field, views: 20}\n")
     only, = problems(path)
-    assert only.startswith("tiny.yaml:8: splits[0].source.kind: expected kind mesh, since every object of split train")
+    assert only.startswith("tiny.yaml:7: splits[0].source.kind: expected kind mesh, since every object of split train")
