@@ -21,6 +21,11 @@ CELLS = 128
 """Along a side of the grid that depths are fused in, and pixels along a side of their images."""
 VIEWS = 64
 """All around, that depths are fused of."""
+FEW = 64
+"""Splats that may be of any size beside each other."""
+WIDE = 0.2
+"""Largest median scale of more than FEW, in diagonals of the box about their middles: beyond it a ray meets nearly all
+of them, and each of its steps looks at all."""
 FAR = 0.999
 """Share of the splats that the ball is made to hold which is meshed; the rest may lie far out."""
 
@@ -51,12 +56,13 @@ def field_of_splats(cloud: SplatCloud, stance: SplatStance, *, key: str, white: 
 
     Its record has no figures of a fit, which was made elsewhere; `silhouette_iou` compares the mesh with the opacities
     of the splats. white: radiance of white paper in the light of the capture. Raises UserError for a crop without
-    splats, for a stance that is none, and where nothing is opaque.
+    splats, for a stance that is none, for splats as large as all of them together, and where nothing is opaque.
     """
     found = cropped(cloud, box=None if stance.box is None else np.array(stance.box),
                     ball=None if stance.ball is None else np.array(stance.ball))
     found = moved(main_body(found) if stance.largest else found, upright(stance.up, stance.yaw))
     low, high = np.quantile(found.centres.astype(np.float64), (1 - FAR, FAR), axis=0)
+    _require_spread(found, float(np.linalg.norm(high - low)))
     # Half of the diagonal holds all but the farthest splats
     centre = (low + high) / 2
     radius = float(np.linalg.norm(high - low)) / 2 + 3 * float(np.median(found.scales.max(axis=1)))
@@ -76,6 +82,13 @@ def field_of_splats(cloud: SplatCloud, stance: SplatStance, *, key: str, white: 
                      radius=ball_about(found, centre), white=white, splats=found)
     cell = 2 * radius * matrix[0, 0] / cells
     return replace(bare, mesh=coloured(mesh, splat_look(bare), cell=cell, white=white))
+
+
+def _require_spread(cloud: SplatCloud, diagonal: float) -> None:
+    size = float(np.median(cloud.scales.max(axis=1)))
+    if len(cloud) > FEW and size > WIDE * diagonal:
+        raise UserError(f"splats: expected most of {len(cloud):,} to be small beside the whole, got a median size of "
+                        f"{size:.3g} where middles lie within {diagonal:.3g} (scales in a .ply are logarithms)")
 
 
 def upright(up: tuple[float, float, float], yaw: float) -> np.ndarray:

@@ -1,5 +1,6 @@
 """Splats become the field of an object: cropped, upright, to scale, on the ground, with a mesh where they are."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -124,3 +125,11 @@ def test_what_is_transparent_has_no_surface() -> None:
     faint = replace(ball(500), opacities=np.full(500, 0.02, np.float32))
     with pytest.raises(UserError, match="expected a surface that blocks half of the light"):
         made(faint)
+
+
+@pytest.mark.parametrize("spoilt", [lambda cloud: replace(cloud, scales=np.exp(cloud.scales)),
+                                    lambda cloud: replace(cloud, centres=np.zeros_like(cloud.centres))])
+def test_splats_as_large_as_the_whole_are_told_at_once(spoilt: Callable[[SplatCloud], SplatCloud]) -> None:
+    """Scales that were taken for logarithms, and splats in one place: every ray would meet all of them."""
+    with pytest.raises(UserError, match="to be small beside the whole"):
+        field_of_splats(spoilt(ball(2000)), SplatStance(up=(0, 0, 1)), key="k", cells=16, views=8)
