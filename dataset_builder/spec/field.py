@@ -68,7 +68,10 @@ class SeenSpec(FieldSpec):
 
     @model_validator(mode="after")
     def _field_asked_for(self) -> "SeenSpec":
-        if self.kind == "mesh" and (extra := sorted(self.model_fields_set - {"kind"})):
+        # A dumped spec has every key, at its default
+        plain = all(getattr(self, name) == each.default for name, each in type(self).model_fields.items())
+        dumped = plain and self.model_fields_set == set(type(self).model_fields)
+        if self.kind == "mesh" and not dumped and (extra := sorted(self.model_fields_set - {"kind"})):
             raise broken(f"expected `kind: field` beside {', '.join(extra)}, got kind mesh", path=("kind",))
         return self
 
