@@ -64,8 +64,8 @@ def test_what_was_not_asked_for_is_not_there():
 def test_every_layer_with_light_finds_its_channels():
     assert {layer: radiance_channels(layer) for layer in passes.RADIANCE_LAYERS} == {
         "i_s": slice(0, 3), "i_t": slice(0, 3), "s": slice(3, 6), "spec": slice(6, 9), "air": slice(12, 15),
-        "s_prime": slice(0, 3)}
-    assert WANTED["source"] == {"image"} and WANTED["rough"] == {"shading"}
+        "s_prime": slice(0, 3), "i_s_clean": slice(0, 3), "i_t_empty": slice(0, 3), "i_pbr": slice(0, 3)}
+    assert WANTED["source"] == WANTED["source_clean"] == {"image"} and WANTED["rough"] == {"shading"}
 
 
 @pytest.mark.parametrize(("wanted", "share"), [({"image"}, 0), ({"image", "specular", "air"}, 0), ({"shading"}, 1),
