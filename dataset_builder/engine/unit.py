@@ -225,7 +225,7 @@ def _violations(rendered: "Rendered", spec: DatasetSpec) -> list[Violation]:
         return beyond
     stored = {name: image.astype(spec.storage.dtype).astype(np.float32) for name, image in rendered.layers.items()}
     found = check_layers({**masks, **stored}, dict(rendered.plan.render.layers), tolerances,
-                         rendered.plan.field.kind != "none")
+                         rendered.plan.field.there)
     spp = rendered.plan.render.spp_first_hit, rendered.plan.render.spp_target
     return [*found, *check_gates(rendered.layers, spec.gates, rendered.evidence, spp)]
 

@@ -71,7 +71,7 @@ def write_stage(path: Path, parts: StageParts) -> tuple[str, ...]:
     lost += [f"{what}: {', '.join(sorted(set(names)))}" for what, names in sorted(surfaces.lost.items())]
     if plan.fog.extinction:
         lost.append(f"fog of extinction {plan.fog.extinction:g} per metre")
-    if plan.field.kind != "none":
+    if plan.field.there:
         lost.append("the field that i_s is the image of")
     _label(root, parts, tuple(lost))
     stage.GetRootLayer().Save()

@@ -101,7 +101,7 @@ def _require_files(plan: ExamplePlan, root: Path) -> None:
 
 def _mesh_of_field(job: ExportJob, label: ExampleLabel) -> TriangleMesh | None:
     """The mesh that the R3DM is, where it is taken from a field that was made for the dataset."""
-    if label.plan.rough.field.kind in ("none", "own"):
+    if not label.plan.rough.field.made:
         return None
     path = (job.fields or job.dataset / WORK / FIELDS) / f"{label.record.field[-1].key}{FIELD_SUFFIX}"
     if not path.is_file():

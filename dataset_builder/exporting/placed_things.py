@@ -61,7 +61,7 @@ def stage_contents(plan: ExamplePlan, mesh_root: Path, taken: TriangleMesh | Non
     Raises PlanError where a file that the plan names is not the one that was planned.
     """
     target = clean(plan.target, mesh_root)
-    twin = (rough_twin(plan.target, plan.rough, mesh_root) if plan.rough.field.kind == "none" else
+    twin = (rough_twin(plan.target, plan.rough, mesh_root) if not plan.rough.field.there else
             field_twin(plan.target, plan.rough, mesh_root, taken))
     world = world_from_object(plan.target)
     return StageContents(target=_object(plan.target, target), rough=_moved(twin.soup, world),

@@ -31,3 +31,16 @@ class FieldPlan(Model):
     light: IlluminationPlan = IlluminationPlan(lights=(), open=())
     """The source light that the images are taken in, in the object's frame, with nothing around that could block
     it."""
+
+    @property
+    def there(self) -> bool:
+        """Whether there is one."""
+        return self.kind != "none"
+
+    @property
+    def made(self) -> bool:
+        """Whether it is made from the clean mesh."""
+        return self.kind not in ("none", "own")
+
+
+NO_FIELD = FieldPlan()

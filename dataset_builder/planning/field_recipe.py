@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from dataset_builder.assets.asset import Asset, range_of
-from dataset_builder.label.field_plan import FieldPlan
+from dataset_builder.label.field_plan import NO_FIELD, FieldPlan
 from dataset_builder.label.scene_plan import IlluminationPlan, LightPlan, ObjectPlan, Vector
 from dataset_builder.planning.catalogue import PairRef
 from dataset_builder.planning.scene.assets_of_plan import turned_up
@@ -17,7 +17,6 @@ from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.field import FieldSpec
 from dataset_builder.spec.mesh_source import names_field
 
-NO_FIELD = FieldPlan()
 OWN = FieldPlan(kind="own")
 IMAGE_DEPTH = 8
 """Longest path of the images that fields are fitted to, in edges: an object alone under an open sky."""
@@ -54,7 +53,7 @@ def field_plan(spec: DatasetSpec, asked: FieldSpec | None, pair: PairRef, target
 def field_notes(fields: Iterable[FieldPlan], asset: Asset) -> tuple[str, ...]:
     """What a reader of a plan should know about its fields: one cannot show what is seen through glass, which moves
     with the camera."""
-    if all(field.kind in ("none", "own") for field in fields):
+    if not any(field.made for field in fields):
         return ()
     areas = np.bincount(asset.mesh.material, np.linalg.norm(asset.mesh.area_normals, axis=1),
                         minlength=len(asset.materials))

@@ -171,7 +171,7 @@ class Planner:
         level = levels[ref.level]
         taken = field_plan(spec, level if isinstance(level, FieldSpec) else None, ref.view.pair,
                            arrangement.target.object, self.loaded.path.parent)
-        rough = rough_of_field(spec, ref, taken) if taken.kind != "none" else rough_plan(spec, ref, level, clean)
+        rough = rough_of_field(spec, ref, taken) if taken.there else rough_plan(spec, ref, level, clean)
         return ExamplePlan(
             schema_version=SCHEMA_VERSION, key=ref.key, index=ref.index, split=ref.view.pair.split, view=ref.view.name,
             light=ref.light, room=arrangement.room, target=arrangement.target, furniture=arrangement.furniture,

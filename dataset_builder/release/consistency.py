@@ -44,7 +44,7 @@ def facts(layers: Mapping[str, np.ndarray], plan: ExamplePlan, record: RenderRec
 
     Where `i_s` is the image of a field, `i_s_clean` takes its place; without it, nothing is said of the source light.
     """
-    rendered = plan.field.kind == "none" or "i_s_clean" in layers
+    rendered = not plan.field.there or "i_s_clean" in layers
     layers = {**layers, "i_s": layers.get("i_s_clean", layers["i_s"])}
     cells = cells_of(plan.key, layers, fog=plan.fog.extinction > 0, rendered=rendered)
     return Facts(cells=cells, outline=outline_of(plan.key, layers),

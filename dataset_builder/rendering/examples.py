@@ -99,7 +99,7 @@ def _direct(shared: ViewPasses, plan: ExamplePlan) -> Noisy:
 
 def layer_image(shared: ViewPasses, plan: ExamplePlan, name: str, extent: str) -> np.ndarray:
     """(H, W, C) float32 of one layer; 0 outside its extent."""
-    if name == "mask_field" and plan.field.kind == "none":
+    if name == "mask_field" and not plan.field.there:
         name = "mask"
     if name == "instance":
         return _image(plan, shared.instances().pixels, shared.instances().found.mean)
@@ -118,7 +118,7 @@ def _inside(shared: ViewPasses, plan: ExamplePlan, name: str, extent: str) -> np
 
 def _through_field(plan: ExamplePlan, name: str) -> bool:
     """Whether a layer shows a field, which ends where its opacity does."""
-    return plan.field.kind != "none" and LAYERS[name].render_pass == "source"
+    return plan.field.there and LAYERS[name].render_pass == "source"
 
 
 def _values(result: PassResult, name: str, unit: float) -> np.ndarray:
@@ -149,7 +149,7 @@ def _evidence(shared: ViewPasses, plan: ExamplePlan) -> dict[str, np.ndarray]:
         names |= {name + suffix for name in EVIDENCE for suffix in ("", ERROR_SUFFIX)}
     if "first_hit_rough" in passes:
         names.add("mask_rough")
-    if plan.field.kind != "none" and "source" in passes:
+    if plan.field.there and "source" in passes:
         names.add("mask_field")
     images = {name: layer_image(shared, plan, name, "object") for name in sorted(names)}
     return images | (_deviations(shared, plan) if "target" in passes else {})

@@ -96,5 +96,5 @@ def _stamp(path: Path) -> tuple[int, int]:
 def tasks_of(plan: ExamplePlan) -> tuple[FieldTask, ...]:
     """The fields that an example needs: of `i_s`, then of the R3DM, each once."""
     wanted = [FieldTask(object=plan.target.object, field=field) for field in (plan.field, plan.rough.field)
-              if field.kind != "none"]
+              if field.there]
     return tuple(dict.fromkeys(wanted))

@@ -123,7 +123,7 @@ def inputs_of(plan: ExamplePlan, name: str, steps: int | None = None) -> Inputs:
         return found
     samples = _samples(plan, name, steps_of(plan, name) if steps is None else steps)
     found |= {"pixels": plan.effects.of(name).extent, "samples": samples}
-    if name == "source" and plan.field.kind != "none":
+    if name == "source" and plan.field.there:
         # Seen alone: nothing of the room, its light or its passes matters
         return {key: found[key] for key in ("pass", "seed", "object", "camera", "image size", "samples")} | {
             "field": _plain(plan.field), "sky": sky_radiance(plan)}
@@ -151,8 +151,7 @@ def field_inputs(target: ObjectPlan, field: FieldPlan) -> Inputs:
 def shows_field(plan: ExamplePlan, name: str) -> bool:
     """Whether what a pass finds hangs on a field that was made."""
     rough = "rough" in name or name == "pbr"
-    kind = plan.rough.field.kind if rough else plan.field.kind if name == "source" else "none"
-    return kind not in ("none", "own")
+    return plan.rough.field.made if rough else name == "source" and plan.field.made
 
 
 def key_of(inputs: Inputs, made_by: dict[str, str]) -> str:

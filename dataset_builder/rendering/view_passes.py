@@ -110,14 +110,14 @@ class ViewPasses(SampledPasses):
 
     def source(self) -> PassResult:
         """What is seen under the source illumination: the 3DM, or a field of it wherever that may be."""
-        if self.plan.field.kind == "none":
+        if not self.plan.field.there:
             return self._lit(("source",), self.plan, self.scenes.source, self.covered)
         return self._once(("source",), self.plan, lambda: field_window(self.scenes),
                           lambda: field_sampler(self.scenes))
 
     def source_clean(self) -> PassResult:
         """The 3DM under the source illumination, with what blocks it out of the way."""
-        if self.plan.field.kind == "none":
+        if not self.plan.field.there:
             return self.source()
         return self._lit(("source_clean",), self.plan, self.scenes.source, self.covered)
 

@@ -130,7 +130,7 @@ class ViewScenes:
         return self._twins[rough]
 
     def _twin(self, rough: RoughPlan) -> RoughTwin:
-        if rough.field.kind == "none":
+        if not rough.field.there:
             return rough_twin(self.plan.target, rough, self.mesh_root)
         mesh = None if rough.field.kind == "own" else self.field(rough.field).mesh
         return field_twin(self.plan.target, rough, self.mesh_root, mesh)

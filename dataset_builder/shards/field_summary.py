@@ -17,9 +17,9 @@ from dataset_builder.shards.writer import shard_path
 def fields_of(label: ExampleLabel) -> Iterator[tuple[tuple[Gives, ...], bool, FieldRecord]]:
     """What each field of an example gives, whether it is a capture's, and its figures."""
     image, rough = label.plan.field, label.plan.rough.field
-    if image.kind != "none":
+    if image.there:
         yield ("i_s", "r3dm") if rough == image else ("i_s",), image.kind == "own", label.record.field[0]
-    if rough.kind != "none" and rough != image:
+    if rough.there and rough != image:
         yield ("r3dm",), rough.kind == "own", label.record.field[-1]
 
 

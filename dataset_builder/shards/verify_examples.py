@@ -130,7 +130,7 @@ class ExampleChecks:
     def _together(self, tar: Path, key: str, layers: Mapping[str, np.ndarray],
                   label: ExampleLabel | None) -> Iterator[Problem]:
         if len({array.shape[:2] for array in layers.values()}) == 1:
-            seen = label is None or label.plan.field.kind != "none"
+            seen = label is None or label.plan.field.there
             for violation in check_layers(layers, self._extents, self._tolerances, seen):
                 yield _violated(tar, key, violation)
         if label is None:

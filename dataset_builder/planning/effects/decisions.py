@@ -10,7 +10,7 @@ from typing import Any, get_args
 
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.label.example_plan import Decision, EffectsPlan, Feature, PassEffects, RenderPlan
-from dataset_builder.label.field_plan import FieldPlan
+from dataset_builder.label.field_plan import NO_FIELD, FieldPlan
 from dataset_builder.label.scene_plan import FogPlan, IlluminationPlan, PlacedObject, PortalPlan, RoomPlan, Vector
 from dataset_builder.layers import ALIKE, EVERYWHERE, LAYERS, LIT, PASSES, Extent
 from dataset_builder.planning.effects.caustics_told import throws_caustics, told
@@ -26,7 +26,6 @@ ALBEDO = {"i_s": "d", "i_t": "d"}
 """Layers that carry the colour of the surface, and what shows it. Lighting carries none."""
 
 NORMAL = {"3dm": "normal", "r3dm": "normal_rough"}
-NO_FIELD = FieldPlan()
 FIELDS = {"density": "a neural field of the object (volume density)",
           "sdf": "a neural field of the object (signed distance)", "own": "the object's own capture"}
 """Fields as decisions name them."""
@@ -95,7 +94,7 @@ def plan_effects(*, spec: RenderSpec, room: RoomPlan, shell: Shell, diagonal: fl
     """
     light: dict[str, IlluminationPlan] = {name: source_light if name.startswith("source") else target_light
                                           for name in LIT}
-    seen = {"source"} if field.kind != "none" else set()
+    seen = {"source"} if field.there else set()
     _require_light(shell, target.position, light, [name for name in LIT if _runs(render, name) and name not in seen],
                    where)
     if spec.effects == "all":
@@ -141,7 +140,7 @@ def _plan_pass(scene: _Scene, name: str) -> _Planned:
     extent, about = _extent(scene.render, name)
     runs = _runs(scene.render, name)
     on_pass = Decision(effect=f"pass {name}", choice=extent if runs else "not run", reason=about)
-    if name == "source" and scene.field.kind != "none":
+    if name == "source" and scene.field.there:
         shown = FIELDS[scene.field.kind]
         reason = f"i_s is the image of {shown}, seen alone, in the light that it was made in"
         return _Planned(entry=_entry(name, "object", max_depth=1),

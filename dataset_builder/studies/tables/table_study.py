@@ -72,7 +72,7 @@ def sees_fields(folder: Path, base: TrainingSpec) -> bool:
     data = open_dataset(folder, layers=())
     keys = data.splits.get(base.data.among(splits_of(folder)).train, ())
     there = {"i_s", "i_s_clean"} <= {layer.name for layer in data.manifest.layers}
-    return there and any(data.label(key).plan.field.kind != "none" for key in keys[:1])
+    return there and any(data.label(key).plan.field.there for key in keys[:1])
 
 
 def run(study: TableStudy) -> Iterator[RowNews | RowMeasured]:
