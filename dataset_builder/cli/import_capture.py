@@ -134,6 +134,7 @@ def _fitted(backend: str) -> "Fit":
     """What fits a field, on the backend that is asked for."""
     def fit(images: "PosedImages", held_out: "PosedImages", job: "CaptureJob", *, ball: "Ball", white: float, key: str,
             checkpoint: Path) -> "FieldFile":
+        """The field of a job's images."""
         from dataset_builder.rendering.backend import activate
 
         activate(backend)

@@ -82,6 +82,7 @@ def mesh_glb(mesh: TriangleMesh) -> bytes:
 def splats_usd(cloud: SplatCloud, suffix: str) -> bytes:
     """A stage with a ParticleField3DGaussianSplat, in metres, z up, whose colour space is stated."""
     def fill(stage: "Usd.Stage") -> None:
+        """Put the splats on a stage."""
         from pxr import Sdf, Usd, Vt
 
         prim = stage.DefinePrim("/field", "ParticleField3DGaussianSplat")
@@ -105,6 +106,7 @@ def splats_usd(cloud: SplatCloud, suffix: str) -> bytes:
 def mesh_usd(mesh: TriangleMesh, suffix: str) -> bytes:
     """A stage with a mesh, in metres, z up, its colours as displayColor."""
     def fill(stage: "Usd.Stage") -> None:
+        """Put the mesh on a stage."""
         from pxr import UsdGeom, Vt
 
         positions, faces, colours = _by_vertex(mesh)

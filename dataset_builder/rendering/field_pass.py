@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import product
 
 import drjit as dr
@@ -14,7 +15,6 @@ from dataset_builder.rendering.field.seen import look_of
 from dataset_builder.rendering.pass_inputs import sky_radiance
 from dataset_builder.rendering.sampling.adaptive import Sample
 from dataset_builder.rendering.sampling.estimate import Samplers
-from dataset_builder.rendering.sampling.moments import Estimate
 from dataset_builder.rendering.view_scenes import ViewScenes, covered_window
 from dataset_builder.rendering.view_sensor import primary_ray
 
@@ -53,7 +53,4 @@ def field_sampler(scenes: ViewScenes) -> Sample:
         colour, opacity = look(mi.Point3f(start * unit + moved), way, mi.Bool(True))
         return [*(colour * gain), opacity]
 
-    def sample(pixels: np.ndarray, spp: int, batches: int, seed: int) -> Estimate:
-        return view.estimate(integrand, pixels, spp, batches, seed)
-
-    return sample
+    return partial(view.estimate, integrand)
