@@ -6,11 +6,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from dataset_builder import __version__
+from dataset_builder.byte_store import CACHE_SIZE, require_store
 from dataset_builder.digest import digest
 from dataset_builder.engine import local
-from dataset_builder.engine.byte_store import CACHE_SIZE, require_store
 from dataset_builder.engine.calibration import calibrate
 from dataset_builder.engine.field_tasks import FieldNews, make_fields
 from dataset_builder.engine.made_by import versions
@@ -39,6 +40,9 @@ from dataset_builder.shards.writer import publish_shard
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.own_fields import has_fields
 from dataset_builder.spec.resolve import LoadedSpec
+
+Run = Callable[..., Iterator[Any]]
+"""An engine: `engine.local.run`, or what keeps its promises."""
 
 MAX_REASONS = 5
 """Reasons that are told where every example of a split was rejected."""
@@ -79,14 +83,16 @@ class _Progress:
 
 def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: int | None = None,
           only: Sequence[int] = (), replace_other: bool = False, cache: Path | None = None,
-          cache_size: int = CACHE_SIZE, told: Callable[[FieldNews], None] = lambda news: None) -> Iterator[Event]:
+          cache_size: int = CACHE_SIZE, told: Callable[[FieldNews], None] = lambda news: None,
+          run: Run = local.run) -> Iterator[Event]:
     """Build `loaded` into `folder`, yielding news, first of all how many examples there are to make.
 
     backend: auto | cuda | llvm. workers: processes that render, None for one per core, or a single one on a GPU.
     `only`: indices of examples to stage, without publishing anything. `replace_other`: another dataset or major version
     in `folder` may go. What was there before stays until this dataset is whole. cache, cache_size: folder for what
     passes find, so that an edit repeats only the passes that it touches (`.build/passes` in the output folder where
-    none is given), and most bytes that it may hold; 0 keeps nothing. Raises PlanError where nothing can be planned or
+    none is given), and most bytes that it may hold; 0 keeps nothing. run: the engine, `local.run` or another that keeps
+    its promises. Raises PlanError where nothing can be planned or
     an index is none, OutputError where the folder or the disk refuses; in both cases what was finished is kept, and a
     second run goes on from there.
     """
@@ -124,7 +130,7 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
         known = dict(rejections.known)
         # Denoised layers are measured on examples of the whole dataset
         needing = [ref for ref in (planner.examples if denoise else wanted) if ref.key not in known]
-        for event in make_fields(job, needing, frozenset(wanted), run=local.run, workers=workers, told=told):
+        for event in make_fields(job, needing, frozenset(wanted), run=run, workers=workers, told=told):
             if isinstance(event, FieldNews):
                 timings.add_field(event)
                 yield Event(field=event)
@@ -133,13 +139,13 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
                 yield Event(outcomes=event)
         wanted = [ref for ref in wanted if ref.key in known or ref.key not in progress.rejected]
         if denoise:
-            job = replace(job, denoised=calibrate(loaded, job, made_by, run=local.run, workers=workers))
+            job = replace(job, denoised=calibrate(loaded, job, made_by, run=run, workers=workers))
             yield Event(denoised=job.denoised)
         try:
             if not only:
                 # Fields may have been refused by then: hours of rendering would end with the same words
                 _require_examples(tasks, progress.rejected)
-            for outcomes in _outcomes(wanted, job, workers, known):
+            for outcomes in _outcomes(wanted, job, partial(run, workers=workers), known):
                 _note(outcomes, progress, rejections)
                 timings.add(outcomes)
                 yield Event(outcomes=tuple(outcomes))
@@ -167,13 +173,13 @@ def _require_space(folder: Path, spec: DatasetSpec, count: int) -> None:
     require_space(folder, max(expected_bytes(spec, count, staged=copies) - Staging(folder).size(), 0))
 
 
-def _outcomes(wanted: Sequence[ExampleRef], job: BuildJob, workers: int,
+def _outcomes(wanted: Sequence[ExampleRef], job: BuildJob, run: Run,
               rejected: Mapping[str, Rejected]) -> Iterator[Sequence[Outcome]]:
     """What is known of the wanted examples, then what becomes of the others, view by view."""
     if known := [Outcome(ref=ref, rejected=rejected[ref.key], kept=True) for ref in wanted if ref.key in rejected]:
         yield known
     others = units(ref for ref in wanted if ref.key not in rejected)
-    yield from local.run(partial(run_unit, job), others, workers=workers)
+    yield from run(partial(run_unit, job), others)
 
 
 def _note(outcomes: Sequence[Outcome], progress: _Progress, rejections: Rejections) -> None:

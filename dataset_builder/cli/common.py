@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dataset_builder.engine.byte_store import CACHE_SIZE, GB
+from dataset_builder.byte_store import CACHE_SIZE, GB
 from dataset_builder.errors import UserError, printable
 
 if TYPE_CHECKING:

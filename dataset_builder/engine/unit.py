@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dataset_builder.assets.texel_memory import TexelMemory, sharing_texels
+from dataset_builder.byte_store import CACHE_SIZE, PASSES, ByteStore
 from dataset_builder.digest import digest, sha256_file
-from dataset_builder.engine.byte_store import CACHE_SIZE, PASSES, ByteStore
 from dataset_builder.engine.made_by import field_versions, pass_versions, plan_digest, versions
 from dataset_builder.engine.rejected_pixels import keep_pixels
 from dataset_builder.errors import OutputError, PlanError, Problem, SpecError, UserError
@@ -29,6 +29,7 @@ from dataset_builder.shards.identities import Violation, check_layers, identity_
 from dataset_builder.shards.manifest import Rejected
 from dataset_builder.shards.published_examples import PublishedExamples
 from dataset_builder.shards.segment import segment
+from dataset_builder.shards.shard_index import ExampleFacts
 from dataset_builder.shards.staging import Staging
 from dataset_builder.shards.writer import entry
 from dataset_builder.spec.dataset import DatasetSpec
@@ -212,7 +213,8 @@ def _finish(ref: ExampleRef, rendered: "Rendered", key_digest: str, spec: Datase
     members = encode_members(example_of(rendered, job.denoised), dtype=spec.storage.dtype,
                              preview_png=preview(rendered.layers))
     Staging(job.folder).put(ref.key, key_digest, segment(members),
-                            entry(key=ref.key, view=rendered.plan.view, members=members))
+                            entry(key=ref.key, view=rendered.plan.view, facts=ExampleFacts.of(rendered.plan),
+                                  members=members))
     seconds = rendered.seconds | {"encode": perf_counter() - start}
     return Outcome(ref=ref, digest=key_digest, paths=paths, seconds=seconds, recalled=rendered.recalled)
 

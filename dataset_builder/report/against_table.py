@@ -5,8 +5,8 @@ from collections.abc import Iterable
 from rich.markup import escape
 from rich.table import Table
 
+from dataset_builder.byte_store import GB
 from dataset_builder.engine.against import Against
-from dataset_builder.engine.byte_store import GB
 from dataset_builder.engine.unit import Outcome
 from dataset_builder.rendering.pass_inputs import RUNS
 

@@ -55,7 +55,8 @@ class PublishedExamples:
                               pixel_digest=record.pixel_digest) for record, data in files]
         except (ShardError, OSError):
             return None
-        return Staged(segment=segment(members), entry=entry(key=example.key, view=example.view, members=members))
+        made = entry(key=example.key, view=example.view, facts=example.facts, members=members)
+        return Staged(segment=segment(members), entry=made)
 
 
 def _own(record: MemberRecord, data: bytes, key: str) -> bytes:

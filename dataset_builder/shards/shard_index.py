@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from dataset_builder.digest import digest
+from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.spec.model import Model
 
 Count = Annotated[int, Field(ge=0, lt=2**53)]
@@ -32,12 +33,37 @@ class MemberRecord(Model):
         return self.name.partition(".")[2]
 
 
+class ExampleFacts(Model):
+    """What examples are chosen by, of the plan of one."""
+
+    object: str
+    """Name of the target object."""
+    category: str
+    """Of the target object."""
+    scene: str
+    """Name of the room or scene around it."""
+    light: int = Field(ge=0)
+    """Number of the target light among those of the view."""
+    level: int = Field(ge=0)
+    """Number of the noise level."""
+    level_name: str
+    """Of the noise level; empty where it has none."""
+
+    @classmethod
+    def of(cls, plan: ExamplePlan) -> "ExampleFacts":
+        """Those of a plan."""
+        target = plan.target.object
+        return cls(object=target.name, category=target.category, scene=plan.room.name, light=plan.light,
+                   level=plan.rough.level, level_name=plan.rough.name)
+
+
 class ExampleRecord(Model):
     """One example of a shard. digest: of the plan and versions that it was made from; members: by suffix, its own in
     file order. Others lie with an earlier example of the view, which has the same pixels."""
 
     key: Key
     view: str
+    facts: ExampleFacts
     digest: str
     members: tuple[MemberRecord, ...]
 

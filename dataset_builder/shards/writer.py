@@ -16,7 +16,14 @@ from dataset_builder.shards.example import Member
 from dataset_builder.shards.folder import INDEX, SHARDS, next_of
 from dataset_builder.shards.manifest import to_json
 from dataset_builder.shards.segment import BLOCK, end_blocks, segment_size
-from dataset_builder.shards.shard_index import ExampleRecord, MemberRecord, ShardIndex, ShardRecord, tagged
+from dataset_builder.shards.shard_index import (
+    ExampleFacts,
+    ExampleRecord,
+    MemberRecord,
+    ShardIndex,
+    ShardRecord,
+    tagged,
+)
 from dataset_builder.shards.staging import Staging
 from dataset_builder.shards.structure import tar_problems
 
@@ -37,9 +44,11 @@ def index_path(folder: Path, stem: str) -> Path:
     return folder / INDEX / f"{stem}.manifest"
 
 
-def entry(*, key: str, view: str, members: Sequence[Member]) -> dict[str, Any]:
-    """What `Staging.put` keeps beside a segment: key, view, and the members in file order."""
-    return {"key": key, "view": view, "members": [member.record() for member in members]}
+def entry(*, key: str, view: str, facts: ExampleFacts, members: Sequence[Member]) -> dict[str, Any]:
+    """What `Staging.put` keeps beside a segment: key, view, what the example is chosen by, and the members in file
+    order."""
+    return {"key": key, "view": view, "facts": facts.model_dump(mode="json"),
+            "members": [member.record() for member in members]}
 
 
 def publish_shard(folder: Path, *, slot: str, split: str, examples: Sequence[tuple[str, str]], spec_digest: str,
@@ -92,7 +101,8 @@ def _chunks(staging: Staging, examples: Sequence[tuple[str, str]], records: list
                 end += size
             start += size
             listed.append(record)
-        records.append(ExampleRecord(key=key, view=staged.entry["view"], digest=digest, members=tuple(listed)))
+        records.append(ExampleRecord(key=key, view=staged.entry["view"], facts=staged.entry["facts"], digest=digest,
+                                     members=tuple(listed)))
     yield end_blocks(end)
 
 

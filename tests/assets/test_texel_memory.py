@@ -9,7 +9,7 @@ import pytest
 from dataset_builder.assets import image_maps
 from dataset_builder.assets.image_maps import read_texels
 from dataset_builder.assets.texel_memory import TexelMemory, sharing_texels
-from dataset_builder.engine.byte_store import ByteStore
+from dataset_builder.byte_store import ByteStore
 from dataset_builder.errors import OutputError, UserError
 from tests.assets.test_image_maps import image
 

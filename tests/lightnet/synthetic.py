@@ -21,7 +21,7 @@ from dataset_builder.shards.folder import Claim, build_lock
 from dataset_builder.shards.manifest import make_manifest, shard_slot
 from dataset_builder.shards.publish import publish_dataset
 from dataset_builder.shards.segment import segment
-from dataset_builder.shards.shard_index import ShardIndex
+from dataset_builder.shards.shard_index import ExampleFacts, ShardIndex
 from dataset_builder.shards.staging import Staging
 from dataset_builder.shards.writer import entry, publish_shard
 from dataset_builder.spec.dataset import DatasetSpec
@@ -242,7 +242,8 @@ def publish(folder: Path, spec: DatasetSpec, split: str, number: int, examples: 
         name = digest([example.plan.model_dump(mode="json"), __version__])
         members = encode_members(example, dtype="float32", preview_png=preview(example.layers))
         staging.put(example.key, name, segment(members),
-                    entry(key=example.key, view=example.plan.view, members=members))
+                    entry(key=example.key, view=example.plan.view, facts=ExampleFacts.of(example.plan),
+                          members=members))
         staged.append((example.key, name))
     return publish_shard(folder, slot=shard_slot(spec, split, number), split=split, examples=staged,
                          spec_digest=digest("synthetic"), versions={"renderer": "none"})

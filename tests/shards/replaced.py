@@ -38,7 +38,7 @@ def _remade(folder: Path, shard: ShardRecord, files: Mapping[str, bytes]) -> Sha
         members = [Member(name=member.name, data=files.get(member.name) or read_member(tar, member),
                           pixel_digest=member.pixel_digest) for member in example.members]
         staging.put(example.key, example.digest, segment(members),
-                    entry(key=example.key, view=example.view, members=members))
+                    entry(key=example.key, view=example.view, facts=example.facts, members=members))
     return publish_shard(folder, slot=shard.slot, split=shard.split, spec_digest=index.spec_digest,
                          examples=[(example.key, example.digest) for example in index.examples],
                          versions=index.versions).shard

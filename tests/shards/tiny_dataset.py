@@ -13,7 +13,7 @@ from dataset_builder.shards.folder import Claim, build_lock
 from dataset_builder.shards.manifest import Manifest, make_manifest, shard_slot
 from dataset_builder.shards.publish import publish_dataset, whole_shards
 from dataset_builder.shards.segment import segment
-from dataset_builder.shards.shard_index import ShardIndex
+from dataset_builder.shards.shard_index import ExampleFacts, ShardIndex
 from dataset_builder.shards.staging import Staging
 from dataset_builder.shards.writer import entry, publish_shard
 from dataset_builder.spec.dataset import DatasetSpec
@@ -75,7 +75,8 @@ def stage(folder: Path, example: Example, dtype: exr.DType = "float32") -> tuple
     if not staging.has(example.key, name):
         members = encode_members(example, dtype=dtype, preview_png=preview(example.layers))
         staging.put(example.key, name, segment(members),
-                    entry(key=example.key, view=example.plan.view, members=members))
+                    entry(key=example.key, view=example.plan.view, facts=ExampleFacts.of(example.plan),
+                          members=members))
     return example.key, name
 
 

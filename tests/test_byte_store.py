@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dataset_builder.byte_store import DIGEST_SIZE, ByteStore, require_store
 from dataset_builder.digest import sha256_bytes
-from dataset_builder.engine.byte_store import DIGEST_SIZE, ByteStore, require_store
 from dataset_builder.errors import OutputError
 
 

@@ -1,0 +1,1 @@
+"""Datasets between places: pulled, pushed, mended."""
