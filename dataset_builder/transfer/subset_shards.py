@@ -23,8 +23,11 @@ from dataset_builder.transfer.choice import ChosenShard, members_wanted
 from dataset_builder.transfer.fetching import Fetching
 from dataset_builder.transfer.origin import TRIES, shard_name
 
-GAP = 64 * 2**10
-"""Bytes between two wanted files that are fetched with them: they cost less than a request."""
+GAP = 16 * 2**10
+"""Bytes between two wanted files that may be fetched with them: they cost less than a request."""
+
+SPARE = 8
+"""Of what a request fetches, no more than about this fraction lies in gaps, but for headers between neighbours."""
 
 WINDOW = 64 * 2**20
 """Bytes of files that are in memory at a time, unless a single example has more."""
@@ -205,12 +208,16 @@ def _windows(records: Iterable[tuple[ShardRecord, ExampleRecord]],
 
 def _close(members: Iterable[MemberRecord]) -> Iterator[list[MemberRecord]]:
     """Members, in file order, in groups that are worth one request each."""
-    group = list[MemberRecord]()
+    group, wanted = list[MemberRecord](), 0
     for member in members:
-        if group and (member.offset - _end(group) > GAP or member.offset + member.size - group[0].offset > PIECE):
-            yield group
-            group = []
+        if group:
+            gap, size = member.offset - _end(group), member.offset + member.size - group[0].offset
+            spare = size - wanted - member.size
+            if size > PIECE or (gap > 2 * BLOCK and (gap > GAP or spare * SPARE > size)):
+                yield group
+                group, wanted = [], 0
         group.append(member)
+        wanted += member.size
     if group:
         yield group
 
