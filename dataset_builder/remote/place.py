@@ -17,6 +17,15 @@ class ByteRange(NamedTuple):
     size: int
 
 
+class EndedError(EOFError):
+    """A file ends before a piece of it does."""
+
+    def __init__(self, piece: ByteRange, there: int):
+        """there: bytes of the piece that the file has."""
+        super().__init__(f"expected {piece.size} bytes from byte {piece.start}, the file ends after {there}")
+        self.piece, self.there = piece, there
+
+
 class Place(Protocol):
     """A folder of files. Names are relative, with slashes.
 
@@ -35,8 +44,8 @@ class Place(Protocol):
         """A whole file. Raises OSError where it has more than `most` bytes, without fetching many more."""
 
     def ranges(self, wanted: Sequence[ByteRange]) -> list[bytes]:
-        """Pieces of files, in order, fetched side by side where that pays. Raises EOFError where a file ends before
-        one of them does."""
+        """Pieces of files, in order, fetched side by side where that pays. Raises EndedError where a file ends
+        before one of them does."""
 
     def stream(self, name: str, *, start: int = 0) -> Iterator[bytes]:
         """A file from byte `start` to its end, chunk by chunk."""
@@ -90,5 +99,5 @@ def _piece(descriptor: int, piece: ByteRange) -> bytes:
     there = max(os.fstat(descriptor).st_size - piece.start, 0)
     data = os.pread(descriptor, min(piece.size, there), piece.start)
     if len(data) != piece.size:
-        raise EOFError(f"expected {piece.size} bytes from byte {piece.start}, the file ends after {len(data)}")
+        raise EndedError(piece, len(data))
     return data
