@@ -6,11 +6,13 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Lock
 from time import monotonic
 
 from dataset_builder.digest import open_regular, read_regular, sha256_bytes, sha256_file
 from dataset_builder.errors import Problem, ShardError, UserError
 from dataset_builder.files import output_errors, write_atomic
+from dataset_builder.remote.coalesce import joined, pieces
 from dataset_builder.remote.place import ByteRange
 from dataset_builder.shards.folder import MOST_BYTES, WORK, next_of
 from dataset_builder.shards.segment import BLOCK, end_blocks, header, padding
@@ -61,12 +63,14 @@ class Fetching:
         self.total = 0
         """Bytes that are wanted, for progress."""
         self._work, self._told, self._chunk_size = folder / WORK / PULL, told, chunk_size
-        self._done, self._moved, self._begun = 0, 0, monotonic()
+        self._done, self._moved, self._begun, self._lock = 0, 0, monotonic(), Lock()
 
     def note(self, *, done: int = 0, moved: int = 0) -> None:
         """Tell that more bytes are there, and that more came over the wire."""
-        self._done, self._moved = self._done + done, self._moved + moved
-        self._told(Progress(done=self._done, total=self.total, moved=self._moved, seconds=monotonic() - self._begun))
+        with self._lock:
+            self._done, self._moved = self._done + done, self._moved + moved
+            seconds = monotonic() - self._begun
+            self._told(Progress(done=self._done, total=self.total, moved=self._moved, seconds=seconds))
 
     @property
     def moved(self) -> int:
@@ -102,14 +106,17 @@ class Fetching:
         raise UserError(Problem(where=self.origin.place.title, path=shard_name(shard), hint=hint,
                                 rule=f"expected SHA-256 {shard.sha256}, {rule}") for shard in shards)
 
-    def ranges(self, wanted: Sequence[ByteRange]) -> list[bytes]:
-        """Pieces of files, see `Place.ranges`."""
+    def pieces(self, wanted: Sequence[ByteRange], gap: int = 0) -> list[bytes]:
+        """Pieces of one file, those up to `gap` bytes apart by one request."""
+        if not wanted:
+            return []
         try:
-            found = self.origin.place.ranges(wanted)
+            found = pieces(self.origin.place, wanted, gap=gap)
         except (OSError, EOFError) as error:
             raise unreadable(self.origin.place, wanted[0].name, error) from error
         if [len(data) for data in found] != [piece.size for piece in wanted]:
             raise unreadable(self.origin.place, wanted[0].name, EOFError("it ends too early"))
+        self.note(moved=sum(stretch.size for stretch in joined(wanted, gap=gap)))
         return found
 
     def _round(self, shards: Iterable[ShardRecord]) -> list[ShardRecord]:
@@ -121,7 +128,7 @@ class Fetching:
             data = future.result()[0]
             with output_errors(self.folder):
                 file.put(number, data)
-            self.note(done=len(data), moved=len(data))
+            self.note(done=len(data))
             finish(file, shard)
 
         def finish(file: ChunkedFile, shard: ShardRecord) -> None:
@@ -141,7 +148,7 @@ class Fetching:
                     finish(file, shard)
                 for number in missing:
                     piece = ByteRange(shard_name(shard), *file.span(number))
-                    waiting.append((pool.submit(self.ranges, [piece]), file, number, shard))
+                    waiting.append((pool.submit(self.pieces, [piece]), file, number, shard))
                     if len(waiting) > STREAMS:
                         settle()
             while waiting:

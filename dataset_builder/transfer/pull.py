@@ -11,6 +11,7 @@ from dataset_builder.byte_store import GB
 from dataset_builder.digest import sha256_file
 from dataset_builder.errors import OutputError, Problem, ShardError, UserError
 from dataset_builder.files import output_errors, require_space, write_atomic
+from dataset_builder.remote.open_place import place_of
 from dataset_builder.remote.place import FolderPlace, Place
 from dataset_builder.shards.folder import MANIFEST, NEXT, SUMS, WORK, Claim, build_lock, next_of, require_ours, swap
 from dataset_builder.shards.manifest import Manifest, from_json
@@ -53,7 +54,7 @@ def pull(address: str | Path | Place, folder: Path, *, choice: Choice = EVERYTHI
     OutputError where the folder or the disk refuses, and UserError where the choice or the address is wrong, or bytes
     cannot be had; in these cases the next run goes on from what was fetched.
     """
-    place = FolderPlace(Path(address)) if isinstance(address, str | Path) else address
+    place = place_of(address) if isinstance(address, str | Path) else address
     _require_elsewhere(place, folder)
     origin = open_origin(place, sha256=sha256)
     layers = layers_chosen(origin.manifest, choice)

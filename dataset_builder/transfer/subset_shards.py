@@ -23,18 +23,12 @@ from dataset_builder.transfer.choice import ChosenShard, members_wanted
 from dataset_builder.transfer.fetching import Fetching
 from dataset_builder.transfer.origin import TRIES, shard_name
 
-GAP = 16 * 2**10
-"""Bytes between two wanted files that may be fetched with them: they cost less than a request."""
-
-SPARE = 8
-"""Of what a request fetches, no more than about this fraction lies in gaps, but for headers between neighbours."""
+GAP = 4 * 2**10
+"""Bytes between two wanted files that are fetched with them: headers and paddings, or a file that is smaller than what
+a request costs."""
 
 WINDOW = 64 * 2**20
 """Bytes of files that are in memory at a time, unless a single example has more."""
-
-PIECE = 8 * 2**20
-"""Bytes of a request, unless a single file has more."""
-
 
 _Known = tuple[str, str, tuple[tuple[str, str], ...]]
 """Key, digest, and suffix and digest of the pixels of every file of an example."""
@@ -164,15 +158,8 @@ class Assembly:
                                  hint="pull again, or tell whoever publishes it") for member in wrong])
 
     def _fetch(self, shard: ShardRecord, members: Sequence[MemberRecord]) -> dict[str, bytes]:
-        groups = list(_close(members))
-        spans = [ByteRange(shard_name(shard), group[0].offset, _end(group) - group[0].offset) for group in groups]
-        found = dict[str, bytes]()
-        if spans:
-            for group, span, data in zip(groups, spans, self._fetching.ranges(spans), strict=True):
-                self._fetching.note(moved=len(data))
-                found |= {member.name: data[member.offset - span.start:member.offset - span.start + member.size]
-                          for member in group}
-        return found
+        spans = [ByteRange(shard_name(shard), member.offset, member.size) for member in members]
+        return {member.name: data for member, data in zip(members, self._fetching.pieces(spans, GAP), strict=True)}
 
 
 def _known(key: str, digest_: str, members: Iterable[MemberRecord]) -> _Known:
@@ -204,23 +191,3 @@ def _windows(records: Iterable[tuple[ShardRecord, ExampleRecord]],
             window.append(example)
             size += more
         yield shard, window
-
-
-def _close(members: Iterable[MemberRecord]) -> Iterator[list[MemberRecord]]:
-    """Members, in file order, in groups that are worth one request each."""
-    group, wanted = list[MemberRecord](), 0
-    for member in members:
-        if group:
-            gap, size = member.offset - _end(group), member.offset + member.size - group[0].offset
-            spare = size - wanted - member.size
-            if size > PIECE or (gap > 2 * BLOCK and (gap > GAP or spare * SPARE > size)):
-                yield group
-                group, wanted = [], 0
-        group.append(member)
-        wanted += member.size
-    if group:
-        yield group
-
-
-def _end(group: Sequence[MemberRecord]) -> int:
-    return group[-1].offset + group[-1].size
