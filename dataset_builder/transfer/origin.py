@@ -24,6 +24,9 @@ from dataset_builder.shards.writer import index_path, shard_path
 TEXTS = (CARD, CROISSANT, SUMS, MANIFEST)
 """Files of a dataset beside shards and indexes; `dataset.json` last, as they are written."""
 
+LINE = 64 + 3
+"""Bytes of a line of SHA256SUMS beside the name in it."""
+
 TRIES = 3
 """How often bytes are fetched that turn out not to be those that were stated."""
 
@@ -105,9 +108,10 @@ def _opened(place: Place, sha256: str) -> Origin:
     if with_shards(manifest, manifest.shards) != manifest or manifest.totals.rejected != len(manifest.rejected) \
             or {shard.split for shard in manifest.shards} != {split.name for split in manifest.splits}:
         raise _wrong(place, MANIFEST, "expected splits and totals that are those of the shards listed")
-    texts = {MANIFEST: data, SUMS: _read(place, SUMS)}
+    files = listed_files(manifest)
+    texts = {MANIFEST: data, SUMS: _read(place, SUMS, most=sum(LINE + len(name) for name in files))}
     lines = sums_in(texts[SUMS])
-    if None in lines or [line[0] for line in lines if line] != listed_files(manifest):
+    if None in lines or [line[0] for line in lines if line] != files:
         raise _wrong(place, SUMS, "expected every file of the dataset once, in order, and no other")
     sums = dict(filter(None, lines))
     if wrong := [shard.name for shard in manifest.shards if sums[shard_name(shard)] != shard.sha256]:
@@ -134,9 +138,9 @@ def unreadable(place: Place, name: str, error: Exception) -> UserError:
                               hint="what was fetched is kept; run the same command again to go on")])
 
 
-def _read(place: Place, name: str) -> bytes:
+def _read(place: Place, name: str, *, most: int = MOST_BYTES) -> bytes:
     try:
-        return place.read(name, most=MOST_BYTES)
+        return place.read(name, most=most)
     except FileNotFoundError as error:
         hint = "a build and a push write it last: let them finish, or give another address" * (name == MANIFEST)
         raise _wrong(place, name, "expected a finished dataset, found no such file", hint) from error
