@@ -16,6 +16,7 @@ from dataset_builder.cli import (
     inspect,
     study,
     table,
+    transfer,
 )
 from dataset_builder.cli.interrupt import guarded
 from dataset_builder.errors import UserError
@@ -47,6 +48,6 @@ def parser() -> argparse.ArgumentParser:
     root.add_argument("--version", action="version", version=__version__)
     verbs = root.add_subparsers(required=True, metavar="VERB")
     for group in (import_models, import_capture, import_front3d, build, inspect, export, export_field, study, evaluate,
-                  table):
+                  table, transfer):
         group.add(verbs)
     return root
