@@ -35,6 +35,24 @@ def add(verbs: Verbs) -> None:
     pull.add_argument("--most", type=gigabytes, metavar="GB", help="refuse to fetch more")
     pull.add_argument("--replace", action="store_true",
                       help="let the other dataset, major version or choice go that the folder holds")
+    push = add_verb(verbs, "push", _push, "send a finished dataset to where others pull it, or resume a push")
+    push.add_argument("folder", type=Path, help="finished dataset")
+    push.add_argument("address", help="where to: path, s3://, gs:// or hf://datasets/USER/NAME")
+    push.add_argument("--replace", action="store_true", help="let another dataset or version there make room")
+    push.add_argument("--prune", action="store_true", help="remove shards there that are not listed any more")
+
+
+def _push(options: argparse.Namespace) -> int:
+    from dataset_builder.transfer.push import push
+
+    line = _Line()
+    pushed = push(options.folder, options.address, replace=options.replace, prune=options.prune, told=line.told)
+    line.end()
+    print(f"{pushed.files} files sent, {pushed.sent} bytes; what is there reads back\n"
+          f"SHA-256 of dataset.json: {pushed.sha256}")
+    if pushed.left:
+        print(f"{len(pushed.left)} files there are of no release any more; --prune removes them")
+    return 0
 
 
 def _pull(options: argparse.Namespace) -> int:
