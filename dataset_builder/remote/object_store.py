@@ -34,8 +34,10 @@ class ObjectStore:
 
     async def receive(self, fetch: Fetch) -> None:
         """See `Fetcher.receive`."""
-        if fetch.size is None or fetch.pinned or (fetch.size == 1 and not fetch.start):
+        if fetch.size is None or fetch.pinned or fetch.head:
             await self._see(fetch)
+            if fetch.head:
+                return
         end = fetch.total if fetch.end is None else fetch.end
         assert end is not None
         if end > fetch.next:

@@ -54,6 +54,8 @@ class Fetch:
     """Bytes; None for all that follow."""
     most: int
     """More bytes are refused."""
+    head: bool = False
+    """Whether it is the size of the file that is asked for."""
     mark: str = ""
     """What tells this version of the file from others (ETag, or time of change): as asked for, or as it was answered
     first."""

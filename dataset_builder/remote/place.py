@@ -40,8 +40,14 @@ class Place(Protocol):
     def size(self, name: str) -> int:
         """Bytes of a file."""
 
+    def sizes(self, names: Sequence[str]) -> list[int]:
+        """Bytes of some files, in order."""
+
     def read(self, name: str, *, most: int) -> bytes:
         """A whole file. Raises OSError where it has more than `most` bytes, without fetching many more."""
+
+    def files(self, wanted: Sequence[tuple[str, int]]) -> list[bytes]:
+        """Whole files, in order, by name and the most bytes that each may have; as `read`."""
 
     def ranges(self, wanted: Sequence[ByteRange]) -> list[bytes]:
         """Pieces of files, in order, fetched side by side where that pays. Raises EndedError where a file ends
@@ -67,9 +73,17 @@ class FolderPlace:
         with open_regular(self.folder / name) as stream:
             return os.fstat(stream.fileno()).st_size
 
+    def sizes(self, names: Sequence[str]) -> list[int]:
+        """Bytes of some files."""
+        return [self.size(name) for name in names]
+
     def read(self, name: str, *, most: int) -> bytes:
         """A whole file of at most `most` bytes."""
         return read_regular(self.folder / name, most=most)
+
+    def files(self, wanted: Sequence[tuple[str, int]]) -> list[bytes]:
+        """Some whole files."""
+        return [self.read(name, most=most) for name, most in wanted]
 
     def ranges(self, wanted: Sequence[ByteRange]) -> list[bytes]:
         """Pieces of files, in order; a file is opened once for neighbours in the list."""

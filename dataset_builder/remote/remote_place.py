@@ -60,13 +60,21 @@ class RemotePlace:
 
     def size(self, name: str) -> int:
         """Bytes of a file."""
-        return self._head(name).total or 0
+        return self.sizes([name])[0]
+
+    def sizes(self, names: Sequence[str]) -> list[int]:
+        """Bytes of some files."""
+        return [head.total or 0 for head in self._heads(names)]
 
     def read(self, name: str, *, most: int) -> bytes:
         """A whole file of at most `most` bytes."""
-        fetch = Fetch(name=name, most=most)
-        self._all([fetch])
-        return bytes(fetch.data)
+        return self.files([(name, most)])[0]
+
+    def files(self, wanted: Sequence[tuple[str, int]]) -> list[bytes]:
+        """Some whole files, fetched side by side."""
+        fetches = [Fetch(name=name, most=most) for name, most in wanted]
+        self._all(fetches)
+        return [bytes(fetch.data) for fetch in fetches]
 
     def ranges(self, wanted: Sequence[ByteRange]) -> list[bytes]:
         """Pieces of files, in order, fetched side by side."""
@@ -76,24 +84,21 @@ class RemotePlace:
 
     def stream(self, name: str, *, start: int = 0) -> Iterator[bytes]:
         """A file from byte `start` to its end. Raises OSError, too, where it changes meanwhile."""
-        head = self._head(name)
+        head, = self._heads([name])
         for begin in range(start, head.total or 0, STREAM_BYTES):
             size = min(STREAM_BYTES, (head.total or 0) - begin)
             fetch = Fetch(name=name, start=begin, size=size, most=size, mark=head.mark, pinned=True)
             self._all([fetch])
             yield bytes(fetch.data)
 
-    def _head(self, name: str) -> Fetch:
-        """A fetch of the first byte of a file, which tells its size."""
-        fetch = Fetch(name=name, size=1, most=1)
-        try:
-            self._all([fetch])
-        except EOFError:
-            if fetch.total != 0:
-                raise
-        if fetch.total is None:
-            raise OSError(errno.EPROTO, f"{self._file(name)}: expected its size in bytes, the server does not tell it")
-        return fetch
+    def _heads(self, names: Sequence[str]) -> list[Fetch]:
+        """Fetches of the first byte of some files, which tell their sizes."""
+        heads = [Fetch(name=name, size=1, most=1, head=True) for name in names]
+        self._all(heads)
+        for head in heads:
+            if head.total is None:
+                raise OSError(errno.EPROTO, "the server does not tell its size in bytes", self._file(head.name))
+        return heads
 
     def _all(self, fetches: Sequence[Fetch]) -> None:
         for fetch in fetches:
@@ -122,15 +127,17 @@ class RemotePlace:
                 failures = 1 if len(fetch.data) - before >= PROGRESS else failures + 1
                 before = len(fetch.data)
                 if failures >= self._patience.attempts:
-                    rule = f"{self._file(fetch.name)}: {error}; tried {tried} times: try again later"
-                    raise OSError(errno.EIO, rule) from error
+                    rule = f"{error}; tried {tried} times: try again later"
+                    raise OSError(errno.EIO, rule, self._file(fetch.name)) from error
                 await asyncio.sleep(self._patience.wait(failures, error.after))
             except EOFError:
+                # An empty file has no first byte
+                if fetch.head and fetch.total == 0:
+                    return
                 raise
             except OSError as error:
-                rule = f"{self._file(fetch.name)}: {error.strerror or error}"
-                kind = type(error) if isinstance(error, FileNotFoundError | PermissionError) else OSError
-                raise kind(error.errno or errno.EIO, rule) from error
+                # With the class that the number stands for, such as FileNotFoundError
+                raise OSError(error.errno or errno.EIO, error.strerror or str(error), self._file(fetch.name)) from error
 
     def _file(self, name: str) -> str:
         return f"{self.title}/{name}"

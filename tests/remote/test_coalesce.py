@@ -1,5 +1,6 @@
 """Pieces by few requests: the same bytes, and little more than them."""
 
+from itertools import pairwise
 from pathlib import Path
 
 from hypothesis import HealthCheck, given, settings
@@ -25,7 +26,7 @@ def test_pieces_are_what_they_are_alone(wanted: list[ByteRange], gap: int, tmp_p
 @given(wanted=PIECES, gap=st.integers(0, 100))
 def test_stretches_lie_more_than_a_gap_apart(wanted: list[ByteRange], gap: int) -> None:
     stretches = joined(wanted, gap=gap)
-    for one, other in zip(stretches, stretches[1:], strict=False):
+    for one, other in pairwise(stretches):
         assert one.name < other.name or one.start + one.size + gap < other.start
     inside = {(piece.name, byte) for piece in wanted for byte in range(piece.start, piece.start + piece.size)}
     edges = {(one.name, byte) for one in stretches if one.size for byte in (one.start, one.start + one.size - 1)}

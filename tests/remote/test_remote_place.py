@@ -176,7 +176,7 @@ def test_paths_and_file_addresses_are_folders(tmp_path: Path) -> None:
 def test_nobody_there_is_an_error_soon() -> None:
     with socket.socket() as held:
         held.bind(("127.0.0.1", 0))
-        with pytest.raises(OSError, match=r"the connection failed .*; tried 4 times"):
+        with pytest.raises(OSError, match=r"the connection failed .*; tried 4 times: try again later: .http://127.0.0.1:"):
             place_of(f"http://127.0.0.1:{held.getsockname()[1]}/a", patience=QUICK).size("b")
 
 
@@ -194,5 +194,5 @@ def test_s3(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
             there.read("shards/a.tar", most=SIZE - 1)
         with pytest.raises(EndedError):
             there.ranges([ByteRange("shards/a.tar", SIZE - 5, 10)])
-        with pytest.raises(FileNotFoundError, match="s3://bucket/none: no such file"):
+        with pytest.raises(FileNotFoundError, match="no such file: 's3://bucket/none'"):
             there.read("none", most=1)
