@@ -6,7 +6,16 @@ from pathlib import Path
 from time import perf_counter
 
 from dataset_builder.api import DATASETS
-from dataset_builder.cli.common import Verbs, add_backend, add_cache, add_spec, add_verb, plain_console, positive
+from dataset_builder.cli.common import (
+    Verbs,
+    add_backend,
+    add_cache,
+    add_spec,
+    add_verb,
+    plain_console,
+    positive,
+    positive_number,
+)
 from dataset_builder.errors import UserError
 from dataset_builder.processes import cores
 
@@ -18,6 +27,12 @@ def add(verbs: Verbs) -> None:
     plan.add_argument("--example", type=int, action="append", default=[],
                       help="print the whole plan of example N as JSON")
     plan.add_argument("--views", type=positive, default=24, help="views to plan in full; the rest is extrapolated")
+    plan.add_argument("--workers", type=positive, help="processes that are to share the build (default: one per core)")
+    plan.add_argument("--speed", type=positive_number, default=1.0, metavar="X",
+                      help="of a worker, over the core that rates were measured on (default: 1)")
+    plan.add_argument("--price", type=positive_number, default=0.0, metavar="X", help="of a worker for an hour")
+    plan.add_argument("--egress", type=positive_number, default=0.0, metavar="X",
+                      help="price of a GB that leaves the place where it was made")
     plan.add_argument("--against", type=Path, metavar="DIR",
                       help="compare with the dataset in DIR: what would run again, and what changed")
     add_cache(plan)
@@ -39,6 +54,7 @@ def _plan(options: argparse.Namespace) -> int:
     from dataset_builder.engine.field_tasks import fields_known
     from dataset_builder.engine.unit import BuildJob
     from dataset_builder.planning.cost import estimate
+    from dataset_builder.planning.fleet import Fleet
     from dataset_builder.planning.plan import Planner, first_plan, plan_example
     from dataset_builder.planning.precheck import meshes_named
     from dataset_builder.rendering.scene.image_check import check_images
@@ -57,8 +73,10 @@ def _plan(options: argparse.Namespace) -> int:
     if options.against:
         plain_console().print(against_table(against(planner, options.against, job)))
     elif not options.example:
-        cost = estimate(planner, views=options.views, cores=cores(), known=fields_known(job))
-        plain_console().print(estimate_table(cost, cores()))
+        fleet = Fleet(workers=options.workers or cores(), speed=options.speed, price=options.price,
+                      egress=options.egress)
+        cost = estimate(planner, views=options.views, cores=fleet.workers, known=fields_known(job))
+        plain_console().print(estimate_table(cost, fleet))
         if cost.files:
             plain_console().print(files_table(cost.files))
         if first := first_plan(planner):

@@ -13,6 +13,7 @@ from dataset_builder.engine.unit import Outcome
 from dataset_builder.errors import printable
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.planning.cost import CostEstimate
+from dataset_builder.planning.fleet import GB, Fleet, bill
 from dataset_builder.report.doctor import Finding
 from dataset_builder.shards.manifest import Manifest, Rejected
 from dataset_builder.studies.stress.case import CaseResult
@@ -39,8 +40,9 @@ def finding_table(findings: Sequence[Finding]) -> Table:
     return table
 
 
-def estimate_table(estimate: CostEstimate, cores: int) -> Table:
-    """The cost of a dataset, with its standard error where it was extrapolated."""
+def estimate_table(estimate: CostEstimate, fleet: Fleet) -> Table:
+    """The cost of a dataset on a fleet, with its standard error where it was extrapolated, and what is paid where it is
+    known."""
     table = Table("what", "planned", title=f"{estimate.examples} examples in {estimate.views} views, "
                                            f"{estimate.planned} of them planned in full", title_justify="left")
     if failed := estimate.tried - estimate.planned:
@@ -60,9 +62,15 @@ def estimate_table(estimate: CostEstimate, cores: int) -> Table:
     total, error = estimate.total, estimate.error
     for label in ("passes", "pixels", "paths"):
         table.add_row(label, f"{getattr(total, label):,.4g}{_plus_minus(getattr(error, label))}")
-    spread = f" ± {duration(error.seconds)}" if error.seconds else ""
-    table.add_row(f"time on {cores} cores", f"{duration(total.seconds)}{spread}")
+    paid = bill(estimate, fleet)
+    spread = f" ± {duration(paid.error)}" if paid.error else ""
+    pace = f" of speed {fleet.speed:g}" if fleet.speed != 1 else ""
+    table.add_row(f"time on {fleet.workers:,} workers{pace}", f"{duration(paid.seconds)}{spread}")
     table.add_row("size", f"{total.bytes / MIB:,.1f} MiB{_plus_minus(error.bytes / MIB, ' MiB')}")
+    if fleet.price:
+        table.add_row("price", f"{paid.money:,.2f} for {paid.worker_hours:,.1f} worker-hours")
+    if fleet.egress:
+        table.add_row("egress", f"{paid.egress:,.2f} for {total.bytes / GB:,.1f} GB")
     return table
 
 

@@ -21,6 +21,7 @@ from dataset_builder.label.example_plan import Decision
 from dataset_builder.lightnet.training.events import Checked, Finished, Started, Stepped
 from dataset_builder.planning.catalogue import ExampleRef, PairRef, ViewRef
 from dataset_builder.planning.cost import estimate
+from dataset_builder.planning.fleet import Fleet
 from dataset_builder.planning.plan import Planner
 from dataset_builder.report.console import (
     build_table,
@@ -91,7 +92,7 @@ def test_rejected_examples_are_lines(tmp_path: Path) -> None:
 
 
 def test_what_a_dataset_will_cost(small_spec: Path) -> None:
-    text = printed([estimate_table(estimate(Planner(load_dataset(small_spec)), views=3), cores=2)])
+    text = printed([estimate_table(estimate(Planner(load_dataset(small_spec)), views=3), Fleet(workers=2))])
     assert "10 examples in 3 views, 3 of them planned in full" in " ".join(text.split())
     # Three views: source, light-free and instances each; five targets, both levels under each
     assert [row(text, f"passes: {name}") for name in ("source", "target", "rough", "first_hit", "first_hit_rough",
@@ -100,13 +101,24 @@ def test_what_a_dataset_will_cost(small_spec: Path) -> None:
     assert row(text, "passes") == ["34"] and "MiB" in row(text, "size")[0]
 
 
+def test_what_is_paid_is_told_where_it_is_known(small_spec: Path) -> None:
+    found = estimate(Planner(load_dataset(small_spec)), views=3, cores=2)
+    text = printed([estimate_table(found, Fleet(workers=2))])
+    assert "price" not in text and "egress" not in text
+    text = " ".join(printed([estimate_table(found, Fleet(workers=2, speed=4, price=3, egress=1000))]).split())
+    hours = found.total.seconds / 4 / 3600
+    assert "time on 2 workers of speed 4" in text
+    assert f"{2 * hours * 3:,.2f} for {2 * hours:,.1f} worker-hours" in text
+    assert f"{found.total.bytes / 1e6:,.2f} for" in text
+
+
 def test_views_from_one_side_alone_are_told(small_spec: Path) -> None:
     """As many as there are, or as a sample of them; the small dataset's own cameras go round."""
     views = ["splits.train.views=3", "camera.coverage=[0.02, 0.5]", "camera.visibility=0.2"]
     told = []
     for camera in ([], ["camera.azimuth=30", "camera.elevation=20"]):
         planner = Planner(load_dataset(small_spec, [*views, *camera]))
-        told.append("warning" in printed([estimate_table(estimate(planner, views=100), 1)]))
+        told.append("warning" in printed([estimate_table(estimate(planner, views=100), Fleet(workers=1))]))
     assert told == [False, True]
 
 
@@ -115,7 +127,7 @@ def test_views_that_cannot_be_planned_are_told(small_spec: Path) -> None:
     found = estimate(planner, views=100)
     failed = found.tried - found.planned
     assert 0 < failed < found.tried and len(found.problems) == failed
-    text = " ".join(printed([estimate_table(found, cores=2)]).split())
+    text = " ".join(printed([estimate_table(found, Fleet(workers=2))]).split())
     assert f"{failed} of the {found.tried} views tried cannot be planned" in text
     assert "expected a camera" in text and str(found.problems[0].where) in text
 
