@@ -197,8 +197,8 @@ def estimate(planner: Planner, views: int = 24, rates: Rates | None = None, core
     known: which fields were made already.
 
     From about `views` views, drawn in every split in proportion and planned for real. Views that cannot be planned are
-    passed over and counted. More cores than views are idle. Raises PlanError where splits share an object or a scene, with all that is wrong with mesh
-    files, and where none of the views tried in a split can be planned.
+    passed over and counted. More cores than views are idle. Raises PlanError where splits share an object or a scene,
+    with all that is wrong with mesh files, and where none of the views tried in a split can be planned.
     """
     spec, files = planner.loaded.dataset, read_meshes(planner)
     total, variance, tried, planned, runs = np.zeros(5), np.zeros(5), 0, list[ExamplePlan](), dict.fromkeys(RUNS, 0)
