@@ -121,8 +121,8 @@ def unit_seconds(path: Path) -> np.ndarray:
 def line(name: str, load: Load, cluster: Cluster) -> Run:
     """Simulate and print."""
     run = simulate(load, cluster, seed=SEED)
-    print(f"  {name:<24} {run.end / HOUR:9.2f} h  used {run.utilisation:6.1%}  lost {run.lost / run.useful:6.1%}  writer "
-          f" busy {run.writer_share:6.1%}, queue {run.longest_queue:5d}")
+    print(f"  {name:<24} {run.end / HOUR:9.2f} h  used {run.utilisation:6.1%}  lost {run.lost / run.useful:6.1%}  "
+          f"writer busy {run.writer_share:6.1%}, queue {run.longest_queue:5d}")
     return run
 
 
@@ -147,9 +147,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
           f"engine {overhead * 1e3:.2f} ms a task; unit costs spread by {seconds.std() / seconds.mean():.0%}")
     print(f"planned: {cost.examples:,} examples of {mean:.1f} s and {size / 1e6:.1f} MB; fields besides, "
           f"{cost.field_cost.seconds / HOUR:.1f} core-hours")
-    print(f"assumed: {options.losses} losses per worker and hour, {options.absence:.0f} s until one is replaced, "
-          f"{options.begin:.0f} s to begin, {options.slow_share:.0%} of workers at {options.slow_speed:g} of the speed, "
-          f"{options.memory_share:.2%} of examples out of memory once")
+    print(f"assumed: {options.losses} losses per worker and hour, {options.absence:.0f} s until it is replaced, "
+          f"{options.begin:.0f} s to begin, {options.slow_share:.0%} of workers at {options.slow_speed:g} of the "
+          f"speed, {options.memory_share:.2%} of examples out of memory once")
     drawn = np.random.default_rng(SEED).choice(seconds / seconds.mean() * mean, cost.examples)
     load = Load(seconds=drawn, bytes=size, per_shard=per_shard)
     cluster = Cluster(workers=1000, begin=options.begin, losses=options.losses, absence=options.absence,
