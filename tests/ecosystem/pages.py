@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from dataset_builder.layers import LAYERS
 from dataset_builder.shards.manifest import Manifest
 from dataset_builder.shards.reader import Dataset
 
@@ -43,7 +44,7 @@ def assert_same(found: Mapping[str, Mapping[str, Any]], truth: Truth, suffix: st
     assert set(found) == set(truth)
     for key, layers in found.items():
         wanted = {name: layer for name, layer in truth[key].items() if name != "meta"}
-        assert {name.removesuffix(suffix) for name in layers if name.endswith(suffix) or name in wanted} == set(wanted)
+        assert {name.removesuffix(suffix) for name in layers if name.endswith(suffix)} & set(LAYERS) == set(wanted)
         for name, layer in wanted.items():
             assert equal(pixels(layers[f"{name}{suffix}"]), layer), (key, name)
 
