@@ -11,7 +11,7 @@ from dataset_builder.engine.source import imports_of, inside, read_sources
 ORDER = (
     ("__main__",), ("cli.main",), ("cli",), ("cli.common",), ("report",),
     ("studies.accuracy", "studies.effects", "studies.noise", "studies.stress", "studies.tables"), ("studies",),
-    ("release",), ("exporting", "importing", "transfer"), ("importing.captures",),
+    ("release",), ("exporting", "importing", "transfer"), ("exporting.formats", "importing.captures"),
     ("lightnet.results", "lightnet.training"), ("lightnet.methods",), ("lightnet.measures",), ("lightnet.data",),
     ("lightnet",),
     ("api",), ("builder",), ("engine",), ("shards",),
@@ -36,7 +36,8 @@ STRANGERS = {("lightnet", "api"), ("lightnet", "builder"), ("lightnet", "engine"
 
 HOMES = {
     "mitsuba": "rendering", "drjit": "rendering", "ruamel": "spec.load", "open3d": "geometry",
-    "OpenEXR": ("shards.exr", "assets.exr_picture"),
+    "OpenEXR": ("shards.exr", "assets.exr_picture", "exporting.formats.layered_exr"),
+    "pyarrow": "exporting.formats.parquet_rows",
     "fsspec": "remote", "huggingface_hub": "transfer",
     "matplotlib": "report", "pyvista": "report", "mapbox_earcut": "assets.readers.polygons", "ray": "engine",
     "DracoPy": "assets.readers.gltf_primitives", "meshopt": "assets.readers.gltf_file",
