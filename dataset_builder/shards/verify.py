@@ -22,7 +22,7 @@ from dataset_builder.shards.verify_files import (
     manifest_problems,
     sum_problems,
 )
-from dataset_builder.shards.verify_shard import Agreement, Depth, Known, Look, ShardFacts
+from dataset_builder.shards.verify_shard import AcrossShards, Depth, Known, Look, ShardFacts
 from dataset_builder.shards.writer import index_path, shard_path
 
 NOT_LOOKED_AT: Mapping[Depth, str] = {
@@ -47,8 +47,8 @@ def verify(folder: Path, *, depth: Depth = "pixels", splits: Sequence[str] = (),
     Checked at depth `size`: the manifest's schema, sums and SHA-256; missing and extra files, and sizes of shards.
     `shard`: the SHA-256 of every file, and the catalogue. `member`: indexes, keys, views, and every byte of a shard
     against its index. `pixels`: of every example names, decoding, ranges, pixel digests, label, and the identities of
-    `identities.py`. splits: those whose shards are looked at, all where empty. known: facts of an interrupted run, taken
-    for shards whose bytes are still the same. Raises UserError where there is no such depth or split, and
+    `identities.py`. splits: those whose shards are looked at, all where empty. known: facts of an interrupted run,
+    taken for shards whose bytes are still the same. Raises UserError where there is no such depth or split, and
     OutputError where a process dies.
     """
     if depth not in get_args(Depth):
@@ -59,7 +59,7 @@ def verify(folder: Path, *, depth: Depth = "pixels", splits: Sequence[str] = (),
         return list(error.problems)
     shards = list(_different(_chosen(manifest, splits)))
     hashes: dict[str, str | None] = {}
-    agreement, problems, done = Agreement(manifest), list[Problem](), 0
+    agreement, problems, done = AcrossShards(manifest), list[Problem](), 0
     numbers = {shard.name: number for number, shard in reversed(list(enumerate(manifest.shards)))}
     look, of = Look(folder=folder, manifest=manifest, depth=depth, known=known), sum(shard.bytes for shard, _ in shards)
     told(0, of)

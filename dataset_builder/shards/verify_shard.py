@@ -106,7 +106,7 @@ class Look:
                        views=views, label=checks.label)
 
 
-class Agreement:
+class AcrossShards:
     """What examples of different shards must agree on. A few dozen bytes are kept for each."""
 
     def __init__(self, manifest: Manifest):

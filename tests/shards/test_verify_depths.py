@@ -14,7 +14,7 @@ from dataset_builder.errors import UserError
 from dataset_builder.shards import verify_shard
 from dataset_builder.shards.reader import load_manifest
 from dataset_builder.shards.verify import Depth, verify
-from dataset_builder.shards.verify_shard import Agreement, Known, Look, ShardFacts
+from dataset_builder.shards.verify_shard import AcrossShards, Known, Look, ShardFacts
 from tests.shards.replaced import exr_of, replace_members
 from tests.shards.test_verify import STEM, load_index
 from tests.shards.tiny_dataset import build, default_examples, index_path, make_example, make_layers, shard_path
@@ -114,12 +114,12 @@ def test_an_interrupted_run_goes_on_and_looks_again_at_what_changed(dataset: Pat
 def test_the_command_keeps_its_state_until_it_ends(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     state = dataset / ".build" / "verified"
 
-    def cut(self: Agreement) -> None:
+    def cut(self: AcrossShards) -> None:
         assert [path for path in state.rglob("*") if path.is_file()]
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(Agreement, "summary", cut)
+        patch.setattr(AcrossShards, "summary", cut)
         assert main(["verify", str(dataset), "--workers", "1"]) == 130
     assert state.is_dir()
     assert main(["verify", str(dataset), "--workers", "1"]) == 0 and not state.exists()
@@ -128,7 +128,7 @@ def test_the_command_keeps_its_state_until_it_ends(dataset: Path, monkeypatch: p
 def test_what_is_kept_of_an_example_is_small(dataset: Path) -> None:
     """A million examples, each of a view of its own, in 4,000 shards."""
     per_shard, shards = 250, 40
-    agreement = Agreement(load_manifest(dataset))
+    agreement = AcrossShards(load_manifest(dataset))
     tracemalloc.start()
     try:
         for number in range(shards):
