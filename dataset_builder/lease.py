@@ -83,7 +83,7 @@ class Lease:
             self.number += 1
             if self._ended.is_set() or not self.take():
                 self._ended.set()
-                rule = f"this {self._work} stood still for over {LAPSE:g} s, another took its place; nothing was changed"
+                rule = f"this {self._work} stood still for over {LAPSE:g} s and another took its place"
                 raise OutputError([Problem(where=str(self._folder), path="", rule=rule,
                                            hint="let the other one finish, or run it again afterwards")])
 
@@ -98,7 +98,8 @@ class Lease:
     def end(self) -> None:
         """Let others have the lease."""
         with self._guard:
-            lost, _ = self._ended.is_set(), self._ended.set()
+            lost = self._ended.is_set()
+            self._ended.set()
             if not lost:
                 with suppress(OSError):
                     self._write(released=True)

@@ -31,6 +31,14 @@ def add(verbs: common.Verbs) -> None:
     verify.add_argument("--split", action="append", default=[], metavar="A",
                         help="look at the shards of split A alone; repeat for more")
     verify.add_argument("--workers", type=common.positive, help="processes (default: one per core)")
+    repair = common.add_verb(verbs, "repair", _repair, "mend a damaged dataset to the bytes that were published")
+    common.add_folder(repair)
+    source = repair.add_mutually_exclusive_group(required=True)
+    source.add_argument("--spec", type=Path, help="render what is broken again, from the spec that it was built from")
+    source.add_argument("--from", dest="place", metavar="PLACE", help="fetch what is broken from a whole copy")
+    common.add_overrides(repair, "the spec")
+    repair.add_argument("--workers", type=common.positive, help="processes that render (default: one per core)")
+    common.add_backend(repair)
 
 
 def _verify(options: argparse.Namespace) -> int:
@@ -53,6 +61,33 @@ def _verify(options: argparse.Namespace) -> int:
     shards = [shard for shard in manifest.shards if not options.split or shard.split in options.split]
     print(f"{sum(shard.examples for shard in shards)} examples in {len(shards)} shards, "
           f"{sum(shard.bytes for shard in shards)} bytes: no problems found")
+    return 0
+
+
+def _repair(options: argparse.Namespace) -> int:
+    from dataset_builder.remote.place import FolderPlace
+    from dataset_builder.shards.folder import WORK
+    from dataset_builder.transfer.aside import ASIDE
+    from dataset_builder.transfer.repair import repair_from
+
+    if options.spec:
+        from dataset_builder.report.build_progress import Following
+        from dataset_builder.spec.load import load_dataset
+        from dataset_builder.transfer.rerender import repair_with
+
+        done = repair_with(load_dataset(options.spec, options.overrides), options.folder, backend=options.backend,
+                           workers=options.workers, events=Following(common.plain_console()).events)
+    else:
+        done = repair_from(options.folder, FolderPlace(Path(options.place)))
+    for name in done.aside:
+        print(f"not of the dataset, moved to {options.folder / WORK / ASIDE}: {name}")
+    for name in done.mended:
+        print(f"mended: {name}")
+    if done.rendered:
+        print(f"rendered again: {', '.join(done.rendered)}")
+    if done.fetched:
+        print(f"fetched: {done.fetched} bytes, of them {len(done.members)} members alone")
+    print("every file has the bytes that were published" if done.mended else "nothing to mend")
     return 0
 
 

@@ -116,7 +116,7 @@ def build_lock(folder: Path, wanted: Claim, *, replace: bool = False) -> Iterato
     require_ours(folder, wanted, replace=replace)
     with one_writer(folder):
         # Again, since another build may have been at work
-        _write_claim(folder, require_ours(folder, wanted, replace=replace))
+        write_claim(folder, require_ours(folder, wanted, replace=replace))
         yield
 
 
@@ -147,7 +147,7 @@ def swap(folder: Path) -> None:
         raise _refused(folder, f"expected {WORK}/{CLAIM} and a new {MANIFEST}, found none", "run the build again")
     both = tuple(sorted({*claim.files, *coming.files}))
     still_writer(folder)
-    _write_claim(folder, claim.model_copy(update={"files": both, "publishing": True}))
+    write_claim(folder, claim.model_copy(update={"files": both, "publishing": True}))
     finish_swap(folder)
 
 
@@ -167,7 +167,7 @@ def finish_swap(folder: Path) -> None:
             for name in sorted({*claim.files} - {*kept.files}):
                 (folder / name).unlink(missing_ok=True)
         claim = claim.model_copy(update={"files": kept.files})
-    _write_claim(folder, claim.model_copy(update={"publishing": False}))
+    write_claim(folder, claim.model_copy(update={"publishing": False}))
     shutil.rmtree(source, ignore_errors=True)
 
 
@@ -236,7 +236,7 @@ def _read(model: type[M], path: Path) -> M | None:
         return None
 
 
-def _write_claim(folder: Path, claim: Claim) -> None:
+def write_claim(folder: Path, claim: Claim) -> None:
     write_atomic(folder / WORK / CLAIM, canonical_json(claim.model_dump(mode="json")))
 
 

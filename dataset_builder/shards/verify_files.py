@@ -2,7 +2,7 @@
 
 import json
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 
 from dataset_builder.digest import open_regular, sha256_file
@@ -49,10 +49,11 @@ def manifest_problems(manifest: Manifest) -> Iterator[Problem]:
         yield _problem(MANIFEST, "shards", f"expected known splits, got {', '.join(sorted(unknown))}")
 
 
-def extra_files(folder: Path, manifest: Manifest) -> list[str]:
-    """Files that the manifest does not account for, relative, sorted."""
-    found = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if not path.is_dir()}
-    others = found - {*listed_files(manifest), SUMS} - left_over(folder)
+def extra_files(folder: Path, listed: Iterable[str]) -> list[str]:
+    """Files of a dataset that are neither `listed` nor the builder's own, relative, sorted."""
+    paths = (path for path in folder.rglob("*") if path.is_symlink() or not path.is_dir())
+    found = {path.relative_to(folder).as_posix() for path in paths}
+    others = found - {*listed, SUMS} - left_over(folder)
     return sorted(name for name in others if name.split("/")[0] not in IGNORED)
 
 
@@ -65,7 +66,7 @@ def file_problems(folder: Path, manifest: Manifest, looked_at: Collection[str]) 
             yield _problem(name, "", "expected a file, found none")
         except OSError as error:
             yield _problem(name, "", f"expected a file that can be read, got: {error.strerror or error}")
-    for name in extra_files(folder, manifest):
+    for name in extra_files(folder, listed_files(manifest)):
         yield _problem(name, "", f"expected only files that {MANIFEST} accounts for")
 
 
