@@ -33,7 +33,7 @@ from dataset_builder.rendering.scene.image_check import check_images
 from dataset_builder.shards.field_summary import field_summaries, labels_of
 from dataset_builder.shards.folder import Claim, build_lock, require_ours
 from dataset_builder.shards.manifest import Manifest, Rejected, make_manifest
-from dataset_builder.shards.publish import publish_dataset, whole_shards
+from dataset_builder.shards.publish import Again, publish_dataset, whole_shards
 from dataset_builder.shards.shard_index import ShardIndex
 from dataset_builder.shards.staging import Staging
 from dataset_builder.shards.writer import publish_shard
@@ -84,7 +84,7 @@ class _Progress:
 def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: int | None = None,
           only: Sequence[int] = (), replace_other: bool = False, cache: Path | None = None,
           cache_size: int = CACHE_SIZE, told: Callable[[FieldNews], None] = lambda news: None,
-          run: Run = local.run) -> Iterator[Event]:
+          run: Run = local.run, again: Again | None = None) -> Iterator[Event]:
     """Build `loaded` into `folder`, yielding news, first of all how many examples there are to make.
 
     backend: auto | cuda | llvm. workers: processes that render, None for one per core, or a single one on a GPU.
@@ -92,9 +92,9 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
     in `folder` may go. What was there before stays until this dataset is whole. cache, cache_size: folder for what
     passes find, so that an edit repeats only the passes that it touches (`.build/passes` in the output folder where
     none is given), and most bytes that it may hold; 0 keeps nothing. run: the engine, `local.run` or another that keeps
-    its promises. Raises PlanError where nothing can be planned or
-    an index is none, OutputError where the folder or the disk refuses; in both cases what was finished is kept, and a
-    second run goes on from there.
+    its promises. again: the dataset that must come out. Raises PlanError where nothing can be planned or an index is
+    none, ShardError where another dataset than `again` comes out, OutputError where the folder or the disk refuses; in
+    all cases what was finished is kept, and a second run goes on from there.
     """
     claim = Claim(name=loaded.dataset.name, version=loaded.dataset.version)
     require_ours(folder, claim, replace=replace_other)
@@ -119,6 +119,7 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
     with build_lock(folder, claim, replace=replace_other):
         digests = split_digests(planner.examples, loaded)
         rejections, timings = Rejections(folder, digest(digests), made_by), Timings(folder)
+        rejections.known |= {item.key: item for item in again.rejected} if again else {}
         tasks = decide(shard_tasks(planner.examples, loaded.dataset, digests), list(whole_shards(folder)), made_by,
                        rejections.known)
         progress = _Progress(rejected=dict(rejections.known),
@@ -139,7 +140,8 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
                 yield Event(outcomes=event)
         wanted = [ref for ref in wanted if ref.key in known or ref.key not in progress.rejected]
         if denoise:
-            job = replace(job, denoised=calibrate(loaded, job, made_by, run=run, workers=workers))
+            known_figures = again.denoised if again else ()
+            job = replace(job, denoised=known_figures or calibrate(loaded, job, made_by, run=run, workers=workers))
             yield Event(denoised=job.denoised)
         try:
             if not only:
@@ -156,7 +158,7 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
             timings.write()
             job.store.trim()
         if not only:
-            yield Event(manifest=_finish(tasks, folder, planner, progress, job.denoised))
+            yield Event(manifest=_finish(tasks, folder, planner, progress, job.denoised, again))
 
 
 def _chosen(examples: Sequence[ExampleRef], only: Sequence[int]) -> frozenset[ExampleRef]:
@@ -206,7 +208,7 @@ def _publish(task: ShardTask, folder: Path, loaded: LoadedSpec, made_by: dict[st
 
 
 def _finish(tasks: Sequence[ShardTask], folder: Path, planner: Planner, progress: _Progress,
-            denoised: Sequence[Denoised]) -> Manifest:
+            denoised: Sequence[Denoised], again: Again | None) -> Manifest:
     """Publish the shards as a dataset in the place of the old one. Raises PlanError where a split has no examples
     left."""
     loaded = planner.loaded
@@ -217,7 +219,7 @@ def _finish(tasks: Sequence[ShardTask], folder: Path, planner: Planner, progress
                              generator=f"dataset-builder {__version__}", denoised=denoised,
                              parts=object_sources(loaded, planner.contents),
                              fields=field_summaries(labels_of(folder, indices, _one_of_each(planner, indices))))
-    publish_dataset(folder, manifest)
+    publish_dataset(folder, manifest, again)
     Staging(folder).clear()
     return manifest
 

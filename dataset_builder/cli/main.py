@@ -15,6 +15,7 @@ from dataset_builder.cli import (
     import_front3d,
     import_models,
     inspect,
+    integrity,
     study,
     table,
 )
@@ -47,7 +48,7 @@ def parser() -> argparse.ArgumentParser:
     root = argparse.ArgumentParser(prog="dataset-builder", description="Build 3DF-Lighting datasets from specs.")
     root.add_argument("--version", action="version", version=__version__)
     verbs = root.add_subparsers(required=True, metavar="VERB")
-    for group in (import_models, import_capture, import_front3d, build, inspect, export, export_dataset, export_field,
-                  study, evaluate, table):
+    for group in (import_models, import_capture, import_front3d, build, inspect, integrity, export, export_dataset,
+                  export_field, study, evaluate, table):
         group.add(verbs)
     return root

@@ -8,7 +8,7 @@ from dataset_builder.digest import sha256_bytes
 from dataset_builder.errors import ShardError
 from dataset_builder.shards import exr
 from dataset_builder.shards.example import Member
-from dataset_builder.shards.folder import MANIFEST
+from dataset_builder.shards.folder import MANIFEST, read_claim
 from dataset_builder.shards.manifest import Manifest, from_json
 from dataset_builder.shards.segment import segment
 from dataset_builder.shards.shard_index import ExampleRecord, MemberRecord, ShardIndex, tagged
@@ -27,16 +27,24 @@ class PublishedExamples:
     def _places(self) -> dict[str, tuple[str, ExampleRecord]]:
         """Stem of the shard and record of every example, by its digest."""
         found = dict[str, tuple[str, ExampleRecord]]()
+        for stem in self._stems():
+            try:
+                index = from_json(ShardIndex, index_path(self.folder, stem).read_bytes(), where=stem)
+            except (ShardError, OSError):
+                continue
+            # An index that was changed does not fit its name
+            if index.shard.stem == stem and tagged(index, index.shard.slot).shard == index.shard:
+                found |= {example.digest: (stem, example) for example in index.examples}
+        return found
+
+    def _stems(self) -> list[str]:
+        """Stems of the shards that `dataset.json` lists, or, where it is damaged, that the folder's claim does."""
         try:
             manifest = from_json(Manifest, (self.folder / MANIFEST).read_bytes(), where=MANIFEST)
-            for shard in manifest.shards:
-                index = from_json(ShardIndex, index_path(self.folder, shard.stem).read_bytes(), where=shard.name)
-                # An index that was changed does not fit its name
-                if tagged(index, shard.slot).shard == shard == index.shard:
-                    found |= {example.digest: (shard.stem, example) for example in index.examples}
+            return [shard.stem for shard in manifest.shards]
         except (ShardError, OSError):
-            return found
-        return found
+            claim = read_claim(self.folder)
+            return [Path(name).stem for name in (claim.files if claim else ()) if name.endswith(".manifest")]
 
     def __contains__(self, digest: str) -> bool:
         return digest in self._places

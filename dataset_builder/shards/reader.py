@@ -69,6 +69,9 @@ class Dataset:
         self.splits = {split.name: tuple(key for key, place in self._places.items() if names[place.shard] == split.name)
                        for split in manifest.splits}
         """Keys of every split, in order."""
+        for split in manifest.splits:
+            if (got := len(self.splits[split.name])) != split.examples:
+                raise _wrong(folder, f"expected {split.examples} examples in split {split.name}, its shards hold {got}")
         if verify != "off":
             self._require_sums()
 

@@ -13,7 +13,7 @@ from dataset_builder.errors import Problem, ShardError
 from dataset_builder.files import commit, output_errors, partial_of, write_atomic, write_partial
 from dataset_builder.shards import exr
 from dataset_builder.shards.example import Member
-from dataset_builder.shards.folder import INDEX, SHARDS, next_of
+from dataset_builder.shards.folder import INDEX, SHARDS, next_of, still_writer
 from dataset_builder.shards.manifest import to_json
 from dataset_builder.shards.segment import BLOCK, end_blocks, segment_size
 from dataset_builder.shards.shard_index import (
@@ -72,6 +72,7 @@ def publish_shard(folder: Path, *, slot: str, split: str, examples: Sequence[tup
         spec_digest=spec_digest, versions={**writer_versions(), **versions}, examples=tuple(records),
     ), slot)
     _check(partial_of(path), index)
+    still_writer(folder)
     with output_errors(path):
         # An index never stands without its shard
         for other in [*(folder_next / INDEX).glob(f"{slot}-*"), *(folder_next / SHARDS).glob(f"{slot}-*")]:
