@@ -80,7 +80,7 @@ def add_cache(verb: argparse.ArgumentParser) -> None:
     """Where results of passes are kept, and how much of them."""
     verb.add_argument("--cache", type=_folder, metavar="DIR",
                       help="folder for results of passes, which datasets may share (default: in the output folder)")
-    verb.add_argument("--cache-size", type=_gigabytes, default=CACHE_SIZE, metavar="GB",
+    verb.add_argument("--cache-size", type=gigabytes, default=CACHE_SIZE, metavar="GB",
                       help=f"most that is kept there; 0 keeps nothing (default: {CACHE_SIZE / GB:g})")
 
 
@@ -91,7 +91,7 @@ def _folder(text: str) -> Path:
     return Path(text)
 
 
-def _gigabytes(text: str) -> int:
+def gigabytes(text: str) -> int:
     """Bytes of a number of gigabytes."""
     try:
         size = float(text)

@@ -18,6 +18,7 @@ from dataset_builder.cli import (
     integrity,
     study,
     table,
+    transfer,
 )
 from dataset_builder.cli.interrupt import guarded
 from dataset_builder.errors import UserError
@@ -48,7 +49,7 @@ def parser() -> argparse.ArgumentParser:
     root = argparse.ArgumentParser(prog="dataset-builder", description="Build 3DF-Lighting datasets from specs.")
     root.add_argument("--version", action="version", version=__version__)
     verbs = root.add_subparsers(required=True, metavar="VERB")
-    for group in (import_models, import_capture, import_front3d, build, inspect, integrity, export, export_dataset,
-                  export_field, study, evaluate, table):
+    for group in (import_models, import_capture, import_front3d, build, inspect, integrity, transfer, export,
+                  export_dataset, export_field, study, evaluate, table):
         group.add(verbs)
     return root

@@ -59,7 +59,7 @@ class PublishedExamples:
             files = list(zip(example.members, payloads, strict=True))
             if any(sha256_bytes(data) != record.sha256 for record, data in files):
                 return None
-            members = [Member(name=f"{example.key}.{record.suffix}", data=_own(record, data, example.key),
+            members = [Member(name=f"{example.key}.{record.suffix}", data=as_own(record, data, example.key),
                               pixel_digest=record.pixel_digest) for record, data in files]
         except (ShardError, OSError):
             return None
@@ -67,7 +67,7 @@ class PublishedExamples:
         return Staged(segment=segment(members), entry=made)
 
 
-def _own(record: MemberRecord, data: bytes, key: str) -> bytes:
+def as_own(record: MemberRecord, data: bytes, key: str) -> bytes:
     """The file as example `key` has it alone: a layer that it shares is encoded again, with its key in the header."""
     if record.key == key or not record.suffix.endswith(".exr"):
         return data

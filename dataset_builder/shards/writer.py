@@ -1,7 +1,7 @@
 """Staged examples to shards of the next set: assemble, flush, hash, read back, rename, then the index the same way."""
 
 import importlib.metadata
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -60,16 +60,28 @@ def publish_shard(folder: Path, *, slot: str, split: str, examples: Sequence[tup
     OutputError where the disk refuses, and ShardError where an example is not staged, two share a key, or the file does
     not read back as written.
     """
-    chosen, folder_next = sorted(examples), next_of(folder)
-    path = shard_path(folder_next, slot)
+    chosen = sorted(examples)
     if not chosen or len({key for key, _ in chosen}) < len(chosen):
-        raise _wrong(path, f"expected one or more examples with different keys, got {[key for key, _ in chosen]}")
+        rule = f"expected one or more examples with different keys, got {[key for key, _ in chosen]}"
+        raise _wrong(shard_path(next_of(folder), slot), rule)
     records: list[ExampleRecord] = []
-    size, sha256 = write_partial(path, _chunks(Staging(folder), chosen, records, share))
+    return write_shard(folder, slot=slot, split=split, chunks=_chunks(Staging(folder), chosen, records, share),
+                       records=records, spec_digest=spec_digest, versions={**writer_versions(), **versions})
+
+
+def write_shard(folder: Path, *, slot: str, split: str, chunks: Iterable[bytes], records: Sequence[ExampleRecord],
+                spec_digest: str, versions: Mapping[str, str]) -> ShardIndex:
+    """Make the shard in `slot` of its bytes, and its index; `records`, one at least, fill while `chunks` come.
+
+    Raises as `publish_shard` does.
+    """
+    folder_next = next_of(folder)
+    path = shard_path(folder_next, slot)
+    size, sha256 = write_partial(path, chunks)
     index = tagged(ShardIndex(
         shard=ShardRecord(name=path.name, split=split, bytes=size, sha256=sha256, examples=len(records),
-                          first_key=chosen[0][0], last_key=chosen[-1][0]),
-        spec_digest=spec_digest, versions={**writer_versions(), **versions}, examples=tuple(records),
+                          first_key=records[0].key, last_key=records[-1].key),
+        spec_digest=spec_digest, versions=dict(versions), examples=tuple(records),
     ), slot)
     _check(partial_of(path), index)
     still_writer(folder)
