@@ -16,7 +16,7 @@ from dataset_builder.engine.calibration import calibrate
 from dataset_builder.engine.field_tasks import FieldNews, make_fields
 from dataset_builder.engine.made_by import versions
 from dataset_builder.engine.outcomes import Rejections, Timings
-from dataset_builder.engine.shard_tasks import ShardTask, decide, shard_tasks, split_digests
+from dataset_builder.engine.shard_tasks import OpenShards, ShardTask, decide, shard_tasks, split_digests
 from dataset_builder.engine.unit import BuildJob, Outcome, run_unit
 from dataset_builder.errors import PlanError, Problem, UserError
 from dataset_builder.files import require_space
@@ -32,9 +32,9 @@ from dataset_builder.rendering.backend import choose
 from dataset_builder.rendering.scene.image_check import check_images
 from dataset_builder.shards.field_summary import field_summaries, labels_of
 from dataset_builder.shards.folder import Claim, build_lock, require_ours
-from dataset_builder.shards.manifest import Manifest, Rejected, make_manifest
+from dataset_builder.shards.manifest import Manifest, Rejected, make_manifest, with_shards
 from dataset_builder.shards.publish import Again, publish_dataset, whole_shards
-from dataset_builder.shards.shard_index import ShardIndex
+from dataset_builder.shards.shard_index import ShardIndex, ShardRecord
 from dataset_builder.shards.staging import Staging
 from dataset_builder.shards.writer import publish_shard
 from dataset_builder.spec.dataset import DatasetSpec
@@ -71,14 +71,12 @@ class _Progress:
     """What is known so far."""
 
     digests: dict[str, str] = field(default_factory=dict)
-    """Of the finished examples, by key."""
-    rejected: dict[str, Rejected] = field(default_factory=dict)
+    """Of the finished examples of shards that are open, by key."""
+    rejected: dict[str, Rejected]
     """By key."""
-    shards: dict[str, ShardIndex] = field(default_factory=dict)
+    shards: dict[str, ShardRecord]
     """Finished ones, by slot."""
-
-    def settled(self, task: ShardTask) -> bool:
-        return all(ref.key in self.digests or ref.key in self.rejected for ref in task.examples)
+    open: OpenShards
 
 
 def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: int | None = None,
@@ -120,11 +118,11 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
         digests = split_digests(planner.examples, loaded)
         rejections, timings = Rejections(folder, digest(digests), made_by), Timings(folder)
         rejections.known |= {item.key: item for item in again.rejected} if again else {}
-        tasks = decide(shard_tasks(planner.examples, loaded.dataset, digests), list(whole_shards(folder)), made_by,
+        tasks = decide(shard_tasks(planner.examples, loaded.dataset, digests), whole_shards(folder), made_by,
                        rejections.known)
-        progress = _Progress(rejected=dict(rejections.known),
-                             shards={task.slot: task.keep for task in tasks if task.keep})
         missing = [task for task in tasks if not task.keep]
+        progress = _Progress(rejected=dict(rejections.known), open=OpenShards(missing, rejections.known),
+                             shards={task.slot: task.keep for task in tasks if task.keep})
         wanted = [ref for task in missing for ref in task.examples if ref in chosen]
         _require_space(folder, loaded.dataset, len(wanted))
         yield Event(wanted=len(wanted))
@@ -148,11 +146,10 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
                 # Fields may have been refused by then: hours of rendering would end with the same words
                 _require_examples(tasks, progress.rejected)
             for outcomes in _outcomes(wanted, job, partial(run, workers=workers), known):
-                _note(outcomes, progress, rejections)
+                done = _note(outcomes, progress, rejections)
                 timings.add(outcomes)
                 yield Event(outcomes=tuple(outcomes))
-                for task in [] if only else [task for task in missing if progress.settled(task)]:
-                    missing.remove(task)
+                for task in [] if only else done:
                     yield from _publish(task, folder, loaded, made_by, progress)
         finally:
             timings.write()
@@ -184,26 +181,30 @@ def _outcomes(wanted: Sequence[ExampleRef], job: BuildJob, run: Run,
     yield from run(partial(run_unit, job), others)
 
 
-def _note(outcomes: Sequence[Outcome], progress: _Progress, rejections: Rejections) -> None:
+def _note(outcomes: Sequence[Outcome], progress: _Progress, rejections: Rejections) -> list[ShardTask]:
+    """Take note of outcomes; the shards that are complete by them."""
+    news = [outcome.ref for outcome in outcomes
+            if outcome.ref.key not in progress.digests and outcome.ref.key not in progress.rejected]
     for outcome in outcomes:
         if outcome.rejected:
             progress.rejected[outcome.ref.key] = outcome.rejected
         else:
             progress.digests[outcome.ref.key] = outcome.digest
     rejections.add([outcome.rejected for outcome in outcomes if outcome.rejected and not outcome.kept])
+    return list(progress.open.settle(news))
 
 
 def _publish(task: ShardTask, folder: Path, loaded: LoadedSpec, made_by: dict[str, str],
              progress: _Progress) -> Iterator[Event]:
     """Make one shard and let its staged examples go; a shard whose examples were all rejected is none."""
-    examples = [(ref.key, progress.digests[ref.key]) for ref in task.examples if ref.key in progress.digests]
+    examples = [(ref.key, progress.digests.pop(ref.key)) for ref in task.examples if ref.key in progress.digests]
     if not examples:
         return
     index = publish_shard(folder, slot=task.slot, split=task.split, examples=examples, spec_digest=task.spec_digest,
                           versions=made_by, share=loaded.dataset.storage.shared == "once")
     for key, _ in examples:
         Staging(folder).drop(key)
-    progress.shards[task.slot] = index
+    progress.shards[task.slot] = index.shard
     yield Event(shard=index)
 
 
@@ -212,24 +213,24 @@ def _finish(tasks: Sequence[ShardTask], folder: Path, planner: Planner, progress
     """Publish the shards as a dataset in the place of the old one. Raises PlanError where a split has no examples
     left."""
     loaded = planner.loaded
-    indices = [progress.shards[task.slot] for task in tasks if task.slot in progress.shards]
+    shards = [progress.shards[task.slot] for task in tasks if task.slot in progress.shards]
     _require_examples(tasks, progress.rejected)
-    manifest = make_manifest(loaded.dataset, layers=dict(layers_asked(loaded.dataset)), shards=indices,
+    manifest = make_manifest(loaded.dataset, layers=dict(layers_asked(loaded.dataset)), shards=(),
                              rejected=progress.rejected.values(), spec_digest=loaded.spec_digest,
                              generator=f"dataset-builder {__version__}", denoised=denoised,
                              parts=object_sources(loaded, planner.contents),
-                             fields=field_summaries(labels_of(folder, indices, _one_of_each(planner, indices))))
+                             fields=field_summaries(labels_of(folder, shards, _one_of_each(planner, progress))))
+    manifest = with_shards(manifest, shards)
     publish_dataset(folder, manifest, again)
     Staging(folder).clear()
     return manifest
 
 
-def _one_of_each(planner: Planner, indices: Sequence[ShardIndex]) -> Iterator[str]:
+def _one_of_each(planner: Planner, progress: _Progress) -> Iterator[str]:
     """Keys of examples that between them have every field of the dataset; none where it has no fields."""
-    there = {example.key for index in indices for example in index.examples}
     if has_fields(planner.loaded.dataset, planner.loaded.objects):
         yield from {(ref.view.pair, ref.level): ref.key for ref in reversed(planner.examples)
-                    if ref.key in there}.values()
+                    if ref.key not in progress.rejected}.values()
 
 
 def _require_examples(tasks: Sequence[ShardTask], rejected: Mapping[str, Rejected]) -> None:

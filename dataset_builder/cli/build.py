@@ -86,7 +86,8 @@ def _plan(options: argparse.Namespace) -> int:
 
 def _build(options: argparse.Namespace) -> int:
     from dataset_builder.builder import build
-    from dataset_builder.engine.unit import BuildJob, Outcome
+    from dataset_builder.engine.outcomes import Tally
+    from dataset_builder.engine.unit import BuildJob
     from dataset_builder.rendering.backend import choose
     from dataset_builder.report.against_table import runs_line
     from dataset_builder.report.build_progress import Following
@@ -100,23 +101,22 @@ def _build(options: argparse.Namespace) -> int:
     shown = Following(console)
     news = build(loaded, folder, backend=options.backend, workers=options.workers, only=options.example,
                  replace_other=options.replace, cache=options.cache, cache_size=options.cache_size, told=shown.field)
-    outcomes: list[Outcome] = []
-    manifest = None
+    tally, manifest = Tally(), None
     for event in shown.events(news):
-        outcomes += event.outcomes
+        tally.add(event.outcomes)
         manifest = event.manifest or manifest
-    rejected = manifest.rejected if manifest else [outcome.rejected for outcome in outcomes if outcome.rejected]
+    rejected = manifest.rejected if manifest else tally.rejected
     for line in rejected_lines(rejected, folder):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     if not manifest:
-        staged, before = len(outcomes) - len(rejected), len(set(options.example)) - len(outcomes)
+        staged, before = tally.examples - len(rejected), len(set(options.example)) - tally.examples
         console.print(f"{staged} examples staged in {folder}, {before} already published; build without --example to "
                       "finish", highlight=False, soft_wrap=True)
     else:
-        console.print(build_table(manifest, outcomes, perf_counter() - start))
+        console.print(build_table(manifest, tally, perf_counter() - start))
         job = BuildJob.of(loaded, folder, backend=options.backend, threads=1, cache=options.cache,
                           cache_size=options.cache_size)
-        console.print(runs_line(outcomes, job.store.size()), highlight=False, soft_wrap=True)
+        console.print(runs_line(tally, job.store.size()), highlight=False, soft_wrap=True)
         console.print(f"dataset: {folder}\n{_sheet(folder)}", highlight=False, markup=False, soft_wrap=True)
     return 0
 

@@ -1,6 +1,5 @@
 """What the terminal shows: tables, and hard cases as they are done."""
 
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -8,8 +7,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from dataset_builder.engine.outcomes import Tally
 from dataset_builder.engine.rejected_pixels import pixels_of
-from dataset_builder.engine.unit import Outcome
 from dataset_builder.errors import printable
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.planning.cost import CostEstimate
@@ -104,7 +103,7 @@ def decisions_table(plan: ExamplePlan) -> Table:
     return table
 
 
-def build_table(manifest: Manifest, outcomes: Sequence[Outcome], seconds: float) -> Table:
+def build_table(manifest: Manifest, tally: Tally, seconds: float) -> Table:
     """What a build made, and what its time went into."""
     table = Table("split", "examples", "shards", title=manifest.name, title_justify="left")
     for split in manifest.splits:
@@ -113,19 +112,10 @@ def build_table(manifest: Manifest, outcomes: Sequence[Outcome], seconds: float)
         table.add_row("rejected", f"{manifest.totals.rejected}", "", style="red")
     table.add_row("all", f"{manifest.totals.examples}", f"{manifest.totals.shards}", end_section=True)
     table.add_row("size", f"{manifest.totals.bytes / MIB:.1f} MiB", "")
-    paths = sum(outcome.paths for outcome in outcomes)
-    table.add_row("time", duration(seconds), f"{paths / max(seconds, 1e-9) / 1e6:.2f} M paths/s")
-    for name, spent in pass_seconds(outcomes).most_common():
+    table.add_row("time", duration(seconds), f"{tally.paths / max(seconds, 1e-9) / 1e6:.2f} M paths/s")
+    for name, spent in tally.seconds.most_common():
         table.add_row(f"  {name}", f"{spent:.1f} s", "")
     return table
-
-
-def pass_seconds(outcomes: Iterable[Outcome]) -> Counter[str]:
-    """Seconds per pass over all outcomes, summed over processes."""
-    total: Counter[str] = Counter()
-    for outcome in outcomes:
-        total.update(outcome.seconds)
-    return total
 
 
 def duration(seconds: float) -> str:

@@ -14,6 +14,7 @@ from rich.table import Table
 from dataset_builder.assets.procedural.furniture import FINISHES
 from dataset_builder.builder import Event
 from dataset_builder.cli.common import plain_console
+from dataset_builder.engine.outcomes import Tally
 from dataset_builder.engine.rejected_pixels import keep_pixels
 from dataset_builder.engine.unit import Outcome
 from dataset_builder.errors import ShardError, UserError
@@ -28,7 +29,6 @@ from dataset_builder.report.console import (
     decisions_table,
     duration,
     estimate_table,
-    pass_seconds,
     rejected_lines,
 )
 from dataset_builder.report.dataset_summary import summary_tables
@@ -73,14 +73,17 @@ def test_durations(seconds: float, text: str) -> None:
 def test_what_a_build_made(small_dataset: Path) -> None:
     manifest = load_manifest(small_dataset)
     outcomes = [outcome(0, source=2.0, rough=0.5), outcome(1, rough=1.25)]
-    assert pass_seconds(outcomes) == {"source": 2.0, "rough": 1.75}
-    text = printed([build_table(manifest, outcomes, 4.0)])
+    tally = Tally()
+    tally.add(outcomes)
+    assert tally.seconds == {"source": 2.0, "rough": 1.75} and tally.runs == {"source": 1, "rough": 2}
+    text = printed([build_table(manifest, tally, 4.0)])
     assert row(text, "train") == ["8", "4"] and row(text, "test") == ["2", "2"] and row(text, "all") == ["10", "6"]
     assert row(text, "time") == ["4 s", "0.50 M paths/s"]
     assert row(text, "source") == ["2.0 s", ""] and text.index("source") < text.index("rough")
     assert "rejected" not in text
     totals = manifest.totals.model_copy(update={"rejected": 2})
-    assert row(printed([build_table(manifest.model_copy(update={"totals": totals}), [], 0.0)]), "rejected") == ["2", ""]
+    short = manifest.model_copy(update={"totals": totals})
+    assert row(printed([build_table(short, Tally(), 0.0)]), "rejected") == ["2", ""]
 
 
 def test_rejected_examples_are_lines(tmp_path: Path) -> None:
