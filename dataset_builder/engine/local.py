@@ -8,7 +8,7 @@ from itertools import islice
 from math import inf
 from typing import Any, Generic, TypeVar
 
-from dataset_builder.engine.worker_process import WorkerProcess, error_of
+from dataset_builder.engine.worker_process import WorkerProcess
 from dataset_builder.errors import OutputError, Problem
 
 Unit = TypeVar("Unit")
@@ -53,7 +53,7 @@ def run(work: Callable[..., Result], units: Iterable[Unit], *, workers: int, tol
     if workers <= 1:
         yield from (work(unit) if told is None else work(unit, told) for unit in units)
         return
-    crew, failed = _Crew(work, told, limit), list[Problem]()
+    crew, failed = _Crew[Unit, Result](work, told, limit), list[Problem]()
     yield from crew.results(units, workers)
     for unit in [lost.unit for lost in crew.lost]:
         for _ in range(TRIES - 1):
@@ -90,7 +90,7 @@ class _Crew(Generic[Unit, Result]):
                     gone = not worker.alive
                     for kind, what in worker.news():
                         if kind == "raised":
-                            raise error_of(what)
+                            raise what
                         if kind == "told" and self._told:
                             self._told(what)
                         elif kind == "done":

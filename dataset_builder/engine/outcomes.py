@@ -1,7 +1,7 @@
 """What is noted of outcomes between the runs of a build: which examples failed a gate, and how long each took."""
 
 import csv
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Sequence
 from io import StringIO
 from pathlib import Path
 
@@ -61,6 +61,11 @@ class Timings:
         """Take the figures of a field that was made; an object may have several."""
         step = f"{news.kind} {news.key[:KEY_DIGITS]}"
         self._known |= {(news.object, f"{name} of {step}"): f"{value:.4f}" for name, value in news.seconds.items()}
+
+    def take(self, folder: Path, keys: Container[str]) -> None:
+        """Take the figures that another folder has of examples with some keys, and of fields."""
+        self._known |= {(key, step): value for (key, step), value in Timings(folder)._known.items()
+                        if key in keys or " of " in step}
 
     def write(self) -> None:
         """Write all of them, by key. Raises OutputError where that cannot be done."""

@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from math import inf
 from multiprocessing.connection import Connection, wait
-from multiprocessing.pool import RemoteTraceback
 from queue import SimpleQueue
 from threading import Thread
 from time import monotonic
@@ -134,7 +133,7 @@ def _serve(connection: Connection, work: Work, tells: bool) -> None:
             tell("begun")
             unit = pickle.loads(data)
             tell("done", work(unit, lambda news: tell("told", news)) if tells else work(unit))
-        except Exception as error:
+        except Exception as error:  # noqa: BLE001  whatever it is, it is raised where it is waited for
             _raised(tell, error)
 
 
@@ -147,18 +146,13 @@ def _receive(connection: Connection, units: "SimpleQueue[bytes | None]") -> None
 
 
 def _raised(tell: Callable[[Kind, Any], None], error: Exception) -> None:
-    """Tell of an error, with where it was raised; of one that cannot be sent, its words."""
-    text = "".join(traceback.format_exception(error))
+    """Tell of an error and where it was raised; of one that cannot be sent, its words."""
+    # `__cause__` and `__traceback__` are not sent with an error
+    where = "".join(traceback.format_exception(error))
+    error.add_note(where)
     try:
-        # `__cause__` is not sent with an error
-        tell("raised", (pickle.dumps(error), text))
+        tell("raised", error)
     except (pickle.PicklingError, TypeError, AttributeError):
-        tell("raised", (pickle.dumps(RuntimeError(str(error))), text))
-
-
-def error_of(raised: tuple[bytes, str]) -> Exception:
-    """The error that a unit raised, caused by the words of where it was."""
-    data, text = raised
-    error: Exception = pickle.loads(data)
-    error.__cause__ = RemoteTraceback(text)
-    return error
+        replaced = RuntimeError(str(error))
+        replaced.add_note(where)
+        tell("raised", replaced)
