@@ -14,7 +14,7 @@ ORDER = (
     ("release",), ("exporting", "importing", "transfer"), ("exporting.formats", "importing.captures"),
     ("lightnet.results", "lightnet.training"), ("lightnet.methods",), ("lightnet.measures",), ("lightnet.data",),
     ("lightnet",),
-    ("api",), ("builder",), ("engine",), ("shards",),
+    ("api", "merge"), ("builder",), ("engine",), ("shards",),
     ("rendering",), ("rendering.field", "rendering.sampling", "rendering.scene"), ("rendering.transport",),
     ("rendering.surface",),
     ("rendering.backend", "rendering.buffers", "rendering.oidn"),

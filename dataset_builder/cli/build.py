@@ -45,8 +45,28 @@ def add(verbs: Verbs) -> None:
     add_cache(build)
     build.add_argument("--workers", type=positive, help="processes (default: one per core, one with a GPU)")
     add_backend(build)
+    build.add_argument("--unit-limit", type=_seconds, metavar="SECONDS",
+                       help="most that a view may take where several processes work, 0 for any (default: many times "
+                            "what is expected)")
     build.add_argument("--example", type=int, action="append", default=[],
                        help="only stage example N; repeat for more")
+    build.add_argument("--part", metavar="K/N", help="only stage part K of N, for `merge`")
+    merge = add_verb(verbs, "merge", _merge, "publish the dataset whose parts `build --part` staged")
+    add_spec(merge)
+    merge.add_argument("parts", type=Path, nargs="+", metavar="DIR", help="folders of all parts, in any order")
+    merge.add_argument("--out", type=Path, help=f"output folder (default: {DATASETS}/NAME)")
+    merge.add_argument("--replace", action="store_true", help="as in `build`")
+
+
+def _seconds(text: str) -> float:
+    """A number of seconds, or 0."""
+    try:
+        found = float(text)
+    except ValueError:
+        found = -1.0
+    if not 0 <= found < 1e9:
+        raise argparse.ArgumentTypeError(f"expected seconds >= 0, got {text}")
+    return found
 
 
 def _plan(options: argparse.Namespace) -> int:
@@ -86,6 +106,7 @@ def _plan(options: argparse.Namespace) -> int:
 
 def _build(options: argparse.Namespace) -> int:
     from dataset_builder.builder import build
+    from dataset_builder.engine.dataset_part import Part
     from dataset_builder.engine.outcomes import Tally
     from dataset_builder.engine.unit import BuildJob
     from dataset_builder.rendering.backend import choose
@@ -95,20 +116,25 @@ def _build(options: argparse.Namespace) -> int:
     from dataset_builder.spec.load import load_dataset
 
     console, start = plain_console(), perf_counter()
+    part = Part.parse(options.part) if options.part is not None else None
     loaded = load_dataset(options.spec, options.overrides)
     console.print(f"backend: {choose(options.backend).summary}", highlight=False)
-    folder = options.out or DATASETS / loaded.dataset.name
+    folder = options.out or DATASETS / (loaded.dataset.name + (f"-part-{part.number}-of-{part.of}" if part else ""))
     shown = Following(console)
-    news = build(loaded, folder, backend=options.backend, workers=options.workers, only=options.example,
-                 replace_other=options.replace, cache=options.cache, cache_size=options.cache_size, told=shown.field)
-    tally, manifest = Tally(), None
+    news = build(loaded, folder, backend=options.backend, workers=options.workers, only=options.example, part=part,
+                 replace_other=options.replace, cache=options.cache, cache_size=options.cache_size, told=shown.field,
+                 unit_limit=options.unit_limit)
+    tally, manifest, record = Tally(), None, None
     for event in shown.events(news):
         tally.add(event.outcomes)
-        manifest = event.manifest or manifest
+        manifest, record = event.manifest or manifest, event.part or record
     rejected = manifest.rejected if manifest else tally.rejected
     for line in rejected_lines(rejected, folder):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
-    if not manifest:
+    if record:
+        console.print(f"part {record.part}: {len(record.examples)} examples staged in {folder}, {len(record.rejected)} "
+                      "rejected; give it to `merge` with the others", highlight=False, soft_wrap=True)
+    elif not manifest:
         staged, before = tally.examples - len(rejected), len(set(options.example)) - tally.examples
         console.print(f"{staged} examples staged in {folder}, {before} already published; build without --example to "
                       "finish", highlight=False, soft_wrap=True)
@@ -118,6 +144,25 @@ def _build(options: argparse.Namespace) -> int:
                           cache_size=options.cache_size)
         console.print(runs_line(tally, job.store.size()), highlight=False, soft_wrap=True)
         console.print(f"dataset: {folder}\n{_sheet(folder)}", highlight=False, markup=False, soft_wrap=True)
+    return 0
+
+
+def _merge(options: argparse.Namespace) -> int:
+    from dataset_builder.merge import merge
+    from dataset_builder.report.build_progress import Following
+    from dataset_builder.report.console import build_table, rejected_lines
+    from dataset_builder.spec.load import load_dataset
+
+    console, start = plain_console(), perf_counter()
+    loaded = load_dataset(options.spec, options.overrides)
+    folder = options.out or DATASETS / loaded.dataset.name
+    news = merge(loaded, options.parts, folder, replace_other=options.replace,
+                 said=lambda text: console.print(text, highlight=False, soft_wrap=True))
+    for manifest in [event.manifest for event in Following(console).events(news) if event.manifest]:
+        for line in rejected_lines(manifest.rejected, folder):
+            console.print(line, highlight=False, soft_wrap=True)
+        console.print(build_table(manifest, [], perf_counter() - start))
+        console.print(f"dataset: {folder}\n{_sheet(folder)}", highlight=False, soft_wrap=True)
     return 0
 
 

@@ -2,7 +2,7 @@
 
 import csv
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from io import StringIO
 from itertools import groupby
 from pathlib import Path
@@ -66,6 +66,10 @@ class Timings:
         others = {row[1]: row[2] for row in csv.reader(self._known.get(news.object, "").splitlines())}
         seconds = {f"{name} of {step}": value for name, value in _written(news.seconds).items()}
         self._known[news.object] = _rows(news.object, others | seconds)
+
+    def take(self, folder: Path, keys: Container[str]) -> None:
+        """Take the figures that another folder has of examples with some keys, and of fields."""
+        self._known |= {key: rows for key, rows in Timings(folder)._known.items() if key in keys or not key.isdecimal()}
 
     def write(self) -> None:
         """Write all of them, by key. Raises OutputError where that cannot be done."""

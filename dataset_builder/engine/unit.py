@@ -83,6 +83,11 @@ class BuildJob:
                    backend=backend, threads=threads, cache=cache, cache_size=cache_size, replaces=replaces)
 
     @property
+    def staging(self) -> Staging:
+        """Where finished examples wait for their shard."""
+        return Staging(self.folder)
+
+    @property
     def store(self) -> ByteStore:
         """Where results of passes are kept: in the output folder unless the job names another one."""
         return ByteStore(self.cache or self.folder / WORK / PASSES, self.cache_size)

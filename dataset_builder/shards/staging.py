@@ -39,17 +39,35 @@ class Staging:
         write_atomic(entry_path, sealed(seal))
         self._drop(key, but=digest)
 
-    def has(self, key: str, digest: str) -> bool:
-        """True where the example was finished from exactly this plan and these versions, and is undamaged."""
-        return self._load(key, digest) is not None
+    def has(self, key: str, digest: str, sha256: str = "") -> bool:
+        """True where the example was finished from exactly this plan and these versions, and is undamaged. sha256: of
+        its segment, where that is known."""
+        return self._load(key, digest, sha256) is not None
 
-    def get(self, key: str, digest: str) -> Staged:
+    def there(self, key: str, digest: str) -> bool:
+        """Whether its files are there, which may turn out damaged."""
+        return all(path.is_file() for path in self._paths(key, digest))
+
+    def sha256_of(self, key: str, digest: str) -> str:
+        """Digest of an example's segment as it was written. Raises ShardError where there is none."""
+        try:
+            seal = unsealed(self._paths(key, digest)[1].read_bytes())
+        except OSError:
+            seal = None
+        if seal is None:
+            raise self._missing(key, digest)
+        return str(seal["sha256"])
+
+    def get(self, key: str, digest: str, sha256: str = "") -> Staged:
         """The example kept under `key` and `digest`. Raises ShardError where there is none, or it is damaged."""
-        staged = self._load(key, digest)
+        staged = self._load(key, digest, sha256)
         if staged is None:
-            rule = f"expected example {key} made from {digest[:12]}, found none that is undamaged"
-            raise ShardError([Problem(where=str(self._folder), path="", rule=rule, hint="run the build again")])
+            raise self._missing(key, digest)
         return staged
+
+    def _missing(self, key: str, digest: str) -> ShardError:
+        rule = f"expected example {key} made from {digest[:12]}, found none that is undamaged"
+        return ShardError([Problem(where=str(self._folder), path="", rule=rule, hint="run the build again")])
 
     def size(self) -> int:
         """Bytes of everything that is kept."""
@@ -76,13 +94,16 @@ class Staging:
         with output_errors(self._folder):
             return sorted(self._folder.glob(pattern)) if self._folder.is_dir() else []
 
-    def _load(self, key: str, digest: str) -> Staged | None:
+    def _load(self, key: str, digest: str, sha256: str = "") -> Staged | None:
         segment_path, entry_path = self._paths(key, digest)
         try:
             seal, segment = unsealed(entry_path.read_bytes()), segment_path.read_bytes()
         except OSError:
             return None
-        if seal is None or seal["sha256"] != sha256_bytes(segment):
+        if seal is None or seal["sha256"] != sha256_bytes(segment) or sha256 not in ("", seal["sha256"]):
+            return None
+        # Files of another example were given this one's names
+        if seal["entry"]["key"] != key:
             return None
         return Staged(segment=segment, entry=seal["entry"])
 
