@@ -35,7 +35,6 @@ from dataset_builder.shards.folder import Claim, build_lock, require_ours
 from dataset_builder.shards.manifest import Manifest, Rejected, make_manifest
 from dataset_builder.shards.publish import publish_dataset, whole_shards
 from dataset_builder.shards.shard_index import ShardIndex
-from dataset_builder.shards.staging import Staging
 from dataset_builder.shards.writer import publish_shard
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.own_fields import has_fields
@@ -84,7 +83,7 @@ class _Progress:
 def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: int | None = None,
           only: Sequence[int] = (), replace_other: bool = False, cache: Path | None = None,
           cache_size: int = CACHE_SIZE, told: Callable[[FieldNews], None] = lambda news: None,
-          run: Run = local.run) -> Iterator[Event]:
+          run: Run = local.run, staging_url: str = "") -> Iterator[Event]:
     """Build `loaded` into `folder`, yielding news, first of all how many examples there are to make.
 
     backend: auto | cuda | llvm. workers: processes that render, None for one per core, or a single one on a GPU.
@@ -92,9 +91,11 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
     in `folder` may go. What was there before stays until this dataset is whole. cache, cache_size: folder for what
     passes find, so that an edit repeats only the passes that it touches (`.build/passes` in the output folder where
     none is given), and most bytes that it may hold; 0 keeps nothing. run: the engine, `local.run` or another that keeps
-    its promises. Raises PlanError where nothing can be planned or
-    an index is none, OutputError where the folder or the disk refuses; in both cases what was finished is kept, and a
-    second run goes on from there.
+    its promises. staging_url: where finished examples wait for their shard, for engines of several machines; in the
+    output folder where none is given.
+
+    Raises PlanError where nothing can be planned or an index is none, OutputError where the folder or the disk refuses;
+    in both cases what was finished is kept, and a second run goes on from there.
     """
     claim = Claim(name=loaded.dataset.name, version=loaded.dataset.version)
     require_ours(folder, claim, replace=replace_other)
@@ -104,7 +105,7 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
         raise UserError(f"workers: expected a whole number >= 1, or None for one per core, got {workers!r}")
     workers = workers or (1 if choose(backend).variant.startswith("cuda") else cores())
     job = BuildJob.of(loaded, folder, backend=backend, threads=max(1, cores() // workers), cache=cache,
-                      cache_size=cache_size)
+                      cache_size=cache_size, staging_url=staging_url)
     denoise = bool(loaded.dataset.render.denoise.layers)
     if denoise:
         oidn.require()
@@ -115,7 +116,7 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
     made_by = versions(job.backend, loaded.dataset)
     if not folder.exists():
         # Refused before anything is made
-        _require_space(folder, loaded.dataset, len(chosen))
+        _require_space(job, loaded.dataset, len(chosen))
     with build_lock(folder, claim, replace=replace_other):
         digests = split_digests(planner.examples, loaded)
         rejections, timings = Rejections(folder, digest(digests), made_by), Timings(folder)
@@ -125,7 +126,7 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
                              shards={task.slot: task.keep for task in tasks if task.keep})
         missing = [task for task in tasks if not task.keep]
         wanted = [ref for task in missing for ref in task.examples if ref in chosen]
-        _require_space(folder, loaded.dataset, len(wanted))
+        _require_space(job, loaded.dataset, len(wanted))
         yield Event(wanted=len(wanted))
         known = dict(rejections.known)
         # Denoised layers are measured on examples of the whole dataset
@@ -151,12 +152,12 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
                 yield Event(outcomes=tuple(outcomes))
                 for task in [] if only else [task for task in missing if progress.settled(task)]:
                     missing.remove(task)
-                    yield from _publish(task, folder, loaded, made_by, progress)
+                    yield from _publish(task, job, loaded, made_by, progress)
         finally:
             timings.write()
             job.store.trim()
         if not only:
-            yield Event(manifest=_finish(tasks, folder, planner, progress, job.denoised))
+            yield Event(manifest=_finish(tasks, job, planner, progress))
 
 
 def _chosen(examples: Sequence[ExampleRef], only: Sequence[int]) -> frozenset[ExampleRef]:
@@ -167,10 +168,11 @@ def _chosen(examples: Sequence[ExampleRef], only: Sequence[int]) -> frozenset[Ex
     return frozenset(examples[index] for index in only) if only else frozenset(examples)
 
 
-def _require_space(folder: Path, spec: DatasetSpec, count: int) -> None:
+def _require_space(job: BuildJob, spec: DatasetSpec, count: int) -> None:
     """Raise OutputError where the disk will not hold `count` more examples, and the copies of one shard's meanwhile."""
-    copies = min(spec.storage.examples_per_shard, count)
-    require_space(folder, max(expected_bytes(spec, count, staged=copies) - Staging(folder).size(), 0))
+    here = job.staging.here
+    copies, staged = (min(spec.storage.examples_per_shard, count), job.staging.size()) if here else (0, 0)
+    require_space(job.folder, max(expected_bytes(spec, count, staged=copies) - staged, 0))
 
 
 def _outcomes(wanted: Sequence[ExampleRef], job: BuildJob, run: Run,
@@ -191,22 +193,22 @@ def _note(outcomes: Sequence[Outcome], progress: _Progress, rejections: Rejectio
     rejections.add([outcome.rejected for outcome in outcomes if outcome.rejected and not outcome.kept])
 
 
-def _publish(task: ShardTask, folder: Path, loaded: LoadedSpec, made_by: dict[str, str],
+def _publish(task: ShardTask, job: BuildJob, loaded: LoadedSpec, made_by: dict[str, str],
              progress: _Progress) -> Iterator[Event]:
     """Make one shard and let its staged examples go; a shard whose examples were all rejected is none."""
     examples = [(ref.key, progress.digests[ref.key]) for ref in task.examples if ref.key in progress.digests]
     if not examples:
         return
-    index = publish_shard(folder, slot=task.slot, split=task.split, examples=examples, spec_digest=task.spec_digest,
-                          versions=made_by, share=loaded.dataset.storage.shared == "once")
+    index = publish_shard(job.folder, slot=task.slot, split=task.split, examples=examples, versions=made_by,
+                          spec_digest=task.spec_digest, share=loaded.dataset.storage.shared == "once",
+                          staging=job.staging)
     for key, _ in examples:
-        Staging(folder).drop(key)
+        job.staging.drop(key)
     progress.shards[task.slot] = index
     yield Event(shard=index)
 
 
-def _finish(tasks: Sequence[ShardTask], folder: Path, planner: Planner, progress: _Progress,
-            denoised: Sequence[Denoised]) -> Manifest:
+def _finish(tasks: Sequence[ShardTask], job: BuildJob, planner: Planner, progress: _Progress) -> Manifest:
     """Publish the shards as a dataset in the place of the old one. Raises PlanError where a split has no examples
     left."""
     loaded = planner.loaded
@@ -214,11 +216,11 @@ def _finish(tasks: Sequence[ShardTask], folder: Path, planner: Planner, progress
     _require_examples(tasks, progress.rejected)
     manifest = make_manifest(loaded.dataset, layers=dict(layers_asked(loaded.dataset)), shards=indices,
                              rejected=progress.rejected.values(), spec_digest=loaded.spec_digest,
-                             generator=f"dataset-builder {__version__}", denoised=denoised,
+                             generator=f"dataset-builder {__version__}", denoised=job.denoised,
                              parts=object_sources(loaded, planner.contents),
-                             fields=field_summaries(labels_of(folder, indices, _one_of_each(planner, indices))))
-    publish_dataset(folder, manifest)
-    Staging(folder).clear()
+                             fields=field_summaries(labels_of(job.folder, indices, _one_of_each(planner, indices))))
+    publish_dataset(job.folder, manifest)
+    job.staging.clear()
     return manifest
 
 

@@ -52,10 +52,11 @@ def entry(*, key: str, view: str, facts: ExampleFacts, members: Sequence[Member]
 
 
 def publish_shard(folder: Path, *, slot: str, split: str, examples: Sequence[tuple[str, str]], spec_digest: str,
-                  versions: Mapping[str, str], share: bool = False) -> ShardIndex:
+                  versions: Mapping[str, str], share: bool = False, staging: Staging | None = None) -> ShardIndex:
     """Make the shard in `slot` of staged `examples` ((key, digest) pairs, written in key order) and its index.
 
     share: whether a member is left out whose pixels an earlier example of its view has; the index points there.
+    staging: where the examples are, if not in `folder`.
     Both wait below `.build/next` for `publish.publish_dataset`; whatever waited for the same slot is dropped. Raises
     OutputError where the disk refuses, and ShardError where an example is not staged, two share a key, or the file does
     not read back as written.
@@ -65,7 +66,7 @@ def publish_shard(folder: Path, *, slot: str, split: str, examples: Sequence[tup
     if not chosen or len({key for key, _ in chosen}) < len(chosen):
         raise _wrong(path, f"expected one or more examples with different keys, got {[key for key, _ in chosen]}")
     records: list[ExampleRecord] = []
-    size, sha256 = write_partial(path, _chunks(Staging(folder), chosen, records, share))
+    size, sha256 = write_partial(path, _chunks(staging or Staging(folder), chosen, records, share))
     index = tagged(ShardIndex(
         shard=ShardRecord(name=path.name, split=split, bytes=size, sha256=sha256, examples=len(records),
                           first_key=chosen[0][0], last_key=chosen[-1][0]),
