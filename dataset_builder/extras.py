@@ -13,6 +13,7 @@ LIBRARIES = {
     "denoise": ("pyoidn",),
     "usd": ("pxr",),
     "study": ("flip_evaluator",),
+    "ray": ("ray",),
 }
 """What each extra brings, by the name that it is imported under."""
 
