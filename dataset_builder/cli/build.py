@@ -7,6 +7,7 @@ from time import perf_counter
 
 from dataset_builder.api import DATASETS
 from dataset_builder.cli.common import Verbs, add_backend, add_cache, add_spec, add_verb, plain_console, positive
+from dataset_builder.cli.engine import add_engine, engine_of
 from dataset_builder.errors import UserError
 from dataset_builder.processes import cores
 
@@ -30,6 +31,7 @@ def add(verbs: Verbs) -> None:
     add_cache(build)
     build.add_argument("--workers", type=positive, help="processes (default: one per core, one with a GPU)")
     add_backend(build)
+    add_engine(build)
     build.add_argument("--example", type=int, action="append", default=[],
                        help="only stage example N; repeat for more")
 
@@ -69,7 +71,6 @@ def _plan(options: argparse.Namespace) -> int:
 def _build(options: argparse.Namespace) -> int:
     from dataset_builder.builder import build
     from dataset_builder.engine.unit import BuildJob, Outcome
-    from dataset_builder.rendering.backend import choose
     from dataset_builder.report.against_table import runs_line
     from dataset_builder.report.build_progress import Following
     from dataset_builder.report.console import build_table, rejected_lines
@@ -77,16 +78,17 @@ def _build(options: argparse.Namespace) -> int:
 
     console, start = plain_console(), perf_counter()
     loaded = load_dataset(options.spec, options.overrides)
-    console.print(f"backend: {choose(options.backend).summary}", highlight=False)
     folder = options.out or DATASETS / loaded.dataset.name
     shown = Following(console)
-    news = build(loaded, folder, backend=options.backend, workers=options.workers, only=options.example,
-                 replace_other=options.replace, cache=options.cache, cache_size=options.cache_size, told=shown.field)
     outcomes: list[Outcome] = []
     manifest = None
-    for event in shown.events(news):
-        outcomes += event.outcomes
-        manifest = event.manifest or manifest
+    with engine_of(options, console) as engine:
+        news = build(loaded, folder, backend=engine.backend, workers=engine.workers, only=options.example,
+                     replace_other=options.replace, cache=options.cache, cache_size=options.cache_size,
+                     told=shown.field, run=engine.run, staging_url=engine.staging_url)
+        for event in shown.events(news):
+            outcomes += event.outcomes
+            manifest = event.manifest or manifest
     rejected = manifest.rejected if manifest else [outcome.rejected for outcome in outcomes if outcome.rejected]
     for line in rejected_lines(rejected, folder):
         console.print(line, highlight=False, markup=False, soft_wrap=True)

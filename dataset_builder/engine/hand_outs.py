@@ -57,14 +57,15 @@ def unit_costs(planner: Planner, units: Sequence[ViewUnit]) -> dict[str, Cost]:
 
 
 def grouped(units: Sequence[Any], costs: Mapping[str, Cost], workers: int) -> list[HandOut]:
-    """Neighbours together until they take `SECONDS`, as long as every worker gets `SHARE` hand-outs."""
+    """Neighbours together until they take `SECONDS`, as long as every worker gets `SHARE` hand-outs; each by itself
+    where nothing is known of its cost."""
     each = [HandOut(units=(unit,), seconds=cost.seconds * len(unit.examples), bytes=cost.bytes * len(unit.examples))
             for unit in units for cost in [costs.get(unit.view.pair.split, Cost())]]
     most = min(SECONDS, sum(one.seconds for one in each) / (workers * SHARE))
     found = list[HandOut]()
     for one in each:
         last = found[-1] if found else None
-        if last is not None and last.seconds + one.seconds <= most:
+        if last is not None and one.seconds and last.seconds + one.seconds <= most:
             found[-1] = replace(last, units=last.units + one.units, seconds=last.seconds + one.seconds,
                                 bytes=last.bytes + one.bytes)
         else:

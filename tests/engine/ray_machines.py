@@ -4,6 +4,7 @@ import os
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from dataset_builder.engine.ray_cluster import QUIET
@@ -13,10 +14,12 @@ SMALL = {"object_store_memory": 100 * 2**20, "include_dashboard": False}
 
 
 @contextmanager
-def cluster_of(machines: int, *, cpus: int = 1) -> Iterator[Any]:
-    """A cluster whose head takes no work, with so many machines besides, that this process is connected to."""
-    os.environ.update(QUIET)
-    paths = os.environ.get("PYTHONPATH", "")
+def cluster_of(machines: int, temporary: Path, *, cpus: int = 1) -> Iterator[Any]:
+    """A cluster whose head takes no work, with so many machines besides, that this process is connected to.
+    temporary: folder for what builds need on a machine."""
+    before, paths = dict(os.environ), os.environ.get("PYTHONPATH", "")
+    # What builds leave on a machine is theirs alone; Ray itself needs a short path
+    os.environ |= {**QUIET, "TMPDIR": str(temporary), "RAY_TMPDIR": "/tmp"}
     # Processes of machines find this package where it is installed; that may be another one
     os.environ["PYTHONPATH"] = os.pathsep.join([os.getcwd(), paths]) if paths else os.getcwd()
     with warnings.catch_warnings():
@@ -32,6 +35,7 @@ def cluster_of(machines: int, *, cpus: int = 1) -> Iterator[Any]:
             ray.init(cluster.address, log_to_driver=False, configure_logging=False, logging_level="ERROR")
             yield cluster
         finally:
-            os.environ["PYTHONPATH"] = paths
             ray.shutdown()
             cluster.shutdown()
+            os.environ.clear()
+            os.environ |= before
