@@ -34,7 +34,6 @@ from dataset_builder.shards.folder import Claim, build_lock, require_ours
 from dataset_builder.shards.manifest import Manifest, Rejected
 from dataset_builder.shards.publish import Again, whole_shards
 from dataset_builder.shards.shard_index import ShardIndex
-from dataset_builder.shards.staging import Staging
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.resolve import LoadedSpec
 
@@ -64,7 +63,8 @@ class Event:
 def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: int | None = None,
           only: Sequence[int] = (), part: Part | None = None, replace_other: bool = False, cache: Path | None = None,
           cache_size: int = CACHE_SIZE, told: Callable[[FieldNews], None] = lambda news: None,
-          run: Run = local.run, unit_limit: float | None = None, again: Again | None = None) -> Iterator[Event]:
+          run: Run = local.run, staging_url: str = "", unit_limit: float | None = None,
+          again: Again | None = None) -> Iterator[Event]:
     """Build `loaded` into `folder`, yielding news, first of all how many examples there are to make.
 
     backend: auto | cuda | llvm. workers: processes that render, None for one per core, or a single one on a GPU.
@@ -72,11 +72,14 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
     record for `merge.merge`. `replace_other`: another dataset or major version in `folder` may go. What was there
     before stays until this dataset is whole. cache, cache_size: folder for what passes find, so that an edit repeats
     only the passes that it touches (`.build/passes` in the output folder where none is given), and most bytes that it
-    may hold; 0 keeps nothing. run: the engine, `local.run` or another that keeps its promises. unit_limit: seconds that
-    a unit may take in a process of its own, 0 for any, `UnitLimits` unless given. again: the dataset that must come
-    out. Raises PlanError where nothing can be planned or an index is none, ShardError where another dataset than
-    `again` comes out, OutputError where the folder or the disk refuses, or processes die again and again; in
-    all cases what was finished is kept, and a second run goes on from there.
+    may hold; 0 keeps nothing. run: the engine, `local.run` or another that keeps its promises. staging_url: where
+    finished examples wait for their shard, for engines of several machines; in the output folder where none is given.
+    unit_limit: seconds that a unit may take in a process of its own, 0 for any, `UnitLimits` unless given. again: the
+    dataset that must come out.
+
+    Raises PlanError where nothing can be planned or an index is none, ShardError where another dataset than `again`
+    comes out, OutputError where the folder or the disk refuses, or processes die again and again; in all cases what was
+    finished is kept, and a second run goes on from there.
     """
     claim = Claim(name=loaded.dataset.name, version=loaded.dataset.version)
     require_ours(folder, claim, replace=replace_other)
@@ -86,7 +89,9 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
         raise UserError(f"workers: expected a whole number >= 1, or None for one per core, got {workers!r}")
     workers = workers or (1 if choose(backend).variant.startswith("cuda") else cores())
     job = BuildJob.of(loaded, folder, backend=backend, threads=max(1, cores() // workers), cache=cache,
-                      cache_size=cache_size)
+                      cache_size=cache_size, staging_url=staging_url)
+    if part and staging_url:
+        raise UserError("--staging: a part keeps its examples in its own folder, for `merge`; leave it out")
     denoise, publishes = bool(loaded.dataset.render.denoise.layers), not only and part is None
     if denoise:
         oidn.require()
@@ -99,7 +104,7 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
     made_by = versions(job.backend, loaded.dataset)
     if not folder.exists():
         # Refused before anything is made
-        _require_space(folder, loaded.dataset, len(chosen))
+        _require_space(job, loaded.dataset, len(chosen))
     with build_lock(folder, claim, replace=replace_other):
         digests = split_digests(planner.examples, loaded)
         rejections, timings = Rejections(folder, digest(digests), made_by), Timings(folder)
@@ -112,7 +117,7 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
         progress = Progress(rejected=dict(rejections.known),
                             shards={task.slot: task.keep for task in tasks if task.keep})
         wanted = [ref for task in missing for ref in task.examples if ref in chosen]
-        _require_space(folder, loaded.dataset, len(wanted))
+        _require_space(job, loaded.dataset, len(wanted))
         yield Event(wanted=len(wanted))
         if part and (staged := known_outcomes(folder, part, loaded.spec_digest, made_by, wanted)):
             progress.add(staged)
@@ -171,10 +176,11 @@ def _chosen(planner: Planner, only: Sequence[int], part: Part | None) -> frozens
     return frozenset(examples[index] for index in only) if only else frozenset(examples)
 
 
-def _require_space(folder: Path, spec: DatasetSpec, count: int) -> None:
+def _require_space(job: BuildJob, spec: DatasetSpec, count: int) -> None:
     """Raise OutputError where the disk will not hold `count` more examples, and the copies of one shard's meanwhile."""
-    copies = min(spec.storage.examples_per_shard, count)
-    require_space(folder, max(expected_bytes(spec, count, staged=copies) - Staging(folder).size(), 0))
+    here = job.staging.here
+    copies, staged = (min(spec.storage.examples_per_shard, count), job.staging.size()) if here else (0, 0)
+    require_space(job.folder, max(expected_bytes(spec, count, staged=copies) - staged, 0))
 
 
 def _outcomes(wanted: Sequence[ExampleRef], job: BuildJob, run: Run,

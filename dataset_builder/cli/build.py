@@ -16,6 +16,7 @@ from dataset_builder.cli.common import (
     positive,
     positive_number,
 )
+from dataset_builder.cli.engine import add_engine, engine_of
 from dataset_builder.errors import UserError
 from dataset_builder.processes import cores
 
@@ -48,6 +49,7 @@ def add(verbs: Verbs) -> None:
     build.add_argument("--unit-limit", type=_seconds, metavar="SECONDS",
                        help="most that a view may take where several processes work, 0 for any (default: many times "
                             "what is expected)")
+    add_engine(build)
     build.add_argument("--example", type=int, action="append", default=[],
                        help="only stage example N; repeat for more")
     build.add_argument("--part", metavar="K/N", help="only stage part K of N, for `merge`")
@@ -109,7 +111,6 @@ def _build(options: argparse.Namespace) -> int:
     from dataset_builder.engine.dataset_part import Part
     from dataset_builder.engine.outcomes import Tally
     from dataset_builder.engine.unit import BuildJob
-    from dataset_builder.rendering.backend import choose
     from dataset_builder.report.against_table import runs_line
     from dataset_builder.report.build_progress import Following
     from dataset_builder.report.console import build_table, rejected_lines
@@ -118,16 +119,16 @@ def _build(options: argparse.Namespace) -> int:
     console, start = plain_console(), perf_counter()
     part = Part.parse(options.part) if options.part is not None else None
     loaded = load_dataset(options.spec, options.overrides)
-    console.print(f"backend: {choose(options.backend).summary}", highlight=False)
     folder = options.out or DATASETS / (loaded.dataset.name + (f"-part-{part.number}-of-{part.of}" if part else ""))
     shown = Following(console)
-    news = build(loaded, folder, backend=options.backend, workers=options.workers, only=options.example, part=part,
-                 replace_other=options.replace, cache=options.cache, cache_size=options.cache_size, told=shown.field,
-                 unit_limit=options.unit_limit)
     tally, manifest, record = Tally(), None, None
-    for event in shown.events(news):
-        tally.add(event.outcomes)
-        manifest, record = event.manifest or manifest, event.part or record
+    with engine_of(options, console) as engine:
+        news = build(loaded, folder, backend=engine.backend, workers=engine.workers, only=options.example, part=part,
+                     replace_other=options.replace, cache=options.cache, cache_size=options.cache_size,
+                     told=shown.field, run=engine.run, staging_url=engine.staging_url, unit_limit=options.unit_limit)
+        for event in shown.events(news):
+            tally.add(event.outcomes)
+            manifest, record = event.manifest or manifest, event.part or record
     rejected = manifest.rejected if manifest else tally.rejected
     for line in rejected_lines(rejected, folder):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
@@ -148,6 +149,7 @@ def _build(options: argparse.Namespace) -> int:
 
 
 def _merge(options: argparse.Namespace) -> int:
+    from dataset_builder.engine.outcomes import Tally
     from dataset_builder.merge import merge
     from dataset_builder.report.build_progress import Following
     from dataset_builder.report.console import build_table, rejected_lines
@@ -161,7 +163,7 @@ def _merge(options: argparse.Namespace) -> int:
     for manifest in [event.manifest for event in Following(console).events(news) if event.manifest]:
         for line in rejected_lines(manifest.rejected, folder):
             console.print(line, highlight=False, soft_wrap=True)
-        console.print(build_table(manifest, [], perf_counter() - start))
+        console.print(build_table(manifest, Tally(), perf_counter() - start))
         console.print(f"dataset: {folder}\n{_sheet(folder)}", highlight=False, soft_wrap=True)
     return 0
 

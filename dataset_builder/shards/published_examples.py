@@ -1,7 +1,7 @@
 """Examples of a published dataset by what they were made from, so that a build can take them over without rendering."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 from dataset_builder.digest import sha256_bytes
@@ -12,7 +12,7 @@ from dataset_builder.shards.folder import MANIFEST, read_claim
 from dataset_builder.shards.manifest import Manifest, from_json
 from dataset_builder.shards.segment import segment
 from dataset_builder.shards.shard_index import ExampleRecord, MemberRecord, ShardIndex, tagged
-from dataset_builder.shards.staging import Staged
+from dataset_builder.shards.staging import Staged, Staging
 from dataset_builder.shards.structure import read_members
 from dataset_builder.shards.writer import entry, index_path, shard_path
 
@@ -49,6 +49,11 @@ class PublishedExamples:
     def __contains__(self, digest: str) -> bool:
         return digest in self._places
 
+    @property
+    def digests(self) -> frozenset[str]:
+        """Of all of them."""
+        return frozenset(self._places)
+
     def get(self, digest: str) -> Staged | None:
         """The example that is known by `digest` as it would be staged; None where there is none, or it is damaged."""
         if digest not in self._places:
@@ -73,3 +78,20 @@ def as_own(record: MemberRecord, data: bytes, key: str) -> bytes:
         return data
     image = exr.read(data, where=record.name)
     return exr.encode(image.pixels, layer=image.layer, key=key, dtype=image.dtype)
+
+
+@lru_cache(maxsize=2)
+def published_in(folder: Path, replaces: str) -> PublishedExamples:
+    """The dataset that a build finds in its folder, whose `dataset.json` has the digest `replaces`, read once by each
+    process."""
+    return PublishedExamples(folder)
+
+
+def taken_over(key: str, digest: str, staging: Staging, published: PublishedExamples) -> bool:
+    """Whether an example is staged, where it is published and not staged after this has staged it again."""
+    if staging.has(key, digest):
+        return True
+    if (known := published.get(digest)) is None:
+        return False
+    staging.put(key, digest, known.segment, known.entry)
+    return True
