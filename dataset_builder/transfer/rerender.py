@@ -8,14 +8,16 @@ from pathlib import Path
 from dataset_builder.builder import Event, build
 from dataset_builder.engine.made_by import versions
 from dataset_builder.engine.shard_tasks import split_digests
+from dataset_builder.files import write_atomic
 from dataset_builder.planning.plan import Planner
 from dataset_builder.shards.folder import MANIFEST, SUMS, Claim, next_of, one_writer, write_claim
 from dataset_builder.shards.publish import Again, published, sums_in
 from dataset_builder.shards.verify_files import hash_of
-from dataset_builder.shards.writer import shard_path
+from dataset_builder.shards.writer import index_path, shard_path
 from dataset_builder.spec.resolve import LoadedSpec
 from dataset_builder.transfer.anchor import Anchor, Repaired, anchor_of, refused
 from dataset_builder.transfer.aside import bring_back, set_aside
+from dataset_builder.transfer.reindex import reindexed
 
 
 def repair_with(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: int | None = None,
@@ -33,6 +35,8 @@ def repair_with(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", work
         aside = set_aside(folder, anchor.files)
         if not broken:
             return Repaired(aside=aside)
+        hashes = {name: hash_of(folder / name, most=None) for name in broken}
+        before = dict(_reindex(folder, broken, loaded, backend))
         write_claim(folder, Claim(name=loaded.dataset.name, version=loaded.dataset.version, files=tuple(sorted(
             {*(name for name in anchor.files if (folder / name).exists()), SUMS}))))
     known = anchor.manifest
@@ -47,16 +51,33 @@ def repair_with(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", work
         if not waiting:
             shutil.rmtree(next_of(folder), ignore_errors=True)
         bring_back(folder, aside)
+        for path, data in before.items():
+            path.unlink() if data is None else write_atomic(path, data)
         raise
-    return Repaired(mended=tuple(broken), rendered=tuple(sorted(rendered)), aside=aside)
+    mended = tuple(name for name in broken if hash_of(folder / name, most=None) != hashes[name])
+    return Repaired(mended=mended, rendered=tuple(sorted(rendered)), aside=aside)
+
+
+def _reindex(folder: Path, broken: list[str], loaded: LoadedSpec, backend: str) -> Iterator[tuple[Path, bytes | None]]:
+    """Make the indexes of whole shards again, so that nothing of those is rendered; what was in their places."""
+    for name in broken:
+        stem = Path(name).stem
+        tar = shard_path(folder, stem)
+        if name != index_path(Path(), stem).as_posix() or shard_path(Path(), stem).as_posix() in broken:
+            continue
+        if data := reindexed(tar, loaded, backend):
+            path = folder / name
+            there = path.read_bytes() if path.is_file() else None
+            write_atomic(path, data)
+            yield path, there
 
 
 def _broken(folder: Path, anchor: Anchor) -> list[str]:
-    """Files that are not what they were, as far as the folder itself tells."""
+    """Files that are not what they were, or of which the folder does not tell."""
     stated = anchor.sums | {MANIFEST: anchor.sha256}
     if anchor.manifest:
         stated |= {shard_path(Path(), shard.stem).as_posix(): shard.sha256 for shard in anchor.manifest.shards}
-    found = [name for name in anchor.files if hash_of(folder / name, most=None) != stated.get(name)]
+    found = [name for name in anchor.files if hash_of(folder / name, most=None) != stated.get(name, "")]
     lines = sorted(filter(None, sums_in(anchor.listed)))
     whole = [(name, stated.get(name)) for name in anchor.files] == lines and len(sums_in(anchor.listed)) == len(lines)
     return [*found, *([] if whole else [SUMS])]
