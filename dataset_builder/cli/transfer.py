@@ -56,11 +56,12 @@ def _push(options: argparse.Namespace) -> int:
 
 
 def _pull(options: argparse.Namespace) -> int:
-    from dataset_builder.transfer.choice import Choice
+    from dataset_builder.transfer.choice import ExampleChoice
     from dataset_builder.transfer.pull import pull
 
     layers = tuple(name for text in options.layers for name in text.split(",") if name)
-    choice = Choice(**{name: tuple(getattr(options, name)) for name, _ in PATTERNS}, layers=layers, count=options.count)
+    patterns = {name: tuple(getattr(options, name)) for name, _ in PATTERNS}
+    choice = ExampleChoice(**patterns, layers=layers, count=options.count)
     line = _Line()
     pulled = pull(options.address, options.folder, choice=choice, sha256=options.sha256, most=options.most,
                   replace=options.replace, told=line.told)

@@ -9,7 +9,7 @@ from dataset_builder.remote.patience import PATIENCE, Patience
 from dataset_builder.remote.place import FolderPlace, Place
 
 
-def place_of(address: str | Path, *, patience: Patience = PATIENCE) -> Place:
+def place_of(address: str | Path, *, patience: Patience | None = None) -> Place:
     """The place at a path or an address: file, http(s), s3, gs, or hf://datasets/USER/NAME[@REVISION].
 
     Nothing is fetched yet. Raises UserError where it is no such address, and where the package that reads it is not
@@ -28,4 +28,4 @@ def place_of(address: str | Path, *, patience: Patience = PATIENCE) -> Place:
             importlib.import_module(library)
     from dataset_builder.remote.remote_place import RemotePlace
 
-    return RemotePlace(address, patience)
+    return RemotePlace(address, patience or PATIENCE)

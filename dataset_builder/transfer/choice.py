@@ -22,7 +22,7 @@ FACTS: Mapping[str, Callable[[ExampleFacts], tuple[str, ...]]] = MappingProxyTyp
 
 
 @dataclass(frozen=True, kw_only=True)
-class Choice:
+class ExampleChoice:
     """What is wanted: patterns (`*`, `?`, `[...]`) of each kind, of which one must match; none match all. Every kind
     that is given must match."""
 
@@ -50,12 +50,12 @@ class Choice:
     @property
     def whole(self) -> bool:
         """Whether nothing is left out."""
-        return self == Choice()
+        return self == ExampleChoice()
 
     @property
     def by_index(self) -> bool:
         """Whether indexes are needed to tell which examples are wanted, or where their files are."""
-        return self != Choice(split=self.split)
+        return self != ExampleChoice(split=self.split)
 
     def wants_split(self, name: str) -> bool:
         """Whether examples of a split may be wanted."""
@@ -84,14 +84,15 @@ class ChosenShard:
         return not self.keys
 
 
-def layers_chosen(manifest: Manifest, choice: Choice) -> tuple[str, ...]:
+def layers_chosen(manifest: Manifest, choice: ExampleChoice) -> tuple[str, ...]:
     """Names of the layers that are wanted, in the manifest's order. Raises UserError where a pattern matches none."""
     names = [layer.name for layer in manifest.layers]
     _require(choice.layers, names, "layers")
     return tuple(name for name in names if _any(choice.layers, (name,)))
 
 
-def choose(manifest: Manifest, choice: Choice, index_of: Callable[[ShardRecord], ShardIndex]) -> list[ChosenShard]:
+def choose(manifest: Manifest, choice: ExampleChoice,
+           index_of: Callable[[ShardRecord], ShardIndex]) -> list[ChosenShard]:
     """The wanted examples, shard by shard; `index_of` is called where that cannot be told without, once each.
 
     Raises UserError where a pattern matches nothing, or all of them together do, naming what there is.
@@ -133,7 +134,7 @@ def members_wanted(example: ExampleRecord, layers: Sequence[str]) -> list[int]:
 class _Search:
     """Patterns about facts, and which of them have matched something."""
 
-    def __init__(self, choice: Choice):
+    def __init__(self, choice: ExampleChoice):
         self._asked = {name: getattr(choice, name) for name in FACTS if getattr(choice, name)}
         self._seen: dict[str, dict[str, None]] = {name: {} for name in self._asked}
         self.unmatched = {(name, pattern) for name, patterns in self._asked.items() for pattern in patterns}

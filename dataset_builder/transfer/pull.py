@@ -19,14 +19,14 @@ from dataset_builder.shards.publish import listed_files, publish_dataset, publis
 from dataset_builder.shards.shard_index import ShardRecord
 from dataset_builder.shards.structure import read_small
 from dataset_builder.shards.writer import index_path, shard_path
-from dataset_builder.transfer.choice import Choice, ChosenShard, choose, layers_chosen
+from dataset_builder.transfer.choice import ChosenShard, ExampleChoice, choose, layers_chosen
 from dataset_builder.transfer.chunked_file import CHUNK_SIZE
 from dataset_builder.transfer.fetching import PULL, Fetching, Progress
 from dataset_builder.transfer.origin import TEXTS, Origin, index_name, open_origin
 from dataset_builder.transfer.subset_manifest import subset_manifest, subset_record
 from dataset_builder.transfer.subset_shards import Assembly, batches
 
-EVERYTHING = Choice()
+EVERYTHING = ExampleChoice()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +41,7 @@ class Pulled:
     """Bytes of shards and indexes that came over the wire."""
 
 
-def pull(address: str | Path | Place, folder: Path, *, choice: Choice = EVERYTHING, sha256: str = "",
+def pull(address: str | Path | Place, folder: Path, *, choice: ExampleChoice = EVERYTHING, sha256: str = "",
          most: int | None = None, replace: bool = False, told: Callable[[Progress], None] = lambda progress: None,
          chunk_size: int = CHUNK_SIZE) -> Pulled:
     """Bring the dataset at `address`, or what `choice` wants of it, to `folder`.
@@ -74,7 +74,7 @@ def pull(address: str | Path | Place, folder: Path, *, choice: Choice = EVERYTHI
     return Pulled(manifest=manifest, wanted=sum(part.bytes for part in chosen), moved=fetching.moved)
 
 
-def _require_same_choice(folder: Path, choice: Choice) -> None:
+def _require_same_choice(folder: Path, choice: ExampleChoice) -> None:
     """Raise OutputError where `folder` holds a dataset of which something else was asked for."""
     before = _manifest_of(folder)
     if before and (before.subset and before.subset.asked) != (None if choice.whole else choice.asked()):
@@ -84,13 +84,13 @@ def _require_same_choice(folder: Path, choice: Choice) -> None:
                                    hint="choose another folder, or say --replace; no file was changed")])
 
 
-def _choose(origin: Origin, choice: Choice, fetching: Fetching) -> list[ChosenShard]:
+def _choose(origin: Origin, choice: ExampleChoice, fetching: Fetching) -> list[ChosenShard]:
     if choice.by_index and choice.count is None:
         fetching.indexes(shard for shard in origin.manifest.shards if choice.wants_split(shard.split))
     return choose(origin.manifest, choice, fetching.index)
 
 
-def _fetch(fetching: Fetching, chosen: Sequence[ChosenShard], layers: Sequence[str], choice: Choice) -> Manifest:
+def _fetch(fetching: Fetching, chosen: Sequence[ChosenShard], layers: Sequence[str], choice: ExampleChoice) -> Manifest:
     """Fetch what is not there yet, and let it take the place of the old set."""
     origin, folder = fetching.origin, fetching.folder
     files = [part.shard for part in chosen if part.whole]
@@ -129,7 +129,7 @@ def _has(origin: Origin, folder: Path, shard: ShardRecord) -> bool:
     return False
 
 
-def _finished(origin: Origin, choice: Choice, folder: Path) -> Manifest | None:
+def _finished(origin: Origin, choice: ExampleChoice, folder: Path) -> Manifest | None:
     """The manifest in `folder` where it is of all that is wanted, and every file has its SHA-256; else None."""
     manifest = _manifest_of(folder)
     if not manifest or manifest.subset != (None if choice.whole else subset_record(origin, choice)):

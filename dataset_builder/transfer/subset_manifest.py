@@ -12,18 +12,18 @@ from dataset_builder.shards.shard_index import ShardIndex, ShardRecord
 from dataset_builder.shards.structure import read_small
 from dataset_builder.shards.subset_record import SubsetRecord
 from dataset_builder.shards.writer import index_path
-from dataset_builder.transfer.choice import FACTS, Choice
+from dataset_builder.transfer.choice import FACTS, ExampleChoice
 from dataset_builder.transfer.origin import Origin
 
 
-def subset_record(origin: Origin, choice: Choice) -> SubsetRecord:
+def subset_record(origin: Origin, choice: ExampleChoice) -> SubsetRecord:
     """What a dataset says of being a subset."""
     manifest = origin.manifest
     return SubsetRecord(name=manifest.name, version=manifest.version, sha256=origin.sha256,
                         examples=manifest.totals.examples, asked=choice.asked())
 
 
-def subset_manifest(origin: Origin, choice: Choice, layers: Sequence[str], shards: Sequence[ShardRecord],
+def subset_manifest(origin: Origin, choice: ExampleChoice, layers: Sequence[str], shards: Sequence[ShardRecord],
                     folder: Path) -> Manifest:
     """The manifest of `shards`, which wait in `folder` or lie there, with these layers.
 

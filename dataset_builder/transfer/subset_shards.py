@@ -35,7 +35,7 @@ _Known = tuple[str, str, tuple[tuple[str, str], ...]]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Batch:
+class ShardBatch:
     """Chosen examples that come into one shard."""
 
     slot: str
@@ -48,17 +48,17 @@ class Batch:
         return sum(len(part.keys) for part in self.parts)
 
 
-def batches(manifest: Manifest, chosen: Sequence[ChosenShard]) -> list[Batch]:
+def batches(manifest: Manifest, chosen: Sequence[ChosenShard]) -> list[ShardBatch]:
     """Chosen examples of shards that are not wanted as they are, in the order of their shards."""
-    found = list[Batch]()
+    found = list[ShardBatch]()
     for part in (part for part in chosen if not part.whole):
         split = part.shard.split
         most = max(shard.examples for shard in manifest.shards if shard.split == split)
         last = found[-1] if found and found[-1].split == split else None
         if last and last.examples + len(part.keys) <= most:
-            found[-1] = Batch(slot=last.slot, split=split, parts=(*last.parts, part))
+            found[-1] = ShardBatch(slot=last.slot, split=split, parts=(*last.parts, part))
         else:
-            found.append(Batch(slot=part.shard.slot, split=split, parts=(part,)))
+            found.append(ShardBatch(slot=part.shard.slot, split=split, parts=(part,)))
     return found
 
 
@@ -71,7 +71,7 @@ class Assembly:
         self._share = manifest.shared == "once"
         self._all = len(self._layers) == len(manifest.layers)
 
-    def finished(self, batch: Batch) -> ShardIndex | None:
+    def finished(self, batch: ShardBatch) -> ShardIndex | None:
         """The shard of an earlier run, where it waits or lies in its place; None where there is none that is whole."""
         folder, wanted = self._fetching.folder, list[object]()
         like = self._fetching.index(batch.parts[0].shard)
@@ -82,7 +82,7 @@ class Assembly:
                     return index
         return None
 
-    def make(self, batch: Batch) -> ShardIndex:
+    def make(self, batch: ShardBatch) -> ShardIndex:
         """The shard. Raises UserError where a file's bytes are again and again not those that its index states."""
         first = self._fetching.index(batch.parts[0].shard)
         records = list[ExampleRecord]()
@@ -90,11 +90,11 @@ class Assembly:
                            chunks=self._chunks(batch, records), records=records, spec_digest=first.spec_digest,
                            versions=first.versions)
 
-    def _wanted(self, batch: Batch) -> Iterator[_Known]:
+    def _wanted(self, batch: ShardBatch) -> Iterator[_Known]:
         """Key, digest, and suffixes and digests of the pixels of every example, by which a finished shard is known."""
         return (_known(record.key, self._digest(record), self._members(record)) for _, record in self._records(batch))
 
-    def _records(self, batch: Batch) -> Iterator[tuple[ShardRecord, ExampleRecord]]:
+    def _records(self, batch: ShardBatch) -> Iterator[tuple[ShardRecord, ExampleRecord]]:
         first = None
         for part in batch.parts:
             wanted, index = set(part.keys), self._fetching.index(part.shard)
@@ -111,7 +111,7 @@ class Assembly:
         """Of what the example was made from; another where layers are missing, so that no build takes it for whole."""
         return example.digest if self._all else digest([example.digest, list(self._layers)])
 
-    def _chunks(self, batch: Batch, records: list[ExampleRecord]) -> Iterator[bytes]:
+    def _chunks(self, batch: ShardBatch, records: list[ExampleRecord]) -> Iterator[bytes]:
         """The bytes of the shard; `records` fill with what its index says of each example."""
         end, known = 0, dict[tuple[str, str, str], MemberRecord]()
         for shard, examples in _windows(self._records(batch), self._members):
@@ -166,7 +166,7 @@ def _known(key: str, digest_: str, members: Iterable[MemberRecord]) -> _Known:
     return key, digest_, tuple((member.suffix, member.pixel_digest) for member in members)
 
 
-def _same(index: ShardIndex, batch: Batch, wanted: Sequence[object], like: ShardIndex) -> bool:
+def _same(index: ShardIndex, batch: ShardBatch, wanted: Sequence[object], like: ShardIndex) -> bool:
     """Whether a finished shard is what `Assembly.make` would make of a batch. like: the index of its first part."""
     found = [_known(example.key, example.digest, example.members) for example in index.examples]
     return (index.shard.slot, index.shard.split, index.spec_digest, index.versions) == (

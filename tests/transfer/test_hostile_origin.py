@@ -13,7 +13,7 @@ from dataset_builder.digest import canonical_json
 from dataset_builder.errors import OutputError, ShardError, UserError
 from dataset_builder.shards.manifest import from_json
 from dataset_builder.shards.shard_index import ShardIndex, tagged
-from dataset_builder.transfer.choice import Choice
+from dataset_builder.transfer.choice import ExampleChoice
 from dataset_builder.transfer.pull import pull
 from tests.shards.test_hostile import INDEXES, MANIFESTS, TEXTS, put, rewrite
 from tests.shards.test_verify import STEM, edit, reseal
@@ -59,7 +59,7 @@ def outside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "open", inside)
 
 
-def refused(origin: CountingPlace, here: Path, choice: Choice) -> None:
+def refused(origin: CountingPlace, here: Path, choice: ExampleChoice) -> None:
     with pytest.raises(ShardError):
         pull(origin, here, choice=choice)
     assert not here.exists()
@@ -73,19 +73,19 @@ def test_a_hostile_manifest_is_refused(name: str, origin: CountingPlace, tmp_pat
         pull(origin, tmp_path / "here")
         assert contents(tmp_path / "here") == contents(origin.folder)
     else:
-        refused(origin, tmp_path / "here", Choice())
+        refused(origin, tmp_path / "here", ExampleChoice())
 
 
-@pytest.mark.parametrize("choice", [Choice(), Choice(light=("1",))])
+@pytest.mark.parametrize("choice", [ExampleChoice(), ExampleChoice(light=("1",))])
 @pytest.mark.parametrize("name", INDEXES)
-def test_a_hostile_index_is_refused(name: str, choice: Choice, origin: CountingPlace, tmp_path: Path) -> None:
+def test_a_hostile_index_is_refused(name: str, choice: ExampleChoice, origin: CountingPlace, tmp_path: Path) -> None:
     rewrite(index_path(origin.folder, STEM), INDEXES[name])
     refused(origin, tmp_path / "here", choice)
 
 
-@pytest.mark.parametrize("choice", [Choice(), Choice(layers=("mask",))])
+@pytest.mark.parametrize("choice", [ExampleChoice(), ExampleChoice(layers=("mask",))])
 @pytest.mark.parametrize("name", LIES)
-def test_an_index_that_lies_is_refused(name: str, choice: Choice, origin: CountingPlace, tmp_path: Path) -> None:
+def test_an_index_that_lies_is_refused(name: str, choice: ExampleChoice, origin: CountingPlace, tmp_path: Path) -> None:
     forge(origin.folder, LIES[name])
     refused(origin, tmp_path / "here", choice)
 

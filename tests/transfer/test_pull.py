@@ -9,7 +9,7 @@ from dataset_builder.digest import sha256_file
 from dataset_builder.errors import OutputError, ShardError, UserError
 from dataset_builder.shards.reader import open_dataset
 from dataset_builder.shards.verify import verify
-from dataset_builder.transfer.choice import Choice
+from dataset_builder.transfer.choice import ExampleChoice
 from dataset_builder.transfer.fetching import Progress
 from dataset_builder.transfer.pull import pull
 from tests.shards.tiny_dataset import contents, make_example
@@ -154,8 +154,9 @@ def test_damage_here_is_mended(home: Path, tmp_path: Path) -> None:
 
 def test_refusals_leave_the_folder_alone(home: Path, tmp_path: Path) -> None:
     here = tmp_path / "here"
+    misspelt = ExampleChoice(split=("trian",))
     for arguments, message in [({"sha256": "0" * 64}, "another dataset or version"), ({"most": 1000}, "most 1e-06 GB"),
-                               ({"choice": Choice(split=("trian",))}, r"split: .* \(train, test\), got 'trian'")]:
+                               ({"choice": misspelt}, r"split: .* \(train, test\), got 'trian'")]:
         with pytest.raises(UserError, match=message):
             pull(home, here, **arguments)
         assert not here.exists()

@@ -8,7 +8,7 @@ from dataset_builder.errors import UserError
 from dataset_builder.remote.open_place import place_of
 from dataset_builder.remote.patience import Patience
 from dataset_builder.shards.verify import verify
-from dataset_builder.transfer.choice import Choice
+from dataset_builder.transfer.choice import ExampleChoice
 from dataset_builder.transfer.pull import pull
 from tests.fault_proxy import FAULTS, Fault, Plan, fault_proxy
 from tests.file_servers import KEYS, needs_nginx, nginx_server, range_server, s3_server
@@ -18,7 +18,7 @@ QUICK = Patience(attempts=4, stall=0.3, first=0.001, longest=0.01)
 CHUNK = 16384
 AT_ONCE: set[Fault] = {"bomb", "elsewhere", "endless"}
 """What is never asked for again, so that even one of them is the end."""
-SOME = Choice(light=("1",), layers=("i_s", "mask"))
+SOME = ExampleChoice(light=("1",), layers=("i_s", "mask"))
 
 
 @needs_nginx
@@ -69,8 +69,9 @@ def test_a_fault_that_stays_is_a_reason(fault: Fault, home: Path, tmp_path: Path
     assert not [one.path for one in right.served if "index" in one.path or "train-000000" in one.path]
 
 
-@pytest.mark.parametrize("choice", [Choice(), Choice(split=("test",)), Choice(object=("*chair*",)), SOME])
-def test_bytes_at_the_server_are_those_that_are_counted(choice: Choice, home: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("choice", [ExampleChoice(), ExampleChoice(split=("test",)),
+                                    ExampleChoice(object=("*chair*",)), SOME])
+def test_bytes_at_the_server_are_those_that_are_counted(choice: ExampleChoice, home: Path, tmp_path: Path) -> None:
     plan = Plan(rate=0.0)
     with range_server(home) as upstream, fault_proxy(upstream, plan) as address:
         pulled = pull(address, tmp_path / "here", choice=choice)

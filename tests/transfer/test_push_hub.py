@@ -55,7 +55,7 @@ class FakeHub:
         assert arguments["branch"]
 
     def repo_info(self, **arguments: Any) -> SimpleNamespace:
-        return SimpleNamespace(sha=sha256_bytes(repr(self.files).encode()))
+        return SimpleNamespace(sha=self._head())
 
     def list_repo_tree(self, **arguments: Any) -> Iterator[SimpleNamespace]:
         yield SimpleNamespace(path="shards", tree_id="")
@@ -72,7 +72,7 @@ class FakeHub:
                 self.waiting.add(one.path_in_repo)
 
     def create_commit(self, *, operations: Sequence[Any], parent_commit: str, **arguments: Any) -> None:
-        assert parent_commit == self.repo_info().sha
+        assert parent_commit == self._head()
         for one in operations:
             if isinstance(one, huggingface_hub.CommitOperationDelete):
                 del self.files[one.path_in_repo]
@@ -84,6 +84,9 @@ class FakeHub:
     def hf_hub_download(self, *, filename: str, local_dir: str, **arguments: Any) -> str:
         (Path(local_dir) / filename).write_bytes(self.files[filename])
         return str(Path(local_dir) / filename)
+
+    def _head(self) -> str:
+        return sha256_bytes(repr(self.files).encode())
 
 
 def send(folder: Path, hub: FakeHub, address: str = ADDRESS, **how: bool) -> Pushed:
