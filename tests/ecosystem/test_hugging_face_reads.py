@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.ecosystem.file_server import Quiet, Ranges, serving
+from benchmarks._file_server import Quiet, Ranges, serving
 from tests.ecosystem.pages import Truth, assert_same, of_split, shards_of
 
 hugging_face = pytest.importorskip("datasets", reason="needs datasets, which brings pyarrow")

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.ecosystem.file_server import Quiet, serving
+from benchmarks._file_server import Quiet, serving
 from tests.ecosystem.pages import Truth, assert_same, of_split, shards_of
 
 webdataset = pytest.importorskip("webdataset", reason="needs webdataset")

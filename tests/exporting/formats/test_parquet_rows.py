@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from PIL import Image
 
+from benchmarks._file_server import Ranges, serving
 from dataset_builder.exporting.formats import parquet_rows
-from tests.ecosystem.file_server import Ranges, serving
 from tests.ecosystem.pages import Truth, assert_same, of_split
 from tests.exporting.formats.conftest import Export
 

@@ -1,6 +1,8 @@
 """A folder at an http address: Python's own server, which knows no ranges, and with them."""
 
 import re
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -52,3 +54,20 @@ def serving(folder: Path, handler: type[Quiet] = Ranges) -> Iterator[str]:
         finally:
             server.shutdown()
             thread.join()
+
+
+@contextmanager
+def served(folder: Path) -> Iterator[str]:
+    """The address of a folder, served by a process of its own."""
+    command = [sys.executable, __file__, str(folder)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        yield process.stdout.readline().strip()
+        # The server ends with its input
+        process.communicate("")
+
+
+if __name__ == "__main__":
+    with serving(Path(sys.argv[1])) as name:
+        print(name, flush=True)
+        sys.stdin.read()
