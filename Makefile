@@ -16,7 +16,7 @@ help:  ## list what make can do
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):[^#]*## ?/  make \1\t/' | expand -t 18
 	@echo '  SPEC=FILE OUT=DIR ARGS="..." choose what `make dataset` builds; ARGS also go to pytest and the benchmarks'
 
-system:  ## the two system libraries that wheels do not carry: libLLVM and libusb-1.0
+system:  ## the system libraries that wheels do not carry: libLLVM and what Open3D is linked with
 	@sh tools/system_libs.sh
 
 install: $(STAMP)  ## the virtual environment in .venv, with locked packages

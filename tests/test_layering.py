@@ -11,10 +11,10 @@ from dataset_builder.engine.source import imports_of, inside, read_sources
 ORDER = (
     ("__main__",), ("cli.main",), ("cli",), ("cli.common",), ("report",),
     ("studies.accuracy", "studies.effects", "studies.noise", "studies.stress", "studies.tables"), ("studies",),
-    ("release",), ("exporting", "importing", "transfer"), ("importing.captures",),
+    ("release",), ("exporting", "importing", "transfer"), ("exporting.formats", "importing.captures"),
     ("lightnet.results", "lightnet.training"), ("lightnet.methods",), ("lightnet.measures",), ("lightnet.data",),
     ("lightnet",),
-    ("api",), ("builder",), ("engine",), ("shards",),
+    ("api", "merge"), ("builder",), ("engine",), ("shards",),
     ("rendering",), ("rendering.field", "rendering.sampling", "rendering.scene"), ("rendering.transport",),
     ("rendering.surface",),
     ("rendering.backend", "rendering.buffers", "rendering.oidn"),
@@ -24,7 +24,8 @@ ORDER = (
     ("assets.field_file", "assets.file_model", "assets.image_maps", "assets.scene_model"),
     ("assets.exr_picture",), ("assets.asset", "assets.linear_texels", "assets.primaries", "assets.texel_memory"),
     ("geometry",), ("label",), ("spec",),
-    ("remote",), ("byte_store", "lock"), ("extras", "files", "layers", "light_kinds", "processes", "spread", "tonemap"),
+    ("remote",), ("byte_store", "lock"), ("lease",),
+    ("extras", "files", "layers", "light_kinds", "processes", "spread", "tonemap"),
     ("seeding", "digest", "errors"), ("",),
 )
 """Rooms of the package, top to bottom; those of one line do not know each other. A module belongs to the longest name
@@ -36,7 +37,8 @@ STRANGERS = {("lightnet", "api"), ("lightnet", "builder"), ("lightnet", "engine"
 
 HOMES = {
     "mitsuba": "rendering", "drjit": "rendering", "ruamel": "spec.load", "open3d": "geometry",
-    "OpenEXR": ("shards.exr", "assets.exr_picture"),
+    "OpenEXR": ("shards.exr", "assets.exr_picture", "exporting.formats.layered_exr"),
+    "pyarrow": "exporting.formats.parquet_rows",
     "fsspec": "remote", "huggingface_hub": "transfer",
     "matplotlib": "report", "pyvista": "report", "mapbox_earcut": "assets.readers.polygons", "ray": "engine",
     "DracoPy": "assets.readers.gltf_primitives", "meshopt": "assets.readers.gltf_file",

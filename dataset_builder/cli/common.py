@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,8 @@ STUDIES, TRAININGS = Path("studies"), Path("trainings")
 """Where results go unless `--out` says otherwise."""
 
 MAX_GB = 1_000_000
+MOST = 1e9
+"""Of prices and speeds."""
 BACKENDS = ("auto", "cuda", "llvm")
 DEVICES = ("auto", "cpu", "cuda")
 """Where networks run; auto is CUDA where there is one."""
@@ -104,6 +107,14 @@ def positive(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"expected a whole number >= 1, got {text}")
     return int(text)
+
+
+def positive_number(text: str) -> float:
+    """A finite number above 0, as argparse wants it."""
+    with suppress(ValueError):
+        if 0 < (found := float(text)) < MOST:
+            return found
+    raise argparse.ArgumentTypeError(f"expected a number above 0 and below {MOST:,.0f}, got {text}")
 
 
 def plain_console(width: int | None = None) -> "Console":

@@ -53,6 +53,10 @@ class Dataset:
         self.splits = {split.name: tuple(key for key, home in self._homes.items() if names[home.shard] == split.name)
                        for split in manifest.splits}
         """Keys of every split, in order."""
+        for split in manifest.splits:
+            if (got := len(self.splits[split.name])) != split.examples:
+                rule = f"expected {split.examples} examples in split {split.name}, its shards hold {got}"
+                raise _wrong(place.title, rule)
 
     def __len__(self) -> int:
         return len(self._homes)

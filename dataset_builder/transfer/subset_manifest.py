@@ -32,7 +32,7 @@ def subset_manifest(origin: Origin, choice: ExampleChoice, layers: Sequence[str]
     that are there: nothing else is known of them.
     """
     whole, views = origin.manifest, set[str]()
-    labels = list(labels_of(folder, _indexes(folder, shards), _one_of_each(folder, shards, views)))
+    labels = list(labels_of(folder, shards, _one_of_each(folder, shards, views)))
     fields = field_summaries(labels) if whole.fields else ()
     seen = any("i_s" in summary.gives for summary in fields)
     kept = {shard.split for shard in shards}
