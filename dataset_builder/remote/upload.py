@@ -1,7 +1,6 @@
 """Folders that files can be put into, here or at an address: what is put there is whole or not there."""
 
 import importlib
-import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -83,11 +82,9 @@ class FolderShelf:
     def put(self, name: str, source: Path) -> None:
         """Copied aside, flushed, renamed."""
         with output_errors(self.folder / name):
+            require_space(self.folder, source.stat().st_size)
             with open_regular(source) as stream:
-                size = source.stat().st_size
-                require_space(self.folder, size)
                 write_partial(self.folder / name, iter(lambda: stream.read(CHUNK_BYTES), b""))
-            shutil.copymode(source, self.folder / f"{name}.partial")
         commit(self.folder / name)
 
     def remove(self, name: str) -> None:

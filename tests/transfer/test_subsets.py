@@ -1,8 +1,10 @@
 """Chosen examples: a dataset of their own, as a build of them would be, and little else is fetched."""
 
 import json
+import shutil
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ from dataset_builder.shards.shard_index import ShardIndex
 from dataset_builder.shards.verify import verify
 from dataset_builder.transfer.choice import ExampleChoice
 from dataset_builder.transfer.pull import pull
+from tests.shards.test_verify import edit
 from tests.shards.tiny_dataset import Shared, build, contents
 from tests.transfer.conftest import CountingPlace, examples, made
 
@@ -193,3 +196,31 @@ def test_a_newer_version_of_a_choice(home: Path, tmp_path: Path) -> None:
     newer = made(tmp_path / "newer/tiny", chosen={**plain, 3: examples()[3]})
     place = CountingPlace(newer)
     assert pull(place, tmp_path / "here", choice=choice).moved == 0
+
+
+def test_sources_and_rejected_examples_are_those_of_what_is_there(home: Path, tmp_path: Path) -> None:
+    shutil.copytree(home, tmp_path / "there")
+
+    def add(content: dict[str, Any]) -> None:
+        part = {"source": "stool", "licence": "CC0-1.0"}
+        content["parts"] = [
+            {"kind": "procedural", **part, "objects": ["train-chair-00", "train-stool-00"]},
+            {"kind": "procedural", "source": "cabinet", "licence": "CC0-1.0", "objects": ["train-cabinet-00"]},
+            {"kind": "procedural", **part, "licence": "MIT", "objects": ["train-chair-00"]},
+            {"kind": "thing", "source": "flat.usd", "licence": "MIT", "objects": ["train-chair-00"]},
+            {"kind": "file", "source": "sofa.obj", "licence": "MIT", "objects": ["train-sofa-00"]}]
+        rejected = [("00000100", "train/000001"), ("00000101", "train/000099"), ("00000102", "test/000004")]
+        content["rejected"] = [{"key": key, "view": view, "gate": "mask", "reason": "none"} for key, view in rejected]
+        content["totals"]["rejected"] = 3
+
+    edit(tmp_path / "there/dataset.json", add)
+    pull(tmp_path / "there", tmp_path / "train", choice=ExampleChoice(split=("train",)))
+    pull(tmp_path / "there", tmp_path / "chair", choice=ExampleChoice(object=("train-chair-00",)))
+    assert verify(tmp_path / "train") == verify(tmp_path / "chair") == []
+    train, chair = load_manifest(tmp_path / "train"), load_manifest(tmp_path / "chair")
+    assert [part.objects for part in train.parts] == [
+        ("train-chair-00", "train-stool-00"), ("train-cabinet-00",), ("train-chair-00",)]
+    assert [(part.source, part.objects) for part in chair.parts] == [
+        ("stool", ("train-chair-00",)), ("cabinet", ("train-cabinet-00",)), ("flat.usd", ("train-chair-00",))]
+    assert [item.key for item in train.rejected] == ["00000100", "00000101"]
+    assert [item.key for item in chair.rejected] == ["00000100"]
