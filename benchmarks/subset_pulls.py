@@ -23,12 +23,13 @@ def choices(folder: Path) -> dict[str, ExampleChoice]:
     dataset = open_dataset(folder)
     splits = list(dataset.splits)
     label = dataset.label(dataset.splits[splits[0]][0])
-    first = tuple(dataset.layers[:1])
+    target, room, last = label.plan.target.object, label.plan.room, dataset.layers[-1]
     return {"everything": ExampleChoice(), f"--split {splits[-1]}": ExampleChoice(split=(splits[-1],)),
-            "--object (the first)": ExampleChoice(object=(label.plan.target.object.name,)),
-            "--level 0": ExampleChoice(level=("0",)), "--light 0": ExampleChoice(light=("0",)),
-            "--count 4": ExampleChoice(count=4), f"--layers {first[0]}": ExampleChoice(layers=first),
-            f"--layers {first[0]} --light 0": ExampleChoice(layers=first, light=("0",))}
+            "--object (the first)": ExampleChoice(object=(target.name,)),
+            f"--category {target.category}": ExampleChoice(category=(target.category,)),
+            "--scene (the first)": ExampleChoice(scene=(room.name,)), "--count 4": ExampleChoice(count=4),
+            "--layers i_s,i_t": ExampleChoice(layers=("i_s", "i_t")), f"--layers {last}": ExampleChoice(layers=(last,)),
+            f"--layers {last} --count 4": ExampleChoice(layers=(last,), count=4)}
 
 
 def main() -> None:
@@ -38,7 +39,7 @@ def main() -> None:
     folder = parser.parse_args().folder
     whole = load_manifest(folder).totals
     print(f"{whole.examples} examples in {whole.shards} shards, {whole.bytes} bytes\n")
-    print("| choice | examples | wanted | fetched of shards | more | of all bytes | fetched with indexes |\n"
+    print("| choice | examples | wanted, MB | fetched of shards | of all | with indexes | requests |\n"
           "| --- | --- | --- | --- | --- | --- | --- |")
     for name, choice in choices(folder).items():
         plan = Plan(rate=0.0)
@@ -48,8 +49,8 @@ def main() -> None:
         sent = sum(one.sent for one in plan.served if one.path.endswith(".tar"))
         both = sum(one.sent for one in plan.served if one.path.endswith((".tar", ".manifest")))
         assert both == pulled.moved
-        print(f"| `{name}` | {pulled.manifest.totals.examples} | {pulled.wanted} | {sent} | "
-              f"{sent / pulled.wanted - 1:.2%} | {sent / whole.bytes:.1%} | {both} |")
+        print(f"| `{name}` | {pulled.manifest.totals.examples} | {pulled.wanted / 1e6:.2f} | "
+              f"+{sent / pulled.wanted - 1:.2%} | {sent / whole.bytes:.1%} | {both / 1e6:.2f} | {len(plan.served)} |")
 
 
 if __name__ == "__main__":
