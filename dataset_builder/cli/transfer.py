@@ -31,7 +31,7 @@ def add(verbs: Verbs) -> None:
     pull.add_argument("--layers", action="append", default=[], metavar="A,B",
                       help="only these layers; labels and previews always come with them")
     pull.add_argument("--count", type=positive, metavar="N", help="the first N examples of every split that match")
-    pull.add_argument("--sha256", default="", metavar="HEX", help="what dataset.json at the address must have")
+    pull.add_argument("--pin", default="", metavar="HEX", help="SHA-256 that dataset.json at the address must have")
     pull.add_argument("--most", type=gigabytes, metavar="GB", help="refuse to fetch more")
     pull.add_argument("--replace", action="store_true",
                       help="let the other dataset, major version or choice go that the folder holds")
@@ -49,7 +49,7 @@ def _push(options: argparse.Namespace) -> int:
     pushed = push(options.folder, options.address, replace=options.replace, prune=options.prune, told=line.told)
     line.end()
     print(f"{pushed.files} files sent, {pushed.sent} bytes; what is there reads back\n"
-          f"SHA-256 of dataset.json: {pushed.sha256}")
+          f"SHA-256 of dataset.json, for pull --pin: {pushed.sha256}")
     if pushed.left:
         print(f"{len(pushed.left)} files there are of no release any more; --prune removes them")
     return 0
@@ -63,7 +63,7 @@ def _pull(options: argparse.Namespace) -> int:
     patterns = {name: tuple(getattr(options, name)) for name, _ in PATTERNS}
     choice = ExampleChoice(**patterns, layers=layers, count=options.count)
     line = _Line()
-    pulled = pull(options.address, options.folder, choice=choice, sha256=options.sha256, most=options.most,
+    pulled = pull(options.address, options.folder, choice=choice, sha256=options.pin, most=options.most,
                   replace=options.replace, told=line.told)
     line.end()
     totals = pulled.manifest.totals
