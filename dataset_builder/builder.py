@@ -15,6 +15,7 @@ from dataset_builder.engine import local
 from dataset_builder.engine.calibration import calibrate
 from dataset_builder.engine.field_tasks import FieldNews, make_fields
 from dataset_builder.engine.made_by import versions
+from dataset_builder.engine.one_backend import OneBackend
 from dataset_builder.engine.outcomes import Rejections, Timings
 from dataset_builder.engine.shard_tasks import OpenShards, ShardTask, decide, shard_tasks, split_digests
 from dataset_builder.engine.unit import BuildJob, Outcome, run_unit
@@ -87,12 +88,12 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
 
     backend: auto | cuda | llvm. workers: processes that render, None for one per core, or a single one on a GPU.
     `only`: indices of examples to stage, without publishing anything. `replace_other`: another dataset or major version
-    in `folder` may go. What was there before stays until this dataset is whole. cache, cache_size: folder for what
-    passes find, so that an edit repeats only the passes that it touches (`.build/passes` in the output folder where
-    none is given), and most bytes that it may hold; 0 keeps nothing. run: the engine, `local.run` or another that keeps
-    its promises. Raises PlanError where nothing can be planned or
-    an index is none, OutputError where the folder or the disk refuses; in both cases what was finished is kept, and a
-    second run goes on from there.
+    in `folder` may go, and examples of another backend. What was there before stays until this dataset is whole. cache,
+    cache_size: folder for what passes find, so that an edit repeats only the passes that it touches (`.build/passes` in
+    the output folder where none is given), and most bytes that it may hold; 0 keeps nothing. run: the engine,
+    `local.run` or another that keeps its promises. Raises PlanError where nothing can be planned or an index is none,
+    OutputError where the folder or the disk refuses; in both cases what was finished is kept, and a second run goes on
+    from there.
     """
     claim = Claim(name=loaded.dataset.name, version=loaded.dataset.version)
     require_ours(folder, claim, replace=replace_other)
@@ -117,15 +118,16 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
     with build_lock(folder, claim, replace=replace_other):
         digests = split_digests(planner.examples, loaded)
         rejections, timings = Rejections(folder, digest(digests), made_by), Timings(folder)
-        tasks = decide(shard_tasks(planner.examples, loaded.dataset, digests), whole_shards(folder), made_by,
-                       rejections.known)
+        known, tasks = dict(rejections.known), shard_tasks(planner.examples, loaded.dataset, digests)
+        backends = OneBackend(folder, tasks, made_by)
+        tasks = decide(tasks, backends.watched(whole_shards(folder)), made_by, known)
+        backends.require(replace_other)
         missing = [task for task in tasks if not task.keep]
-        progress = _Progress(rejected=dict(rejections.known), open=OpenShards(missing, rejections.known),
+        progress = _Progress(rejected=dict(known), open=OpenShards(missing, known),
                              shards={task.slot: task.keep for task in tasks if task.keep})
         wanted = [ref for task in missing for ref in task.examples if ref in chosen]
         _require_space(folder, loaded.dataset, len(wanted))
         yield Event(wanted=len(wanted))
-        known = dict(rejections.known)
         # Denoised layers are measured on examples of the whole dataset
         needing = [ref for ref in (planner.examples if denoise else wanted) if ref.key not in known]
         for event in make_fields(job, needing, frozenset(wanted), run=run, workers=workers, told=told):
@@ -213,12 +215,11 @@ def _finish(tasks: Sequence[ShardTask], folder: Path, planner: Planner, progress
     loaded = planner.loaded
     shards = [progress.shards[task.slot] for task in tasks if task.slot in progress.shards]
     _require_examples(tasks, progress.rejected)
-    manifest = make_manifest(loaded.dataset, layers=dict(layers_asked(loaded.dataset)), shards=(),
-                             rejected=progress.rejected.values(), spec_digest=loaded.spec_digest,
-                             generator=f"dataset-builder {__version__}", denoised=denoised,
-                             parts=object_sources(loaded, planner.contents),
-                             fields=field_summaries(labels_of(folder, shards, _one_of_each(planner, progress))))
-    manifest = with_shards(manifest, shards)
+    fields = field_summaries(labels_of(folder, shards, _one_of_each(planner, progress)))
+    bare = make_manifest(loaded.dataset, layers=dict(layers_asked(loaded.dataset)), shards=(), fields=fields,
+                         rejected=progress.rejected.values(), spec_digest=loaded.spec_digest, denoised=denoised,
+                         generator=f"dataset-builder {__version__}", parts=object_sources(loaded, planner.contents))
+    manifest = with_shards(bare, shards)
     publish_dataset(folder, manifest)
     Staging(folder).clear()
     return manifest

@@ -55,6 +55,10 @@ class Staging:
         """Bytes of everything that is kept."""
         return sum(map(_size, self._files("*")))
 
+    def count(self) -> int:
+        """How many examples are kept, damaged ones among them."""
+        return len(self._files("*.json"))
+
     def drop(self, key: str) -> None:
         """Forget an example, whatever it was made from."""
         self._drop(key, but=None)
