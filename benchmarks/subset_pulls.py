@@ -38,7 +38,7 @@ def main() -> None:
     folder = parser.parse_args().folder
     whole = load_manifest(folder).totals
     print(f"{whole.examples} examples in {whole.shards} shards, {whole.bytes} bytes\n")
-    print("| choice | examples | wanted | fetched of shards | more than wanted | of all bytes | fetched with indexes |\n"
+    print("| choice | examples | wanted | fetched of shards | more than wanted | of all bytes | with indexes |\n"
           "| --- | --- | --- | --- | --- | --- | --- |")
     for name, choice in choices(folder).items():
         plan = Plan(rate=0.0)
