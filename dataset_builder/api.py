@@ -84,10 +84,10 @@ def build(spec: "LoadedSpec", out: Path | str | None = None, *, workers: int | N
 
     out: folder, `datasets/NAME` where none is given. workers: processes that render, None for one per core, or a single
     one on a GPU; a script that asks for several needs the usual `if __name__ == "__main__":`. backend: auto | cuda |
-    llvm. examples: indices of those to stage, without publishing anything; the result is None then. replace:
-    another dataset or major version in the folder may go. progress: called with how many examples are done, and of how
-    many. Raises UserError where the spec, the folder or the disk refuses; what was finished before is kept, and the
-    dataset that was there stays until the new one is whole.
+    llvm. examples: indices of those to stage, without publishing anything; the result is None then. replace: another
+    dataset or major version in the folder may go, and examples of another backend. progress: called with how many
+    examples are done, and of how many. Raises UserError where the spec, the folder or the disk refuses; what was
+    finished before is kept, and the dataset that was there stays until the new one is whole.
     """
     from dataset_builder.builder import build as events
 

@@ -15,6 +15,7 @@ from dataset_builder.engine.dataset_part import Part, PartRecord, known_outcomes
 from dataset_builder.engine.field_tasks import FieldNews, make_fields
 from dataset_builder.engine.finishing import Progress, finish, let_go, publish_task, require_examples
 from dataset_builder.engine.made_by import versions
+from dataset_builder.engine.one_backend import OneBackend
 from dataset_builder.engine.outcomes import Rejections, Timings
 from dataset_builder.engine.shard_tasks import OpenShards, decide, shard_tasks, split_digests
 from dataset_builder.engine.unit import BuildJob, Outcome, run_unit
@@ -69,13 +70,13 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
 
     backend: auto | cuda | llvm. workers: processes that render, None for one per core, or a single one on a GPU.
     `only`: indices of examples to stage, without publishing anything; part: the same of one part of them all, with a
-    record for `merge.merge`. `replace_other`: another dataset or major version in `folder` may go. What was there
-    before stays until this dataset is whole. cache, cache_size: folder for what passes find, so that an edit repeats
-    only the passes that it touches (`.build/passes` in the output folder where none is given), and most bytes that it
-    may hold; 0 keeps nothing. run: the engine, `local.run` or another that keeps its promises. staging_url: where
-    finished examples wait for their shard, for engines of several machines; in the output folder where none is given.
-    unit_limit: seconds that a unit may take in a process of its own, 0 for any, `UnitLimits` unless given. again: the
-    dataset that must come out.
+    record for `merge.merge`. `replace_other`: another dataset or major version in `folder` may go, and examples of
+    another backend. What was there before stays until this dataset is whole. cache, cache_size: folder for what passes
+    find, so that an edit repeats only the passes that it touches (`.build/passes` in the output folder where none is
+    given), and most bytes that it may hold; 0 keeps nothing. run: the engine, `local.run` or another that keeps its
+    promises. staging_url: where finished examples wait for their shard, for engines of several machines; in the output
+    folder where none is given. unit_limit: seconds that a unit may take in a process of its own, 0 for any,
+    `UnitLimits` unless given. again: the dataset that must come out.
 
     Raises PlanError where nothing can be planned or an index is none, ShardError where another dataset than `again`
     comes out, OutputError where the folder or the disk refuses, or processes die again and again; in all cases what was
@@ -109,13 +110,14 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
         digests = split_digests(planner.examples, loaded)
         rejections, timings = Rejections(folder, digest(digests), made_by), Timings(folder)
         rejections.known |= {item.key: item for item in again.rejected} if again else {}
+        known, tasks = dict(rejections.known), shard_tasks(planner.examples, loaded.dataset, digests)
+        backends = OneBackend(folder, tasks, made_by)
         # A part is staged whole, whatever is published in its folder
-        tasks = decide(shard_tasks(planner.examples, loaded.dataset, digests), () if part else whole_shards(folder),
-                       made_by, rejections.known)
+        tasks = decide(tasks, () if part else backends.watched(whole_shards(folder)), made_by, known)
+        backends.require(replace_other)
         missing = [task for task in tasks if not task.keep]
-        open_shards = OpenShards(missing, rejections.known)
-        progress = Progress(rejected=dict(rejections.known),
-                            shards={task.slot: task.keep for task in tasks if task.keep})
+        open_shards = OpenShards(missing, known)
+        progress = Progress(rejected=dict(known), shards={task.slot: task.keep for task in tasks if task.keep})
         wanted = [ref for task in missing for ref in task.examples if ref in chosen]
         _require_space(job, loaded.dataset, len(wanted))
         yield Event(wanted=len(wanted))
@@ -123,7 +125,6 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
             progress.add(staged)
             yield Event(outcomes=tuple(staged))
             wanted = [ref for ref in wanted if ref.key not in progress.digests]
-        known = dict(rejections.known)
         # Denoised layers are measured on examples of the whole dataset
         needing = [ref for ref in (planner.examples if denoise else wanted) if ref.key not in known]
         for event in make_fields(job, needing, frozenset(wanted), run=run, workers=workers, told=told):

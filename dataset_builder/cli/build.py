@@ -42,7 +42,8 @@ def add(verbs: Verbs) -> None:
     add_spec(build)
     build.add_argument("--out", type=Path, help=f"output folder (default: {DATASETS}/NAME)")
     build.add_argument("--replace", action="store_true",
-                       help="let the other dataset or major version go that the output folder holds")
+                       help="let the other dataset or major version go that the output folder holds, or the examples "
+                            "that another backend made")
     add_cache(build)
     build.add_argument("--workers", type=positive, help="processes (default: one per core, one with a GPU)")
     add_backend(build)
