@@ -6,7 +6,9 @@ import shutil
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from datetime import timedelta
 from pathlib import Path
+from time import perf_counter
 from typing import TYPE_CHECKING
 
 from dataset_builder.cli import common
@@ -20,6 +22,8 @@ DEPTHS = ("size", "shard", "member", "pixels")
 STATE = "verified"
 """Folder of what an interrupted run found out."""
 STATE_SIZE = 2**30
+WIDTH = 70
+"""Of the line that tells how far it is."""
 
 
 def add(verbs: common.Verbs) -> None:
@@ -93,15 +97,30 @@ def _repair(options: argparse.Namespace) -> int:
 
 @contextmanager
 def _progress() -> Iterator["Told"]:
-    """A bar with bytes per second and time left; nothing where there is no terminal."""
-    from rich.console import Console
-    from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColumn, TransferSpeedColumn
+    """A line with bytes per second and time left; nothing where there is no terminal. Who only reads datasets has no
+    library for bars."""
+    start = perf_counter()
 
-    console = Console(stderr=True)
-    columns = (BarColumn(), DownloadColumn(), TransferSpeedColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as shown:
-        bar = shown.add_task("", total=None)
-        yield lambda done, of: shown.update(bar, completed=done, total=of)
+    def told(done: int, of: int) -> None:
+        print(f"\r{rate_line(done, of, perf_counter() - start):<{WIDTH}}", end="", file=sys.stderr, flush=True)
+
+    shown = sys.stderr.isatty()
+    try:
+        yield told if shown else lambda done, of: None
+    finally:
+        if shown:
+            print(f"\r{'':<{WIDTH}}\r", end="", file=sys.stderr, flush=True)
+
+
+def rate_line(done: int, of: int, seconds: float) -> str:
+    """How far something is: bytes, bytes per second, and time left at that rate.
+
+    >>> rate_line(250_000_000, 1_000_000_000, 5.0)
+    '250 of 1000 MB, 50.0 MB/s, 0:00:15 left'
+    """
+    rate = done / max(seconds, 1e-3)
+    left = f"{timedelta(seconds=round((of - done) / rate))} left" if done else "looking"
+    return f"{done / 1e6:.0f} of {of / 1e6:.0f} MB, {rate / 1e6:.1f} MB/s, {left}"
 
 
 @contextmanager

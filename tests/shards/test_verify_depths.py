@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from dataset_builder.byte_store import ByteStore
+from dataset_builder.cli.integrity import rate_line
 from dataset_builder.cli.main import main
 from dataset_builder.errors import UserError
 from dataset_builder.shards import verify_shard
@@ -140,3 +141,8 @@ def test_what_is_kept_of_an_example_is_small(dataset: Path) -> None:
     finally:
         tracemalloc.stop()
     assert held / (per_shard * shards) < 90
+
+
+def test_how_far_it_is() -> None:
+    assert rate_line(0, 5 * 10**6, 0.0) == "0 of 5 MB, 0.0 MB/s, looking"
+    assert rate_line(10**9, 3 * 10**9, 4.0) == "1000 of 3000 MB, 250.0 MB/s, 0:00:08 left"
