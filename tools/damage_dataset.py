@@ -28,7 +28,7 @@ from dataset_builder.shards.structure import members_of
 from dataset_builder.shards.verify import verify
 from dataset_builder.shards.verify_shard import Depth
 from dataset_builder.shards.writer import index_path, shard_path
-from dataset_builder.transfer.repair import repair_from
+from dataset_builder.transfer.refetch import repair_from
 from tools.flip_dataset import flip, index_of, payloads
 
 DEPTHS: tuple[Depth, ...] = ("size", "shard", "member", "pixels")

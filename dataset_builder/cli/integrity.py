@@ -72,7 +72,7 @@ def _repair(options: argparse.Namespace) -> int:
     from dataset_builder.remote.place import FolderPlace
     from dataset_builder.shards.folder import WORK
     from dataset_builder.transfer.aside import ASIDE
-    from dataset_builder.transfer.repair import repair_from
+    from dataset_builder.transfer.refetch import repair_from
 
     if options.spec:
         from dataset_builder.report.build_progress import Following
