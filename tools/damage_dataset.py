@@ -38,7 +38,7 @@ FIELDS = {"name": 100, "mode": 8, "uid": 8, "gid": 8, "size": 12, "mtime": 12, "
 """Bytes of the fields of a USTAR header, in order."""
 PAYLOADS, SMALL, MENDED = 1000, 50, 5
 """Flips in payloads and in each file of text, and repairs that are tried of each kind."""
-LAST = 32
+LAST = 16
 """Bytes at the end of a layer that are pixels, however small it is."""
 RENEWED = "renewed"
 Damage = Callable[[], object]

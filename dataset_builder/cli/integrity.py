@@ -70,8 +70,7 @@ def _verify(options: argparse.Namespace) -> int:
 
 def _repair(options: argparse.Namespace) -> int:
     from dataset_builder.remote.place import FolderPlace
-    from dataset_builder.shards.folder import WORK
-    from dataset_builder.transfer.aside import ASIDE
+    from dataset_builder.shards.folder import ASIDE, WORK
     from dataset_builder.transfer.refetch import repair_from
 
     if options.spec:
@@ -125,19 +124,18 @@ def rate_line(done: int, of: int, seconds: float) -> str:
 
 @contextmanager
 def _state(folder: Path, depth: str) -> Iterator["Known | None"]:
-    """Where a run that is interrupted leaves what it found out, for the next one: in the dataset, or in the user's
-    cache where that cannot be written. It is gone after a run that came to its end."""
+    """Where a run that is interrupted leaves what it found out, for the next one: in the user's cache, since a dataset
+    that somebody else made could bring findings of its own. It is gone after a run that came to its end."""
     from dataset_builder.byte_store import ByteStore
+    from dataset_builder.digest import digest
     from dataset_builder.engine.source import source_digest
-    from dataset_builder.shards.folder import MANIFEST, WORK
+    from dataset_builder.shards.folder import MANIFEST
     from dataset_builder.shards.verify_shard import Known
     from dataset_builder.shards.writer import writer_versions
 
-    places = [folder / WORK / STATE]
-    places += [Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "dataset-builder" / STATE]
-    place = next((place for place in places if _writable(place)), None) \
-        if depth in ("member", "pixels") and (folder / MANIFEST).is_file() else None
-    if place is None:
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "dataset-builder" / STATE
+    place = cache / digest(str(folder.resolve()))[:16]
+    if depth not in ("member", "pixels") or not (folder / MANIFEST).is_file() or not _writable(place):
         yield None
         return
     if any(place.iterdir()):
@@ -146,16 +144,16 @@ def _state(folder: Path, depth: str) -> Iterator["Known | None"]:
     yield Known(store=ByteStore(place, STATE_SIZE), code=code)
     shutil.rmtree(place, ignore_errors=True)
     with suppress(OSError):
-        # Where it was made for this alone
-        place.parent.rmdir()
+        cache.rmdir()
+        cache.parent.rmdir()
 
 
 def _writable(place: Path) -> bool:
+    from dataset_builder.errors import OutputError
+    from dataset_builder.files import require_writable
+
     try:
-        place.mkdir(parents=True, exist_ok=True)
-        probe = place / "probe"
-        probe.touch()
-        probe.unlink()
-    except OSError:
+        require_writable(place)
+    except OutputError:
         return False
     return True

@@ -54,8 +54,8 @@ def test_a_manifest_that_promises_other_than_its_shards_hold(dataset: Path, chan
 def test_a_trainer_reads_no_subset_of_the_shards(tmp_path: Path, kind: str) -> None:
     """Nor a split whose own shards are all there."""
     write_synthetic(tmp_path / "made", train=2, held_out=1, size=16, levels=1)
-    assert len(LightingDataset(tmp_path / "made", "held_out", DataSpec(verify="off"))) == 1
+    assert len(LightingDataset(tmp_path / "made", "evaluation", DataSpec(verify="off"))) == 1
     next(path for path in (tmp_path / "made").glob(kind) if "-train-" in path.name).unlink()
-    for split in ("train", "held_out"):
+    for split in ("train", "evaluation"):
         with pytest.raises(ShardError, match="expected a file, found none"):
             LightingDataset(tmp_path / "made", split, DataSpec(verify="off"))

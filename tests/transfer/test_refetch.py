@@ -114,6 +114,19 @@ def test_files_of_others_are_moved_aside_and_named(whole: Path, broken: Path,
                                                                                                         "mine"]
 
 
+@pytest.mark.parametrize("name", [".build", ".build/repair", "shards"])
+def test_a_link_out_of_the_folder_is_not_followed(whole: Path, broken: Path, tmp_path: Path, name: str) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "mine").write_text("x")
+    if (broken / name).is_dir():
+        shutil.rmtree(broken / name)
+    (broken / name).parent.mkdir(exist_ok=True)
+    (broken / name).symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(OutputError, match=f"expected a folder {name}, got a link"):
+        repair_from(broken, FolderPlace(whole))
+    assert [path.name for path in (tmp_path / "elsewhere").iterdir()] == ["mine"]
+
+
 def test_what_cannot_be_mended_is_left_as_it_was(whole: Path, broken: Path, tmp_path: Path) -> None:
     build(tmp_path / "other", default_examples() | {3: make_example(3, split="test", view="test/000003", light=5)})
     flip(shard_path(broken, STEM), 700)
