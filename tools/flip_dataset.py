@@ -51,7 +51,7 @@ def flip_dataset(folder: Path, counts: dict[str, int], *, seed: int = 0) -> list
         for kind, stretches, checks in (
             ("manifest", [(copy / MANIFEST, 0, (copy / MANIFEST).stat().st_size)], CHECKS),
             ("index", [_whole(index_path(copy, shard.stem)) for shard in manifest.shards], CHECKS),
-            ("payload", _payloads(copy, manifest), CHECKS),
+            ("payload", payloads(copy, manifest), CHECKS),
             ("seal", _staged(copy, manifest), {"staging": lambda at: _is_staged(at, *_first(copy, manifest)[:2])}),
         ):
             found += _flipped(kind, copy, stretches, checks, counts.get(kind, 0), random.Random(f"{seed} {kind}"))
@@ -80,17 +80,17 @@ def _flipped(kind: str, folder: Path, stretches: Sequence[Bytes], checks: dict[s
     for _ in range(count):
         path, first, size = chance.choices(stretches, weights=[size for _, _, size in stretches])[0]
         byte, bit = first + chance.randrange(size), chance.randrange(8)
-        _flip(path, byte, bit)
+        flip(path, byte, bit)
         for name, check in checks.items():
             if check(folder):
                 caught[name] += 1
             else:
                 silent[name].append(f"{path.relative_to(folder)}:{byte}:{bit}")
-        _flip(path, byte, bit)
+        flip(path, byte, bit)
     return [Count(kind=kind, check=name, caught=caught[name], silent=tuple(silent[name])) for name in checks]
 
 
-def _flip(path: Path, byte: int, bit: int) -> None:
+def flip(path: Path, byte: int, bit: int) -> None:
     with path.open("r+b") as stream:
         stream.seek(byte)
         value = stream.read(1)[0] ^ 1 << bit
@@ -102,13 +102,13 @@ def _whole(path: Path) -> Bytes:
     return path, 0, path.stat().st_size
 
 
-def _payloads(folder: Path, manifest: Manifest) -> list[Bytes]:
+def payloads(folder: Path, manifest: Manifest) -> list[Bytes]:
     """What readers read: layers and labels, not previews."""
     return [(shard_path(folder, shard.stem), member.offset, member.size) for shard in manifest.shards
-            for member in members_of(_index(folder, shard.stem)) if not member.name.endswith(PREVIEW)]
+            for member in members_of(index_of(folder, shard.stem)) if not member.name.endswith(PREVIEW)]
 
 
-def _index(folder: Path, stem: str) -> ShardIndex:
+def index_of(folder: Path, stem: str) -> ShardIndex:
     return from_json(ShardIndex, index_path(folder, stem).read_bytes(), where=stem)
 
 
@@ -121,7 +121,7 @@ def _staged(folder: Path, manifest: Manifest) -> list[Bytes]:
 
 def _first(folder: Path, manifest: Manifest) -> tuple[str, str, bytes, dict[str, object]]:
     stem = manifest.shards[0].stem
-    example = _index(folder, stem).examples[0]
+    example = index_of(folder, stem).examples[0]
     last = example.members[-1]
     with shard_path(folder, stem).open("rb") as stream:
         segment = stream.read(last.offset + last.size + -last.size % 512)

@@ -6,7 +6,9 @@ import shutil
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from datetime import timedelta
 from pathlib import Path
+from time import perf_counter
 from typing import TYPE_CHECKING
 
 from dataset_builder.cli import common
@@ -20,6 +22,8 @@ DEPTHS = ("size", "shard", "member", "pixels")
 STATE = "verified"
 """Folder of what an interrupted run found out."""
 STATE_SIZE = 2**30
+WIDTH = 70
+"""Of the line that tells how far it is."""
 
 
 def add(verbs: common.Verbs) -> None:
@@ -66,9 +70,8 @@ def _verify(options: argparse.Namespace) -> int:
 
 def _repair(options: argparse.Namespace) -> int:
     from dataset_builder.remote.place import FolderPlace
-    from dataset_builder.shards.folder import WORK
-    from dataset_builder.transfer.aside import ASIDE
-    from dataset_builder.transfer.restore import repair_from
+    from dataset_builder.shards.folder import ASIDE, WORK
+    from dataset_builder.transfer.refetch import repair_from
 
     if options.spec:
         from dataset_builder.report.build_progress import Following
@@ -93,32 +96,46 @@ def _repair(options: argparse.Namespace) -> int:
 
 @contextmanager
 def _progress() -> Iterator["Told"]:
-    """A bar with bytes per second and time left; nothing where there is no terminal."""
-    from rich.console import Console
-    from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColumn, TransferSpeedColumn
+    """A line with bytes per second and time left; nothing where there is no terminal. Who only reads datasets has no
+    library for bars."""
+    start = perf_counter()
 
-    console = Console(stderr=True)
-    columns = (BarColumn(), DownloadColumn(), TransferSpeedColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as shown:
-        bar = shown.add_task("", total=None)
-        yield lambda done, of: shown.update(bar, completed=done, total=of)
+    def told(done: int, of: int) -> None:
+        print(f"\r{rate_line(done, of, perf_counter() - start):<{WIDTH}}", end="", file=sys.stderr, flush=True)
+
+    shown = sys.stderr.isatty()
+    try:
+        yield told if shown else lambda done, of: None
+    finally:
+        if shown:
+            print(f"\r{'':<{WIDTH}}\r", end="", file=sys.stderr, flush=True)
+
+
+def rate_line(done: int, of: int, seconds: float) -> str:
+    """How far something is: bytes, bytes per second, and time left at that rate.
+
+    >>> rate_line(250_000_000, 1_000_000_000, 5.0)
+    '250 of 1000 MB, 50.0 MB/s, 0:00:15 left'
+    """
+    rate = done / max(seconds, 1e-3)
+    left = f"{timedelta(seconds=round((of - done) / rate))} left" if done else "looking"
+    return f"{done / 1e6:.0f} of {of / 1e6:.0f} MB, {rate / 1e6:.1f} MB/s, {left}"
 
 
 @contextmanager
 def _state(folder: Path, depth: str) -> Iterator["Known | None"]:
-    """Where a run that is interrupted leaves what it found out, for the next one: in the dataset, or in the user's
-    cache where that cannot be written. It is gone after a run that came to its end."""
+    """Where a run that is interrupted leaves what it found out, for the next one: in the user's cache, since a dataset
+    that somebody else made could bring findings of its own. It is gone after a run that came to its end."""
     from dataset_builder.byte_store import ByteStore
+    from dataset_builder.digest import digest
     from dataset_builder.engine.source import source_digest
-    from dataset_builder.shards.folder import MANIFEST, WORK
+    from dataset_builder.shards.folder import MANIFEST
     from dataset_builder.shards.verify_shard import Known
     from dataset_builder.shards.writer import writer_versions
 
-    places = [folder / WORK / STATE]
-    places += [Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "dataset-builder" / STATE]
-    place = next((place for place in places if _writable(place)), None) \
-        if depth in ("member", "pixels") and (folder / MANIFEST).is_file() else None
-    if place is None:
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "dataset-builder" / STATE
+    place = cache / digest(str(folder.resolve()))[:16]
+    if depth not in ("member", "pixels") or not (folder / MANIFEST).is_file() or not _writable(place):
         yield None
         return
     if any(place.iterdir()):
@@ -127,16 +144,16 @@ def _state(folder: Path, depth: str) -> Iterator["Known | None"]:
     yield Known(store=ByteStore(place, STATE_SIZE), code=code)
     shutil.rmtree(place, ignore_errors=True)
     with suppress(OSError):
-        # Where it was made for this alone
-        place.parent.rmdir()
+        cache.rmdir()
+        cache.parent.rmdir()
 
 
 def _writable(place: Path) -> bool:
+    from dataset_builder.errors import OutputError
+    from dataset_builder.files import require_writable
+
     try:
-        place.mkdir(parents=True, exist_ok=True)
-        probe = place / "probe"
-        probe.touch()
-        probe.unlink()
-    except OSError:
+        require_writable(place)
+    except OutputError:
         return False
     return True

@@ -21,6 +21,8 @@ from dataset_builder.spec.model import Model
 
 WORK = ".build"
 CLAIM, LEASE, STAGING, NEXT = "claim.json", "lease", "staging", "next"
+MENDING, ASIDE = "repair", "set-aside"
+"""Where mended files wait until all are there, and where files go that are not of the dataset."""
 SHARDS, INDEX, PREVIEWS = "shards", "index", "previews"
 MANIFEST, CARD, CROISSANT, SUMS = "dataset.json", "README.md", "croissant.json", "SHA256SUMS"
 SECONDS = "seconds.csv"
@@ -123,6 +125,10 @@ def build_lock(folder: Path, wanted: Claim, *, replace: bool = False) -> Iterato
 @contextmanager
 def one_writer(folder: Path, work: str = "build") -> Iterator[None]:
     """Keep every other build or repair out of `folder` meanwhile. Raises OutputError where one is at work in it."""
+    # A dataset of somebody else's may lead elsewhere, where files would be written and removed
+    for name in (WORK, SHARDS, INDEX, *(f"{WORK}/{inner}" for inner in (LEASE, NEXT, STAGING, MENDING, ASIDE))):
+        if (folder / name).is_symlink():
+            raise _refused(folder, f"expected a folder {name}, got a link", "remove it, or choose another folder")
     with output_errors(folder):
         (folder / WORK).mkdir(parents=True, exist_ok=True)
     with held(folder / WORK / LEASE, folder=folder, work=work):

@@ -5,11 +5,8 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from dataset_builder.files import output_errors
-from dataset_builder.shards.folder import WORK
+from dataset_builder.shards.folder import ASIDE, WORK
 from dataset_builder.shards.verify_files import extra_files
-
-ASIDE = "set-aside"
-"""Folder below `.build` where they go."""
 
 
 def set_aside(folder: Path, listed: Iterable[str]) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from dataset_builder.byte_store import ByteStore
+from dataset_builder.cli.integrity import rate_line
 from dataset_builder.cli.main import main
 from dataset_builder.errors import UserError
 from dataset_builder.shards import verify_shard
@@ -111,11 +112,13 @@ def test_an_interrupted_run_goes_on_and_looks_again_at_what_changed(dataset: Pat
     assert verify(dataset, known=known) == verify(dataset)
 
 
-def test_the_command_keeps_its_state_until_it_ends(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    state = dataset / ".build" / "verified"
+def test_the_command_keeps_its_state_until_it_ends(dataset: Path, tmp_path: Path,
+                                                   monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    state = tmp_path / "cache" / "dataset-builder"
 
     def cut(self: AcrossShards) -> None:
-        assert [path for path in state.rglob("*") if path.is_file()]
+        assert len([path for path in state.rglob("*") if path.is_file()]) == 3
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
@@ -140,3 +143,8 @@ def test_what_is_kept_of_an_example_is_small(dataset: Path) -> None:
     finally:
         tracemalloc.stop()
     assert held / (per_shard * shards) < 90
+
+
+def test_how_far_it_is() -> None:
+    assert rate_line(0, 5 * 10**6, 0.0) == "0 of 5 MB, 0.0 MB/s, looking"
+    assert rate_line(10**9, 3 * 10**9, 4.0) == "1000 of 3000 MB, 250.0 MB/s, 0:00:08 left"

@@ -11,7 +11,7 @@ from dataset_builder.digest import sha256_bytes
 from dataset_builder.errors import ShardError
 from dataset_builder.files import commit, output_errors, partial_of, write_atomic, write_partial
 from dataset_builder.remote.place import ByteRange, Place
-from dataset_builder.shards.folder import MANIFEST, SUMS, WORK, one_writer, still_writer
+from dataset_builder.shards.folder import MANIFEST, MENDING, SUMS, WORK, one_writer, still_writer
 from dataset_builder.shards.manifest import Manifest, from_json
 from dataset_builder.shards.publish import listed_files, sums_in
 from dataset_builder.shards.segment import end_blocks, header, padding
@@ -22,8 +22,6 @@ from dataset_builder.shards.writer import index_path, shard_path
 from dataset_builder.transfer.anchor import Repaired, anchor_of, refused
 from dataset_builder.transfer.aside import set_aside
 
-MENDING = "repair"
-"""Folder below `.build` where mended files wait until all are there."""
 MEMBERS = 64
 """Members of a shard that are fetched at once."""
 

@@ -14,7 +14,11 @@ from dataset_builder.shards.folder import one_writer
 from dataset_builder.shards.manifest import from_json
 from dataset_builder.shards.shard_index import ShardIndex
 from dataset_builder.shards.verify import verify
+<<<<<<<< HEAD:tests/transfer/test_restore.py
 from dataset_builder.transfer.restore import repair_from
+========
+from dataset_builder.transfer.refetch import repair_from
+>>>>>>>> integrity:tests/transfer/test_refetch.py
 from tests.shards.tiny_dataset import build, contents, default_examples, index_path, make_example, shard_path
 
 STEM, OTHER = "tiny-v1-train-000000", "tiny-v1-test-000000"
@@ -112,6 +116,19 @@ def test_files_of_others_are_moved_aside_and_named(whole: Path, broken: Path,
     repair_from(broken, FolderPlace(whole))
     assert sorted(path.read_text() for path in (broken / ".build" / "set-aside" / "notes").iterdir()) == ["another",
                                                                                                         "mine"]
+
+
+@pytest.mark.parametrize("name", [".build", ".build/repair", "shards"])
+def test_a_link_out_of_the_folder_is_not_followed(whole: Path, broken: Path, tmp_path: Path, name: str) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "mine").write_text("x")
+    if (broken / name).is_dir():
+        shutil.rmtree(broken / name)
+    (broken / name).parent.mkdir(exist_ok=True)
+    (broken / name).symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(OutputError, match=f"expected a folder {name}, got a link"):
+        repair_from(broken, FolderPlace(whole))
+    assert [path.name for path in (tmp_path / "elsewhere").iterdir()] == ["mine"]
 
 
 def test_what_cannot_be_mended_is_left_as_it_was(whole: Path, broken: Path, tmp_path: Path) -> None:
