@@ -49,10 +49,13 @@ def require_store(store: Path, folder: Path) -> None:
 
 
 class ByteStore:
-    """Values by key in a folder of at most about `limit` bytes; a limit of 0 keeps nothing."""
+    """Values by key in a folder of at most about `limit` bytes; a limit of 0 keeps nothing.
 
-    def __init__(self, folder: Path, limit: int):
-        self._folder, self._limit, self._written = folder, limit, 0
+    durable: whether values outlive a power cut. Others are soon written, and a torn one counts as none.
+    """
+
+    def __init__(self, folder: Path, limit: int, *, durable: bool = True):
+        self._folder, self._limit, self._durable, self._written = folder, limit, durable, 0
 
     def get(self, key: str) -> bytes | None:
         """The value of `key`; None where there is none, or it is damaged. It counts as used now."""
@@ -80,8 +83,8 @@ class ByteStore:
             return
         # Under a name of its own: others may be writing the same
         aside = self._path(f"{key}.{token_hex(8)}")
-        write_partial(aside, [_seal(key, value), value])
-        commit(aside, self._path(key))
+        write_partial(aside, [_seal(key, value), value], flush=self._durable)
+        commit(aside, self._path(key), flush=self._durable)
         self._written += size
         if self._written > self._limit // ROOM:
             self.trim()

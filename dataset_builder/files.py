@@ -36,8 +36,9 @@ def partial_of(path: Path) -> Path:
     return path.with_name(path.name + PARTIAL)
 
 
-def write_partial(path: Path, chunks: Iterable[bytes]) -> tuple[int, str]:
-    """Write `path`'s partial file and flush it to the disk; its size in bytes and SHA-256.
+def write_partial(path: Path, chunks: Iterable[bytes], *, flush: bool = True) -> tuple[int, str]:
+    """Write `path`'s partial file and flush it to the disk, unless a power cut may take it; its size in bytes and
+    SHA-256.
 
     Raises OutputError where that fails; then no partial file is left.
     """
@@ -53,7 +54,8 @@ def write_partial(path: Path, chunks: Iterable[bytes]) -> tuple[int, str]:
                     hasher.update(chunk)
                     size += len(chunk)
                 stream.flush()
-                os.fsync(stream.fileno())
+                if flush:
+                    os.fsync(stream.fileno())
         except OSError:
             discard_partial(path)
             raise
@@ -67,16 +69,17 @@ def discard_partial(path: Path) -> None:
         partial.unlink()
 
 
-def commit(path: Path, final: Path | None = None) -> None:
-    """Give `path`'s partial file its name, or that of `final` beside it, and flush the folder. Raises OutputError where
-    that fails."""
+def commit(path: Path, final: Path | None = None, *, flush: bool = True) -> None:
+    """Give `path`'s partial file its name, or that of `final` beside it, and flush the folder, unless a power cut may
+    undo it. Raises OutputError where that fails."""
     with output_errors(path):
         try:
             os.replace(partial_of(path), final or path)
         except OSError:
             discard_partial(path)
             raise
-        flush_folder(path.parent)
+        if flush:
+            flush_folder(path.parent)
 
 
 def write_atomic(path: Path, data: bytes) -> None:

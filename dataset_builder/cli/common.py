@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from dataset_builder.byte_store import CACHE_SIZE, GB
 from dataset_builder.errors import UserError, printable
+from dataset_builder.remote.address import is_address, local_path, shown
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -46,7 +47,12 @@ def add_spec(verb: argparse.ArgumentParser) -> None:
 
 def add_folder(verb: argparse.ArgumentParser) -> None:
     """The folder of a finished dataset."""
-    verb.add_argument("folder", type=Path, help="finished dataset")
+    verb.add_argument("folder", type=local_folder, help="finished dataset")
+
+
+def add_dataset(verb: argparse.ArgumentParser) -> None:
+    """The folder of a finished dataset, or its address."""
+    verb.add_argument("folder", type=_dataset, metavar="FOLDER", help="finished dataset, or its address")
 
 
 def add_overrides(verb: argparse.ArgumentParser, of: str, option: str = "--set", dest: str = "overrides") -> None:
@@ -82,6 +88,27 @@ def add_cache(verb: argparse.ArgumentParser) -> None:
                       help="folder for results of passes, which datasets may share (default: in the output folder)")
     verb.add_argument("--cache-size", type=gigabytes, default=CACHE_SIZE, metavar="GB",
                       help=f"most that is kept there; 0 keeps nothing (default: {CACHE_SIZE / GB:g})")
+
+
+def local_folder(text: str) -> Path:
+    """The folder of a dataset, where an address would not do."""
+    found = _dataset(text)
+    if isinstance(found, str):
+        rule = f"expected a folder on this machine, got the address {shown(found)}"
+        raise argparse.ArgumentTypeError(f"{rule}: fetch it first, with dataset-builder pull")
+    return found
+
+
+def name_of(folder: Path | str) -> str:
+    """Name of a dataset's folder, also of one at an address."""
+    return folder.resolve().name if isinstance(folder, Path) else shown(folder).rpartition("/")[2]
+
+
+def _dataset(text: str) -> Path | str:
+    """A path as such, and the path that an address with `file` stands for; another address as it is."""
+    if not is_address(text):
+        return Path(text)
+    return local_path(text) if text.lower().startswith("file:") else text
 
 
 def _folder(text: str) -> Path:

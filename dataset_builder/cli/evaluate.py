@@ -24,14 +24,14 @@ def add(verbs: common.Verbs) -> None:
     """Add the three verbs."""
     text = "train LighTNet, or a baseline, on a dataset; resumes an earlier run"
     train = common.add_verb(verbs, "train", _train, text)
-    common.add_folder(train)
+    common.add_dataset(train)
     train.add_argument("--config", type=Path, help="how to train, a YAML file (default: LighTNet at its small size)")
     common.add_overrides(train, "the configuration")
     train.add_argument("--out", type=Path, help=f"folder for checkpoints (default: {common.TRAININGS}/DATASET-METHOD)")
     common.add_networks(train)
     text = "measure checkpoints on held-out examples and compare them with three untrained baselines"
     verb = common.add_verb(verbs, "evaluate", _evaluate, text)
-    common.add_folder(verb)
+    common.add_dataset(verb)
     verb.add_argument("--checkpoint", type=Path, action="append", required=True, help="repeat to compare several")
     verb.add_argument("--split", help="split to measure on (default: the one held out, or one not trained on)")
     verb.add_argument("--examples", type=common.positive, help="spread evenly over the split (default: all)")
@@ -41,7 +41,8 @@ def add(verbs: common.Verbs) -> None:
     common.add_networks(verb, trains=False)
     text = "put a predicted object back into a frame of its scene, for an example of a dataset or your own EXR files"
     verb = common.add_verb(verbs, "compose", _compose, text)
-    verb.add_argument("folder", type=Path, nargs="?", help="finished dataset; omit it if files are given")
+    verb.add_argument("folder", type=common.local_folder, nargs="?",
+                      help="finished dataset; omit it if files are given")
     verb.add_argument("--checkpoint", type=Path, required=True)
     verb.add_argument("--example", default="", metavar="KEY", help="example to compose, by its key")
     verb.add_argument("--index", type=int, default=0, help="or by its index in the split (default: the first)")

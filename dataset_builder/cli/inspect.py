@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from dataset_builder.api import DATASETS
 from dataset_builder.cli import common
 from dataset_builder.errors import UserError
+from dataset_builder.remote.address import shown, title_of
 
 if TYPE_CHECKING:
     from dataset_builder.release.gate import Gate
@@ -19,8 +20,9 @@ def add(verbs: common.Verbs) -> None:
     doctor = common.add_verb(verbs, "doctor", _doctor, "check this machine, and say how to install what is missing")
     doctor.add_argument("--out", type=Path, default=DATASETS, help="where datasets will be written")
     inspect = common.add_verb(verbs, "inspect", _inspect, "summary and contact sheet of a dataset")
-    common.add_folder(inspect)
-    inspect.add_argument("--sheet", type=Path, help="where to write the contact sheet (default: in the dataset)")
+    common.add_dataset(inspect)
+    inspect.add_argument("--sheet", type=Path,
+                         help="where to write the contact sheet (default: in the dataset; none of one at an address)")
     inspect.add_argument("--rows", type=common.positive, default=12, help="examples on the contact sheet (default: 12)")
     inspect.add_argument("--sequence", metavar="NAME", help="write a strip and an animation of views that follow "
                          "each other, by the name in their labels, and nothing else")
@@ -30,7 +32,7 @@ def add(verbs: common.Verbs) -> None:
     schema.add_argument("folder", type=Path)
     text = "release gate: check files and consistency, and train briefly; exit code 1 and the reason on failure"
     verb = common.add_verb(verbs, "validate", _validate, text)
-    common.add_folder(verb)
+    common.add_dataset(verb)
     verb.add_argument("--only", default=",".join(PARTS), metavar="A,B", help="parts to run (default: %(default)s)")
     verb.add_argument("--all", action="store_true", help="continue after a part that fails")
     verb.add_argument("--examples", type=common.positive, help="examples used by the consistency checks (default: 512)")
@@ -56,11 +58,17 @@ def _inspect(options: argparse.Namespace) -> int:
     from dataset_builder.report.sequence_preview import write_preview
 
     if options.sequence:
+        if isinstance(options.folder, str):
+            rule = f"--sequence: expected a folder on this machine, got the address {shown(options.folder)}"
+            raise UserError(f"{rule}: its pictures are written there")
         found = write_preview(options.folder, options.sequence)
         print(f"strip: {found.strip}\nanimation of {found.views} views: {found.animation}")
         return 0
     for table in summary_tables(options.folder):
         common.plain_console().print(table)
+    if isinstance(options.folder, str) and not options.sheet:
+        print("contact sheet: none, say --sheet FILE for one of a dataset at an address")
+        return 0
     sheet = options.sheet or options.folder / "previews" / "contact_sheet.png"
     write_contact_sheet(options.folder, sheet, rows=options.rows)
     print(f"contact sheet: {sheet}")
@@ -100,7 +108,7 @@ def _validate(options: argparse.Namespace) -> int:
             done.append(news)
         elif isinstance(news, LeftOut):
             left_out = news.parts
-    report = Report(dataset=str(options.folder), gate=gate, done=tuple(done), left_out=left_out)
+    report = Report(dataset=title_of(options.folder), gate=gate, done=tuple(done), left_out=left_out)
     write_report(report)
     for line in (*refusals(report), report.verdict, f"report: {gate.out / 'report.md'}"):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
@@ -116,8 +124,11 @@ def _gate(options: argparse.Namespace) -> "Gate":
     parts = tuple(filter(None, options.only.split(",")))
     if not parts or set(parts) - set(PARTS):
         raise UserError(f"--only: expected some of {', '.join(PARTS)}, got {options.only or 'none'}")
+    if isinstance(options.folder, str) and "files" in parts:
+        rule = "--only: expected no part `files` at an address, whose files are hashed as they are read"
+        raise UserError(f"{rule}; say --only {','.join(part for part in PARTS if part != 'files')}")
     spec = load_training(None, [f"steps={options.steps or STEPS}", *SETTINGS, *options.overrides])
-    out = options.out or common.STUDIES / f"{options.folder.resolve().name}-validate"
+    out = options.out or common.STUDIES / f"{common.name_of(options.folder)}-validate"
     return Gate(dataset=options.folder, out=out, spec=spec, parts=parts, device=options.device,
                 margin=MARGIN if options.margin is None else options.margin,
                 copy_margin=COPY_MARGIN if options.copy_margin is None else options.copy_margin,

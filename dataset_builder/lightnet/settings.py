@@ -73,6 +73,10 @@ class DataSpec(Model):
     """Processes that read ahead; 0 reads in the training process. Has no effect on what is read."""
     verify: Literal["off", "size", "shard", "member"] = "member"
     """What is checked while reading, see `docs/reading.md`."""
+    cache: str = ""
+    """Folder that keeps what was fetched of a dataset at an address; by default one among the user's caches."""
+    cache_gb: NotNegative = 4.0
+    """Most that is kept there, in GB; 0 keeps nothing."""
     flips: bool = True
     """Mirror left and right, with probability 1/2."""
     exposure: NotNegative = 0.5

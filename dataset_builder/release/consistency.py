@@ -20,6 +20,7 @@ from dataset_builder.release import light_checks, shape_checks
 from dataset_builder.release.cells import Cells, cells_of
 from dataset_builder.release.dataset_check import Check, Rule
 from dataset_builder.release.shape_checks import Outline, SurfaceFacts, outline_of, surface_of
+from dataset_builder.remote.address import title_of
 from dataset_builder.shards.reader import load_manifest, open_dataset
 from dataset_builder.spread import spread_indices
 
@@ -62,14 +63,14 @@ def check_facts(found: Iterable[Facts]) -> list[Check]:
             *shape_checks.surface_checks([one.surface for one in found])]
 
 
-def read_facts(folder: Path, examples: int = EXAMPLES) -> Iterator[Facts]:
+def read_facts(folder: Path | str, examples: int = EXAMPLES) -> Iterator[Facts]:
     """Facts of at most `examples` examples of a finished dataset, spread evenly over its splits, one after the other.
 
     No more than one example's pixels are in memory at a time. Raises ShardError where the dataset cannot be read, and
     UserError where it misses a layer of the paper's tuple.
     """
     known = {layer.name for layer in load_manifest(folder).layers}
-    if lacking := problem_of(str(folder), known, PAPER_LAYERS, "hold against each other"):
+    if lacking := problem_of(title_of(folder), known, PAPER_LAYERS, "hold against each other"):
         raise UserError([lacking])
     dataset = open_dataset(folder, layers=[*PAPER_LAYERS, *(name for name in HELPFUL if name in known)])
     keys = [key for split in dataset.splits.values() for key in split]

@@ -34,7 +34,7 @@ READS = Rule(name="reads", high=0, why="what cannot be read cannot be trained on
 class Gate:
     """What to ask of which dataset."""
 
-    dataset: Path
+    dataset: Path | str
     out: Path
     """Folder that the training may use."""
     spec: TrainingSpec
@@ -120,7 +120,7 @@ Part = Generator[Event, None, PartResult]
 
 def _files(gate: Gate) -> Part:
     yield from ()
-    return _problems(FILES, [str(problem) for problem in verify(gate.dataset)])
+    return _problems(FILES, [str(problem) for problem in verify(Path(gate.dataset))])
 
 
 def _consistency(gate: Gate) -> Part:

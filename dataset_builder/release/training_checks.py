@@ -66,7 +66,7 @@ class Read:
     lighting: bool
 
 
-def loader_checks(folder: Path, spec: DataSpec) -> list[Check]:
+def loader_checks(folder: Path | str, spec: DataSpec) -> list[Check]:
     """Every rule over the splits of a training. Raises UserError as `LightingDataset` and reading an example do."""
     spec = spec.among(splits_of(folder))
     sets = [LightingDataset(folder, split, spec) for split in (spec.train, spec.held_out) if split]
@@ -83,7 +83,7 @@ def loader_checks(folder: Path, spec: DataSpec) -> list[Check]:
             _count(LIGHTED, [one.key for one in found if not one.lighting])]
 
 
-def listed(folder: Path, splits: Sequence[str]) -> int:
+def listed(folder: Path | str, splits: Sequence[str]) -> int:
     """Examples that the manifest lists in some splits."""
     return sum(split.examples for split in load_manifest(folder).splits if split.name in splits)
 

@@ -14,7 +14,7 @@ SAFE = "/%:@!$&'()*+,;=~"
 """What may stay as it is in the path of an address."""
 
 
-def is_address(text: object) -> bool:
+def is_address(text: Path | str) -> bool:
     """Whether something is an address, and no path."""
     return isinstance(text, str) and "://" in text
 
@@ -27,6 +27,11 @@ def shown(address: str) -> str:
     """
     scheme, netloc, path, _, _ = urlsplit(address)
     return f"{scheme}://{netloc.rpartition('@')[2]}{path}".rstrip("/") if scheme != "hf" else address.rstrip("/")
+
+
+def title_of(folder: Path | str) -> str:
+    """What messages call a folder or an address."""
+    return shown(folder) if isinstance(folder, str) and is_address(folder) else str(folder)
 
 
 def scrubbed(text: str) -> str:

@@ -15,8 +15,9 @@ def place_of(address: str | Path, *, patience: Patience | None = None) -> Place:
     Nothing is fetched yet. Raises UserError where it is no such address, and where the package that reads it is not
     installed.
     """
-    if isinstance(address, Path) or not is_address(address):
+    if not is_address(address):
         return FolderPlace(Path(address))
+    address = str(address)
     scheme = address.partition("://")[0].lower()
     if scheme == "file":
         return FolderPlace(local_path(address))

@@ -23,10 +23,10 @@ PALETTE = np.array([(0, 0, 0), (230, 120, 40), (150, 160, 170), (60, 130, 200), 
 """Colours of instances: none, target, room, furniture in turn."""
 
 
-def summary_tables(folder: Path) -> list[Table]:
+def summary_tables(folder: Path | str) -> list[Table]:
     """Tables for the terminal. Raises ShardError where there is no finished dataset."""
     dataset = open_dataset(folder, layers=())
-    labels = [dataset.label(key) for keys in dataset.splits.values() for key in keys]
+    labels = [*dataset.labels(key for keys in dataset.splits.values() for key in keys)]
     return [_splits(dataset, labels), _layers(dataset, labels), *_fields(labels), *_rejected(dataset)]
 
 
@@ -88,12 +88,12 @@ def _rejected(dataset: Dataset) -> list[Table]:
     return [table]
 
 
-def write_contact_sheet(folder: Path, target: Path, *, rows: int = 12) -> None:
+def write_contact_sheet(folder: Path | str, target: Path, *, rows: int = 12) -> None:
     """Write the sheet of the dataset in `folder` as a PNG file, whole or not at all. Raises OutputError."""
     write_sheet(contact_rows(folder, rows), target, CELL)
 
 
-def contact_rows(folder: Path, rows: int) -> list[SheetRow]:
+def contact_rows(folder: Path | str, rows: int) -> list[SheetRow]:
     """Rows of up to `rows` examples, taken evenly from every split.
 
     Radiometric layers share one exposure over the whole sheet, so that brightness can be compared; reflectances and

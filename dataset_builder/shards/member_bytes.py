@@ -1,9 +1,10 @@
 """The bytes of files of examples: from a folder, or from an address by way of a cache that processes share."""
 
+import fcntl
 import os
 import re
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from hashlib import sha256
 from itertools import count
 from pathlib import Path
@@ -13,7 +14,6 @@ from dataset_builder.byte_store import ByteStore
 from dataset_builder.digest import sha256_bytes
 from dataset_builder.errors import OutputError, Problem, ShardError
 from dataset_builder.files import require_writable
-from dataset_builder.lock import locked
 from dataset_builder.remote.coalesce import pieces
 from dataset_builder.remote.place import ByteRange, EndedError, FolderPlace, Place
 from dataset_builder.shards.folder import SHARDS
@@ -24,6 +24,7 @@ AGAIN = 2
 TOGETHER = 256
 """Members that are fetched side by side, and held at a time."""
 CACHE_VARIABLE, CACHE_NAME = "XDG_CACHE_HOME", "3df-lighting"
+LOCK = ".lock"
 SHA256 = re.compile("[0-9a-f]{64}")
 
 
@@ -94,7 +95,7 @@ class FetchedMembers:
 
     def __init__(self, place: Place, folder: Path, limit: int):
         self._place, self._folder, self._limit = place, folder, limit
-        self._store = ByteStore(folder, limit)
+        self._store = ByteStore(folder, limit, durable=False)
 
     def read(self, wanted: Wanted) -> list[bytes]:
         """See `MemberBytes.read`. Neighbours are asked for at once."""
@@ -141,12 +142,18 @@ class FetchedMembers:
     @contextmanager
     def _alone(self, key: str) -> Iterator[None]:
         """While no other process fetches the same; where the folder knows no locks, some is fetched twice."""
-        with ExitStack() as stack:
-            if self._limit:
-                with suppress(OutputError, OSError):
-                    stack.enter_context(locked(self._folder / key[:2] / f"{key}.lock", folder=self._folder,
-                                               work="reader", wait=True))
+        # One file for many keys, which stays: to make and remove one each time costs more than the rest
+        path, descriptor = self._folder / key[:2] / LOCK, -1
+        if self._limit:
+            with suppress(OSError):
+                path.parent.mkdir(parents=True, exist_ok=True)
+                descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
+                fcntl.flock(descriptor, fcntl.LOCK_EX)
+        try:
             yield
+        finally:
+            if descriptor >= 0:
+                os.close(descriptor)
 
 
 def members_at(place: Place, verify: str, cache: Path | str | None, limit: int) -> MemberBytes:

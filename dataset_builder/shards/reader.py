@@ -11,6 +11,7 @@ from dataset_builder.byte_store import CACHE_SIZE
 from dataset_builder.errors import Problem, ShardError
 from dataset_builder.label.example_label import ExampleLabel
 from dataset_builder.layers import LAYERS
+from dataset_builder.remote.address import title_of
 from dataset_builder.remote.open_place import place_of
 from dataset_builder.remote.place import FolderPlace, Place
 from dataset_builder.shards import exr
@@ -176,7 +177,7 @@ def open_dataset(folder: Path | str, *, layers: Sequence[str] | None = None, ver
     processes may share, and about how many bytes of it. Raises OutputError where it cannot be written.
     """
     if verify not in get_args(Verify):
-        raise _wrong(folder, f"expected verify to be one of {', '.join(get_args(Verify))}, got {verify!r}")
+        raise _wrong(title_of(folder), f"expected verify to be one of {', '.join(get_args(Verify))}, got {verify!r}")
     place = place_of(folder)
     manifest, found = read_manifest(place, sha256=sha256)
     names = [layer.name for layer in manifest.layers]
@@ -192,5 +193,5 @@ def open_dataset(folder: Path | str, *, layers: Sequence[str] | None = None, ver
                    members=members)
 
 
-def _wrong(where: Path | str, rule: str) -> ShardError:
-    return ShardError([Problem(where=str(where), path="", rule=rule)])
+def _wrong(where: str, rule: str) -> ShardError:
+    return ShardError([Problem(where=where, path="", rule=rule)])

@@ -1,6 +1,6 @@
 """The examples of one split, for training and evaluation: chosen layers, checked, and the light as labels tell it."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from torch.utils.data import Dataset
 
+from dataset_builder.byte_store import GB
 from dataset_builder.errors import Problem, ShardError, UserError
 from dataset_builder.label.example_label import ExampleLabel
 from dataset_builder.lightnet.data.assemble import ExamplePart, lighting_of, whole
@@ -16,7 +17,9 @@ from dataset_builder.lightnet.data.batch import Batch
 from dataset_builder.lightnet.data.ranges import target_exposure
 from dataset_builder.lightnet.data.truth import problem_of
 from dataset_builder.lightnet.settings import DataSpec
-from dataset_builder.shards.reader import load_manifest, open_dataset
+from dataset_builder.remote.address import title_of
+from dataset_builder.shards import reader
+from dataset_builder.shards.reader import load_manifest
 
 LAYERS = ("mask", "s_prime", "i_s", "d", "r", "i_t")
 """All that is read, in this order: the first two say how the others are seen. A dataset may hold more."""
@@ -52,19 +55,20 @@ class LightingDataset(Dataset[Batch]):
 
     def __init__(self, folder: Path | str, split: str, spec: DataSpec, *, levels: Sequence[int] = (),
                  i_s: str = "i_s"):
-        """Open a finished dataset. levels: noise levels to keep, all where empty. i_s: the layer that is I_s.
+        """Open a finished dataset, in a folder or at an address. levels: noise levels to keep, all where empty. i_s:
+        the layer that is I_s.
 
         Raises UserError where the dataset lacks a layer, the split, a level or every example, and where a label does
         not tell the light; ShardError where files are not what they were.
         """
-        self.folder, self.split, self.spec = Path(folder), split, spec
+        self.folder, self.split, self.spec = folder, split, spec
         layers = layers_with(i_s)
         require(self.folder, split, layers)
-        self._data = open_dataset(folder, layers=layers, verify=spec.verify)
+        self._data = opened(folder, layers, spec)
         self.name = self._data.manifest.name
         self.size = (self._data.manifest.height, self._data.manifest.width)
         """Height and width of every frame, in pixels."""
-        entries = [_entry(self._data.label(key)) for key in self._data.splits[split]]
+        entries = [_entry(label) for label in self._data.labels(self._data.splits[split])]
         entries = _at_levels(self.folder, split, entries, levels)
         self._entries = [entry for entry in entries if entry.cover >= spec.inside]
         self.left_out = tuple(entry.key for entry in entries if entry.cover < spec.inside)
@@ -97,13 +101,17 @@ class LightingDataset(Dataset[Batch]):
         (_, mask), (name, s_prime) = next(images), next(images)
         inside = mask.planes[0] >= self.spec.inside
         if not inside.any():
-            raise ShardError([Problem(where=str(self.folder), path=entry.key, hint="build or download it again",
+            raise ShardError([Problem(where=title_of(self.folder), path=entry.key, hint="build or download it again",
                                       rule=f"expected a mask of up to {entry.cover:g}, as its label says, got less")])
         if entry.key not in self._exposures:
             self._exposures[entry.key] = exposure_of(s_prime.planes, inside)
         layers = ((PARTS.get(name, name), image.planes) for name, image in chain([(name, s_prime)], images))
         return ExamplePart(key=entry.key, layers=layers, inside=inside, exposure=self._exposures[entry.key],
                            source_exposure=self.spec.source_exposure, lighting=entry.lighting)
+
+    def fetch(self, indices: Iterable[int]) -> None:
+        """Bring examples that are soon asked for into the cache, side by side, where they are at an address."""
+        self._data.fetch(self.keys[index] for index in indices)
 
     def _left_out(self) -> str:
         if not self.left_out:
@@ -113,7 +121,13 @@ class LightingDataset(Dataset[Batch]):
                 f"is below {self.spec.inside:g} everywhere: {named}")
 
 
-def splits_of(folder: Path) -> tuple[str, ...]:
+def opened(folder: Path | str, layers: Sequence[str], spec: DataSpec, *, label: bool = True) -> reader.Dataset:
+    """Some layers of a dataset, read as a training says."""
+    return reader.open_dataset(folder, layers=layers, verify=spec.verify, label=label, cache=spec.cache or None,
+                               cache_size=round(spec.cache_gb * GB))
+
+
+def splits_of(folder: Path | str) -> tuple[str, ...]:
     """Names of the splits of a finished dataset that have examples. Raises UserError where there is none."""
     if names := tuple(split.name for split in load_manifest(folder).splits if split.examples):
         return names
@@ -136,15 +150,15 @@ def layers_with(i_s: str) -> tuple[str, ...]:
     return tuple(i_s if name == "i_s" else name for name in LAYERS)
 
 
-def require(folder: Path, split: str, needed: Sequence[str] = LAYERS) -> None:
+def require(folder: Path | str, split: str, needed: Sequence[str] = LAYERS) -> None:
     """Raise UserError where a dataset lacks a layer to train on, or the split."""
     manifest = load_manifest(folder)
     layers, splits = [layer.name for layer in manifest.layers], [one.name for one in manifest.splits]
-    lacking = problem_of(str(folder), layers, needed, "train on and to measure by")
+    lacking = problem_of(title_of(folder), layers, needed, "train on and to measure by")
     problems = [lacking] if lacking else []
     if split not in splits:
         rule = f"expected {split or 'one to measure on'}, got {', '.join(splits)}"
-        problems.append(Problem(where=str(folder), path="splits", rule=rule,
+        problems.append(Problem(where=title_of(folder), path="splits", rule=rule,
                                 hint=OTHER_SPLIT if len(splits) > 1 else ONE_SPLIT))
     if problems:
         raise UserError(problems)
@@ -155,7 +169,7 @@ def _entry(label: ExampleLabel) -> _Entry:
                   lighting=lighting_of(label))
 
 
-def _at_levels(folder: Path, split: str, entries: list[_Entry], levels: Sequence[int]) -> list[_Entry]:
+def _at_levels(folder: Path | str, split: str, entries: list[_Entry], levels: Sequence[int]) -> list[_Entry]:
     there = sorted({entry.level for entry in entries})
     if missing := [level for level in levels if level not in there]:
         raise _wrong(folder, f"expected noise levels among {', '.join(map(str, there)) or 'none'} in split {split}, "
@@ -163,5 +177,5 @@ def _at_levels(folder: Path, split: str, entries: list[_Entry], levels: Sequence
     return [entry for entry in entries if not levels or entry.level in levels]
 
 
-def _wrong(folder: Path, rule: str, hint: str = "") -> UserError:
-    return UserError([Problem(where=str(folder), path="", rule=rule, hint=hint)])
+def _wrong(folder: Path | str, rule: str, hint: str = "") -> UserError:
+    return UserError([Problem(where=title_of(folder), path="", rule=rule, hint=hint)])

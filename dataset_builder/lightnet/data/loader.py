@@ -60,6 +60,7 @@ class _Source:
     def chosen(self, step: int) -> Iterator[Chosen]:
         """Its examples, read one after the other."""
         draws = draws_of(step, size=self.shape.count, count=len(self._dataset), seed=self._spec.seed)
+        self._dataset.fetch(draw.example for draw in draws)
         return map(self._choose, draws)
 
     def _choose(self, draw: Draw) -> Chosen:

@@ -21,9 +21,10 @@ from dataset_builder.errors import Problem, UserError
 from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.geometry.reprojection import View, correspond
 from dataset_builder.label.sequence_plan import SequencePlan
-from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
+from dataset_builder.lightnet.data.lighting_dataset import LightingDataset, opened
 from dataset_builder.lightnet.data.ranges import inside_only, tone_map
 from dataset_builder.lightnet.results.evaluate import Contender, ScoreRow, row
+from dataset_builder.remote.address import title_of
 from dataset_builder.shards.reader import load_manifest, open_dataset
 
 TRUTH, DEPTH = "truth", "depth"
@@ -76,13 +77,13 @@ class _Shown:
     """(H, W, 3) display values."""
 
 
-def sequence_split(folder: Path) -> str:
+def sequence_split(folder: Path | str) -> str:
     """The first split of a finished dataset that has sequences. Raises UserError where none has."""
-    dataset = open_dataset(folder, layers=(), verify="off")
+    dataset = open_dataset(folder, layers=())
     for name, keys in dataset.splits.items():
         if keys and dataset.label(keys[0]).plan.sequence.name:
             return name
-    raise UserError([Problem(where=str(folder), path="splits", hint=ORBIT,
+    raise UserError([Problem(where=title_of(folder), path="splits", hint=ORBIT,
                              rule=f"expected a split with sequences, got {', '.join(dataset.splits)} without")])
 
 
@@ -91,7 +92,7 @@ def sequences_of(dataset: LightingDataset) -> list[ViewSequence]:
 
     Raises UserError where there is none, or where no depth is there to warp by.
     """
-    where = str(dataset.folder)
+    where = title_of(dataset.folder)
     if DEPTH not in [layer.name for layer in load_manifest(dataset.folder).layers]:
         raise UserError([Problem(where=where, path="layers", hint="build it with `depth: object`",
                                  rule="expected the layer depth, which neighbouring views are warped by, got none")])
@@ -119,7 +120,7 @@ def evaluate_sequences(contenders: Sequence[Contender], dataset: LightingDataset
     Neighbours of a view that is missing, and those that see no surface both, have none. Trained methods run once
     beforehand, as `evaluate` has it.
     """
-    depths = open_dataset(dataset.folder, layers=(DEPTH,), label=False, verify=dataset.spec.verify)
+    depths = opened(dataset.folder, (DEPTH,), dataset.spec, label=False)
     for sequence in sequences:
         exposure, before = _exposure(dataset, sequence), None
         for frame, index in zip(sequence.frames, sequence.indices, strict=True):

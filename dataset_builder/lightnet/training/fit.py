@@ -41,8 +41,8 @@ from dataset_builder.shards.reader import load_manifest
 from dataset_builder.spread import spread_indices
 
 LAST, BEST, LOG, SPEC, LOCK = "last.pt", "best.pt", "log.csv", "training.json", ".lock"
-FREE = ("data.workers", "data.verify", "most_bad_steps")
-"""What may change between the runs of one training: who reads, how files are checked, and when it gives up."""
+FREE = ("data.workers", "data.verify", "data.cache", "data.cache_gb", "most_bad_steps")
+"""What may change between the runs of one training: who reads, how files are checked and kept, and when it gives up."""
 ALONE = "the dataset has no split to hold out: no checks, and no best checkpoint"
 SEED_BITS = 63
 """Of PyTorch's seeds."""
@@ -52,7 +52,7 @@ SEED_BITS = 63
 class TrainingJob:
     """What to train."""
 
-    dataset: Path
+    dataset: Path | str
     out: Path
     """A folder of its own."""
     spec: TrainingSpec
