@@ -2,7 +2,7 @@
 SHELL := /bin/sh
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help system install trainer dataset test check schema bench clean
+.PHONY: help system install trainer dataset test test-gpu check schema bench clean
 
 VENV := .venv
 PY := $(VENV)/bin/python
@@ -13,10 +13,10 @@ OUT ?= datasets/$(basename $(notdir $(SPEC)))
 ARGS ?=
 
 help:  ## list what make can do
-	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):[^#]*## ?/  make \1\t/' | expand -t 18
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):[^#]*## ?/  make \1\t/' | expand -t 18
 	@echo '  SPEC=FILE OUT=DIR ARGS="..." choose what `make dataset` builds; ARGS also go to pytest and the benchmarks'
 
-system:  ## the two system libraries that wheels do not carry: libLLVM and libusb-1.0
+system:  ## the system libraries that wheels do not carry: libLLVM and what Open3D is linked with
 	@sh tools/system_libs.sh
 
 install: $(STAMP)  ## the virtual environment in .venv, with locked packages
@@ -37,6 +37,9 @@ dataset: $(STAMP)  ## build SPEC (the mini dataset) into OUT
 
 test: $(WHOLE)  ## all tests
 	@$(PY) -m pytest $(ARGS)
+
+test-gpu: $(WHOLE)  ## what needs an NVIDIA GPU; skipped where there is none
+	@$(PY) -m pytest -m gpu tests/gpu $(ARGS)
 
 check: $(WHOLE)  ## lint and types
 	@$(PY) -m ruff check .

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from dataset_builder.label.example_plan import ExamplePlan
     from dataset_builder.planning.plan import Planner
     from dataset_builder.shards.manifest import Manifest
+    from dataset_builder.shards.verify_shard import Depth
     from dataset_builder.spec.resolve import LoadedSpec
 
 _RENDERING = Lock()
@@ -83,10 +84,10 @@ def build(spec: "LoadedSpec", out: Path | str | None = None, *, workers: int | N
 
     out: folder, `datasets/NAME` where none is given. workers: processes that render, None for one per core, or a single
     one on a GPU; a script that asks for several needs the usual `if __name__ == "__main__":`. backend: auto | cuda |
-    llvm. examples: indices of those to stage, without publishing anything; the result is None then. replace:
-    another dataset or major version in the folder may go. progress: called with how many examples are done, and of how
-    many. Raises UserError where the spec, the folder or the disk refuses; what was finished before is kept, and the
-    dataset that was there stays until the new one is whole.
+    llvm. examples: indices of those to stage, without publishing anything; the result is None then. replace: another
+    dataset or major version in the folder may go, and examples of another backend. progress: called with how many
+    examples are done, and of how many. Raises UserError where the spec, the folder or the disk refuses; what was
+    finished before is kept, and the dataset that was there stays until the new one is whole.
     """
     from dataset_builder.builder import build as events
 
@@ -101,14 +102,18 @@ def build(spec: "LoadedSpec", out: Path | str | None = None, *, workers: int | N
 
 
 @missing_named()
-def verify(folder: Path | str) -> "list[Problem]":
+def verify(folder: Path | str, *, depth: "Depth" = "pixels", splits: Sequence[str] = (), workers: int = 1,
+           progress: Callable[[int, int], None] = lambda done, of: None) -> "list[Problem]":
     """Everything that is wrong with a dataset's files, examples and identities; empty where nothing is.
 
-    Raises UserError where there is no finished dataset.
+    depth: size | shard | member | pixels, each of which looks at all that the one before does (docs/integrity.md).
+    splits: those whose shards are looked at, all where empty. workers: processes; a script that asks for several needs
+    the usual `if __name__ == "__main__":`. progress: called with bytes of shards looked at, and of how many. Raises
+    UserError where there is no such depth or split.
     """
     from dataset_builder.shards.verify import verify as problems
 
-    return problems(Path(folder))
+    return problems(Path(folder), depth=depth, splits=splits, workers=workers, told=progress)
 
 
 def tone_mapped(*images: "np.ndarray") -> "np.ndarray":

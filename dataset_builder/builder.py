@@ -1,52 +1,45 @@
 """Build a dataset: decide keep or build per shard, run the missing views, publish each shard when its examples are
 there."""
 
-from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from dataset_builder import __version__
 from dataset_builder.byte_store import CACHE_SIZE, require_store
 from dataset_builder.digest import digest
 from dataset_builder.engine import local
 from dataset_builder.engine.calibration import calibrate
+from dataset_builder.engine.dataset_part import Part, PartRecord, known_outcomes, parts_of, write_record
 from dataset_builder.engine.field_tasks import FieldNews, make_fields
+from dataset_builder.engine.finishing import Progress, finish, let_go, publish_task, require_examples
 from dataset_builder.engine.made_by import versions
+from dataset_builder.engine.one_backend import OneBackend
 from dataset_builder.engine.outcomes import Rejections, Timings
-from dataset_builder.engine.shard_tasks import ShardTask, decide, shard_tasks, split_digests
+from dataset_builder.engine.shard_tasks import OpenShards, decide, shard_tasks, split_digests
 from dataset_builder.engine.unit import BuildJob, Outcome, run_unit
+from dataset_builder.engine.unit_limits import UnitLimits
 from dataset_builder.errors import PlanError, Problem, UserError
 from dataset_builder.files import require_space
 from dataset_builder.label.example_label import Denoised
 from dataset_builder.planning.catalogue import ExampleRef, units
 from dataset_builder.planning.cost import expected_bytes
-from dataset_builder.planning.plan import Planner, layers_asked
+from dataset_builder.planning.plan import Planner
 from dataset_builder.planning.precheck import probe
-from dataset_builder.planning.scene.sources import object_sources
 from dataset_builder.processes import cores
 from dataset_builder.rendering import oidn
 from dataset_builder.rendering.backend import choose
 from dataset_builder.rendering.scene.image_check import check_images
-from dataset_builder.shards.field_summary import field_summaries, labels_of
 from dataset_builder.shards.folder import Claim, build_lock, require_ours
-from dataset_builder.shards.manifest import Manifest, Rejected, make_manifest
-from dataset_builder.shards.publish import publish_dataset, whole_shards
+from dataset_builder.shards.manifest import Manifest, Rejected
+from dataset_builder.shards.publish import Again, whole_shards
 from dataset_builder.shards.shard_index import ShardIndex
-from dataset_builder.shards.staging import Staging
-from dataset_builder.shards.writer import publish_shard
 from dataset_builder.spec.dataset import DatasetSpec
-from dataset_builder.spec.own_fields import has_fields
 from dataset_builder.spec.resolve import LoadedSpec
 
 Run = Callable[..., Iterator[Any]]
 """An engine: `engine.local.run`, or what keeps its promises."""
-
-MAX_REASONS = 5
-"""Reasons that are told where every example of a split was rejected."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
@@ -64,37 +57,30 @@ class Event:
     """One that was published."""
     manifest: Manifest | None = None
     """Of the finished dataset."""
-
-
-@dataclass(kw_only=True)
-class _Progress:
-    """What is known so far."""
-
-    digests: dict[str, str] = field(default_factory=dict)
-    """Of the finished examples, by key."""
-    rejected: dict[str, Rejected] = field(default_factory=dict)
-    """By key."""
-    shards: dict[str, ShardIndex] = field(default_factory=dict)
-    """Finished ones, by slot."""
-
-    def settled(self, task: ShardTask) -> bool:
-        return all(ref.key in self.digests or ref.key in self.rejected for ref in task.examples)
+    part: PartRecord | None = None
+    """Of the finished part."""
 
 
 def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: int | None = None,
-          only: Sequence[int] = (), replace_other: bool = False, cache: Path | None = None,
+          only: Sequence[int] = (), part: Part | None = None, replace_other: bool = False, cache: Path | None = None,
           cache_size: int = CACHE_SIZE, told: Callable[[FieldNews], None] = lambda news: None,
-          run: Run = local.run) -> Iterator[Event]:
+          run: Run = local.run, staging_url: str = "", unit_limit: float | None = None,
+          again: Again | None = None) -> Iterator[Event]:
     """Build `loaded` into `folder`, yielding news, first of all how many examples there are to make.
 
     backend: auto | cuda | llvm. workers: processes that render, None for one per core, or a single one on a GPU.
-    `only`: indices of examples to stage, without publishing anything. `replace_other`: another dataset or major version
-    in `folder` may go. What was there before stays until this dataset is whole. cache, cache_size: folder for what
-    passes find, so that an edit repeats only the passes that it touches (`.build/passes` in the output folder where
-    none is given), and most bytes that it may hold; 0 keeps nothing. run: the engine, `local.run` or another that keeps
-    its promises. Raises PlanError where nothing can be planned or
-    an index is none, OutputError where the folder or the disk refuses; in both cases what was finished is kept, and a
-    second run goes on from there.
+    `only`: indices of examples to stage, without publishing anything; part: the same of one part of them all, with a
+    record for `merge.merge`. `replace_other`: another dataset or major version in `folder` may go, and examples of
+    another backend. What was there before stays until this dataset is whole. cache, cache_size: folder for what passes
+    find, so that an edit repeats only the passes that it touches (`.build/passes` in the output folder where none is
+    given), and most bytes that it may hold; 0 keeps nothing. run: the engine, `local.run` or another that keeps its
+    promises. staging_url: where finished examples wait for their shard, for engines of several machines; in the output
+    folder where none is given. unit_limit: seconds that a unit may take in a process of its own, 0 for any,
+    `UnitLimits` unless given. again: the dataset that must come out.
+
+    Raises PlanError where nothing can be planned or an index is none, ShardError where another dataset than `again`
+    comes out, OutputError where the folder or the disk refuses, or processes die again and again; in all cases what was
+    finished is kept, and a second run goes on from there.
     """
     claim = Claim(name=loaded.dataset.name, version=loaded.dataset.version)
     require_ours(folder, claim, replace=replace_other)
@@ -104,30 +90,41 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
         raise UserError(f"workers: expected a whole number >= 1, or None for one per core, got {workers!r}")
     workers = workers or (1 if choose(backend).variant.startswith("cuda") else cores())
     job = BuildJob.of(loaded, folder, backend=backend, threads=max(1, cores() // workers), cache=cache,
-                      cache_size=cache_size)
-    denoise = bool(loaded.dataset.render.denoise.layers)
+                      cache_size=cache_size, staging_url=staging_url)
+    if part and staging_url:
+        raise UserError("--staging: a part keeps its examples in its own folder, for `merge`; leave it out")
+    denoise, publishes = bool(loaded.dataset.render.denoise.layers), not only and part is None
     if denoise:
         oidn.require()
     planner = Planner(loaded)
-    chosen = _chosen(planner.examples, only)
+    run = partial(run, limit=UnitLimits(spec=loaded.dataset, fixed=unit_limit))
+    chosen = _chosen(planner, only, part)
+    keys = {ref.key for ref in chosen}
     check_images(loaded)
     probe(planner)
     made_by = versions(job.backend, loaded.dataset)
     if not folder.exists():
         # Refused before anything is made
-        _require_space(folder, loaded.dataset, len(chosen))
+        _require_space(job, loaded.dataset, len(chosen))
     with build_lock(folder, claim, replace=replace_other):
         digests = split_digests(planner.examples, loaded)
         rejections, timings = Rejections(folder, digest(digests), made_by), Timings(folder)
-        tasks = decide(shard_tasks(planner.examples, loaded.dataset, digests), list(whole_shards(folder)), made_by,
-                       rejections.known)
-        progress = _Progress(rejected=dict(rejections.known),
-                             shards={task.slot: task.keep for task in tasks if task.keep})
+        rejections.known |= {item.key: item for item in again.rejected} if again else {}
+        known, tasks = dict(rejections.known), shard_tasks(planner.examples, loaded.dataset, digests)
+        backends = OneBackend(folder, tasks, made_by)
+        # A part is staged whole, whatever is published in its folder
+        tasks = decide(tasks, () if part else backends.watched(whole_shards(folder)), made_by, known)
+        backends.require(replace_other)
         missing = [task for task in tasks if not task.keep]
+        open_shards = OpenShards(missing, known)
+        progress = Progress(rejected=dict(known), shards={task.slot: task.keep for task in tasks if task.keep})
         wanted = [ref for task in missing for ref in task.examples if ref in chosen]
-        _require_space(folder, loaded.dataset, len(wanted))
+        _require_space(job, loaded.dataset, len(wanted))
         yield Event(wanted=len(wanted))
-        known = dict(rejections.known)
+        if part and (staged := known_outcomes(folder, part, loaded.spec_digest, made_by, wanted)):
+            progress.add(staged)
+            yield Event(outcomes=tuple(staged))
+            wanted = [ref for ref in wanted if ref.key not in progress.digests]
         # Denoised layers are measured on examples of the whole dataset
         needing = [ref for ref in (planner.examples if denoise else wanted) if ref.key not in known]
         for event in make_fields(job, needing, frozenset(wanted), run=run, workers=workers, told=told):
@@ -135,42 +132,56 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
                 timings.add_field(event)
                 yield Event(field=event)
             else:
-                _note(event, progress, rejections)
+                # A shard that is complete by refusals alone has no example
+                list(open_shards.settle(_note(event, progress, rejections)))
                 yield Event(outcomes=event)
         wanted = [ref for ref in wanted if ref.key in known or ref.key not in progress.rejected]
         if denoise:
-            job = replace(job, denoised=calibrate(loaded, job, made_by, run=run, workers=workers))
+            known_figures = again.denoised if again else ()
+            job = replace(job, denoised=known_figures or calibrate(loaded, job, made_by, run=run, workers=workers))
             yield Event(denoised=job.denoised)
         try:
-            if not only:
+            if publishes:
                 # Fields may have been refused by then: hours of rendering would end with the same words
-                _require_examples(tasks, progress.rejected)
+                require_examples(tasks, progress.rejected)
             for outcomes in _outcomes(wanted, job, partial(run, workers=workers), known):
-                _note(outcomes, progress, rejections)
+                settled = _note(outcomes, progress, rejections)
                 timings.add(outcomes)
                 yield Event(outcomes=tuple(outcomes))
-                for task in [] if only else [task for task in missing if progress.settled(task)]:
-                    missing.remove(task)
-                    yield from _publish(task, folder, loaded, made_by, progress)
+                for task in open_shards.settle(settled) if publishes else ():
+                    if index := publish_task(task, folder, loaded, made_by, progress, job.staging):
+                        yield Event(shard=index)
+                    let_go(task, job.staging, progress)
         finally:
             timings.write()
             job.store.trim()
-        if not only:
-            yield Event(manifest=_finish(tasks, folder, planner, progress, job.denoised))
+        if publishes:
+            yield Event(manifest=finish(tasks, folder, planner, progress, job.denoised, again))
+            job.staging.clear()
+        elif part:
+            yield Event(part=write_record(folder, part, loaded.spec_digest, made_by, job.denoised, progress.digests,
+                                          [item for key, item in progress.rejected.items() if key in keys]))
 
 
-def _chosen(examples: Sequence[ExampleRef], only: Sequence[int]) -> frozenset[ExampleRef]:
-    """The examples of these indices, or all. Raises PlanError for every index that is none."""
+def _chosen(planner: Planner, only: Sequence[int], part: Part | None) -> frozenset[ExampleRef]:
+    """The examples of these indices, of a part, or all. Raises PlanError for every index that is none."""
+    examples = planner.examples
+    if part:
+        if only:
+            raise UserError("--part: expected a part or single examples, got both")
+        return frozenset(ref for found, unit in parts_of(planner.loaded.dataset, examples, part.of) if found == part
+                         for ref in unit.examples)
     if wrong := [index for index in only if not 0 <= index < len(examples)]:
         bounds = f"expected an example in [0, {len(examples)})"
         raise PlanError(Problem(where="", path="example", rule=f"{bounds}, got {index}") for index in wrong)
     return frozenset(examples[index] for index in only) if only else frozenset(examples)
 
 
-def _require_space(folder: Path, spec: DatasetSpec, count: int) -> None:
+def _require_space(job: BuildJob, spec: DatasetSpec, count: int) -> None:
     """Raise OutputError where the disk will not hold `count` more examples, and the copies of one shard's meanwhile."""
-    copies = min(spec.storage.examples_per_shard, count)
-    require_space(folder, max(expected_bytes(spec, count, staged=copies) - Staging(folder).size(), 0))
+    here = job.staging.here
+    copies, staged = (min(spec.storage.examples_per_shard, count), job.staging.size()) if here else (0, 0)
+    require_space(job.folder, max(expected_bytes(spec, count, staged=copies) - staged, 0))
 
 
 def _outcomes(wanted: Sequence[ExampleRef], job: BuildJob, run: Run,
@@ -182,67 +193,7 @@ def _outcomes(wanted: Sequence[ExampleRef], job: BuildJob, run: Run,
     yield from run(partial(run_unit, job), others)
 
 
-def _note(outcomes: Sequence[Outcome], progress: _Progress, rejections: Rejections) -> None:
-    for outcome in outcomes:
-        if outcome.rejected:
-            progress.rejected[outcome.ref.key] = outcome.rejected
-        else:
-            progress.digests[outcome.ref.key] = outcome.digest
+def _note(outcomes: Sequence[Outcome], progress: Progress, rejections: Rejections) -> list[ExampleRef]:
+    """Take note of outcomes; the examples that nothing was known of before."""
     rejections.add([outcome.rejected for outcome in outcomes if outcome.rejected and not outcome.kept])
-
-
-def _publish(task: ShardTask, folder: Path, loaded: LoadedSpec, made_by: dict[str, str],
-             progress: _Progress) -> Iterator[Event]:
-    """Make one shard and let its staged examples go; a shard whose examples were all rejected is none."""
-    examples = [(ref.key, progress.digests[ref.key]) for ref in task.examples if ref.key in progress.digests]
-    if not examples:
-        return
-    index = publish_shard(folder, slot=task.slot, split=task.split, examples=examples, spec_digest=task.spec_digest,
-                          versions=made_by, share=loaded.dataset.storage.shared == "once")
-    for key, _ in examples:
-        Staging(folder).drop(key)
-    progress.shards[task.slot] = index
-    yield Event(shard=index)
-
-
-def _finish(tasks: Sequence[ShardTask], folder: Path, planner: Planner, progress: _Progress,
-            denoised: Sequence[Denoised]) -> Manifest:
-    """Publish the shards as a dataset in the place of the old one. Raises PlanError where a split has no examples
-    left."""
-    loaded = planner.loaded
-    indices = [progress.shards[task.slot] for task in tasks if task.slot in progress.shards]
-    _require_examples(tasks, progress.rejected)
-    manifest = make_manifest(loaded.dataset, layers=dict(layers_asked(loaded.dataset)), shards=indices,
-                             rejected=progress.rejected.values(), spec_digest=loaded.spec_digest,
-                             generator=f"dataset-builder {__version__}", denoised=denoised,
-                             parts=object_sources(loaded, planner.contents),
-                             fields=field_summaries(labels_of(folder, indices, _one_of_each(planner, indices))))
-    publish_dataset(folder, manifest)
-    Staging(folder).clear()
-    return manifest
-
-
-def _one_of_each(planner: Planner, indices: Sequence[ShardIndex]) -> Iterator[str]:
-    """Keys of examples that between them have every field of the dataset; none where it has no fields."""
-    there = {example.key for index in indices for example in index.examples}
-    if has_fields(planner.loaded.dataset, planner.loaded.objects):
-        yield from {(ref.view.pair, ref.level): ref.key for ref in reversed(planner.examples)
-                    if ref.key in there}.values()
-
-
-def _require_examples(tasks: Sequence[ShardTask], rejected: Mapping[str, Rejected]) -> None:
-    """Raise PlanError where every example of a split was rejected."""
-    keys = defaultdict[str, list[str]](list)
-    for task in tasks:
-        keys[task.split] += [ref.key for ref in task.examples]
-    for split, named in keys.items():
-        if all(key in rejected for key in named):
-            raise _nothing_left(split, named, rejected)
-
-
-def _nothing_left(split: str, keys: Sequence[str], rejected: Mapping[str, Rejected]) -> PlanError:
-    """That every example of a split was rejected, and why the first few were."""
-    problems = [Problem(where="", path=f"split {split}", hint="change the spec, or widen the bounds of `gates`",
-                        rule=f"expected at least one example that passes all gates, got none of {len(keys)}")]
-    problems += [Problem(where=key, path=rejected[key].gate, rule=rejected[key].reason) for key in keys[:MAX_REASONS]]
-    return PlanError(problems)
+    return progress.add(outcomes)

@@ -10,10 +10,11 @@ import re
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
+from secrets import token_hex
 from tempfile import TemporaryFile
 
 from dataset_builder.errors import OutputError, Problem
-from dataset_builder.files import output_errors, write_atomic
+from dataset_builder.files import commit, output_errors, write_partial
 
 PASSES = "passes"
 """Folder below `.build` where a build keeps what passes found, unless it is told another."""
@@ -27,7 +28,7 @@ ROOM = 16
 """A store is looked over whenever one process has written this fraction of its limit, and then left as much free."""
 
 
-OWN = re.compile(r"[0-9a-f]{64}(\.partial)?")
+OWN = re.compile(r"[0-9a-f]{64}(\.[0-9a-f]{16})?(\.partial)?")
 """Names of a store's files."""
 
 
@@ -77,7 +78,10 @@ class ByteStore:
         size = len(value) + DIGEST_SIZE
         if size > self._limit - self._limit // ROOM:
             return
-        write_atomic(self._path(key), _seal(key, value) + value)
+        # Under a name of its own: others may be writing the same
+        aside = self._path(f"{key}.{token_hex(8)}")
+        write_partial(aside, [_seal(key, value), value])
+        commit(aside, self._path(key))
         self._written += size
         if self._written > self._limit // ROOM:
             self.trim()

@@ -13,6 +13,11 @@ LIBRARIES = {
     "denoise": ("pyoidn",),
     "usd": ("pxr",),
     "study": ("flip_evaluator",),
+    "remote": ("fsspec", "aiohttp"),
+    "s3": ("s3fs",),
+    "gs": ("gcsfs",),
+    "hf": ("huggingface_hub",),
+    "ray": ("ray",),
 }
 """What each extra brings, by the name that it is imported under."""
 

@@ -1,5 +1,7 @@
-"""One process at a time: a lock file with the system's lock (flock), which is released when the process ends."""
+"""One process at a time: a lock file with the system's lock (flock), which is released when the process ends, and a
+lease where the file system refuses locks."""
 
+import errno
 import fcntl
 import os
 from collections.abc import Iterator
@@ -8,6 +10,10 @@ from pathlib import Path
 
 from dataset_builder.errors import OutputError, Problem
 from dataset_builder.files import output_errors
+from dataset_builder.lease import held
+
+REFUSED = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
+"""What file systems without locks say."""
 
 
 @contextmanager
@@ -18,6 +24,10 @@ def locked(path: Path, *, folder: Path, work: str, wait: bool = False) -> Iterat
     it waits for that one instead.
     """
     descriptor = _acquire(path, folder, work, wait)
+    if descriptor is None:
+        with held(path.with_name(f"{path.name}.lease"), folder=folder, work=work, wait=wait):
+            yield
+        return
     try:
         yield
     finally:
@@ -29,7 +39,8 @@ def locked(path: Path, *, folder: Path, work: str, wait: bool = False) -> Iterat
             os.close(descriptor)
 
 
-def _acquire(path: Path, folder: Path, work: str, wait: bool) -> int:
+def _acquire(path: Path, folder: Path, work: str, wait: bool) -> int | None:
+    """The lock file, locked; None where there are no locks."""
     while True:
         with output_errors(folder):
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -41,6 +52,13 @@ def _acquire(path: Path, folder: Path, work: str, wait: bool) -> int:
             os.close(descriptor)
             raise OutputError([Problem(where=str(folder), path="", hint="wait for it, or choose another output folder",
                                        rule=f"another {work} is running in this folder (process {holder})")]) from error
+        except OSError as error:
+            os.close(descriptor)
+            if error.errno in REFUSED:
+                with output_errors(folder):
+                    path.unlink(missing_ok=True)
+                return None
+            raise
         if _names(path, descriptor):
             os.ftruncate(descriptor, 0)
             os.pwrite(descriptor, f"{os.getpid()}\n".encode(), 0)

@@ -1,14 +1,26 @@
-"""Cores of the machine, and processes that end with their parent."""
+"""Cores and processor of the machine, and processes that end with their parent."""
 
 import multiprocessing
 import os
+import platform
 import signal
 import threading
+from pathlib import Path
 
 
 def cores() -> int:
     """Cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def processor() -> str:
+    """What the processor is called, as far as the system tells."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        lines = []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()
 
 
 def follow_the_parent(number: int = 0) -> None:

@@ -14,7 +14,7 @@ ORDER = (
     ("release",), ("exporting", "importing", "transfer"), ("exporting.formats", "importing.captures"),
     ("lightnet.results", "lightnet.training"), ("lightnet.methods",), ("lightnet.measures",), ("lightnet.data",),
     ("lightnet",),
-    ("api",), ("builder",), ("engine",), ("shards",),
+    ("api", "merge"), ("builder",), ("engine",), ("shards",),
     ("rendering",), ("rendering.field", "rendering.sampling", "rendering.scene"), ("rendering.transport",),
     ("rendering.surface",),
     ("rendering.backend", "rendering.buffers", "rendering.oidn"),
@@ -24,7 +24,8 @@ ORDER = (
     ("assets.field_file", "assets.file_model", "assets.image_maps", "assets.scene_model"),
     ("assets.exr_picture",), ("assets.asset", "assets.linear_texels", "assets.primaries", "assets.texel_memory"),
     ("geometry",), ("label",), ("spec",),
-    ("remote",), ("byte_store", "lock"), ("extras", "files", "layers", "light_kinds", "processes", "spread", "tonemap"),
+    ("remote",), ("byte_store", "lock"), ("lease",),
+    ("extras", "files", "layers", "light_kinds", "processes", "spread", "tonemap"),
     ("seeding", "digest", "errors"), ("",),
 )
 """Rooms of the package, top to bottom; those of one line do not know each other. A module belongs to the longest name

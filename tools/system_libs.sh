@@ -1,5 +1,6 @@
 #!/bin/sh
-# Make sure of libLLVM (Dr.Jit's CPU backend) and libusb-1.0 (Open3D), which no wheel carries.
+# Make sure of libLLVM (Dr.Jit's CPU backend), and of libusb-1.0 and the display libraries that Open3D is linked with,
+# though it never opens a window here; no wheel carries them.
 # Installs them with apt-get where that is allowed, otherwise prints the line to type and exits with 1.
 # LIBRARY_PATHS replaces where libraries are looked for, APT_GET the package tool: both are there for tests.
 set -eu
@@ -17,7 +18,7 @@ known_libraries() {
         /opt/homebrew/opt/llvm*/lib/libLLVM* /opt/homebrew/lib/libusb-1.0* 2>/dev/null || true
 }
 
-# Prints the names of the libraries that are missing: llvm, usb
+# Prints the names of the libraries that are missing: llvm, usb, display
 missing() {
     libraries=$(known_libraries)
     good=
@@ -27,6 +28,14 @@ missing() {
     done
     [ -n "$good" ] || echo llvm
     echo "$libraries" | grep -Eq 'libusb-1\.0\.(so|0?\.?dylib)' || echo usb
+    # Every desktop has these, small container images do not
+    [ "$(uname -s)" = Linux ] || return 0
+    for name in libGL.so.1 libEGL.so.1 libX11.so.6 libidn2.so.0; do
+        if ! echo "$libraries" | grep -q "/$name\$"; then
+            echo display
+            return
+        fi
+    done
 }
 
 apt_llvm() {
@@ -44,10 +53,13 @@ packages() {
         case $1:$name in
             apt:llvm) apt_llvm ;;
             apt:usb) echo libusb-1.0-0 ;;
+            apt:display) echo libgl1 libegl1 libx11-6 libidn2-0 ;;
             dnf:llvm) echo llvm-libs ;;
             dnf:usb) echo libusb1 ;;
+            dnf:display) echo libglvnd-glx libglvnd-egl libX11 libidn2 ;;
             pacman:llvm) echo llvm-libs ;;
             pacman:usb) echo libusb ;;
+            pacman:display) echo libglvnd libx11 libidn2 ;;
             brew:llvm) echo llvm@19 ;;
             brew:usb) echo libusb ;;
         esac
@@ -56,7 +68,7 @@ packages() {
 
 say_line() {
     {
-        echo "system: missing: $(echo "$lacking" | tr '\n' ' ')(libLLVM 17 or newer for Dr.Jit, libusb-1.0 for Open3D); type this line, then try again:"
+        echo "system: missing: $(echo "$lacking" | tr '\n' ' ')(libLLVM 17 or newer for Dr.Jit, libusb-1.0 and display libraries for Open3D); type this line, then try again:"
         if command -v apt-get >/dev/null 2>&1; then
             echo "    sudo apt-get update && sudo apt-get install -y $(packages apt)"
         elif command -v dnf >/dev/null 2>&1; then
@@ -66,7 +78,7 @@ say_line() {
         elif command -v brew >/dev/null 2>&1; then
             echo "    brew install $(packages brew)"
         else
-            echo "    install libLLVM 19 and libusb-1.0 with your system's package manager"
+            echo "    install libLLVM 19, libusb-1.0, libGL, libEGL, libX11 and libidn2 with your system's package manager"
         fi
     } >&2
     exit 1

@@ -6,7 +6,17 @@ from pathlib import Path
 from time import perf_counter
 
 from dataset_builder.api import DATASETS
-from dataset_builder.cli.common import Verbs, add_backend, add_cache, add_spec, add_verb, plain_console, positive
+from dataset_builder.cli.common import (
+    Verbs,
+    add_backend,
+    add_cache,
+    add_spec,
+    add_verb,
+    plain_console,
+    positive,
+    positive_number,
+)
+from dataset_builder.cli.engine import add_engine, engine_of
 from dataset_builder.errors import UserError
 from dataset_builder.processes import cores
 
@@ -18,6 +28,12 @@ def add(verbs: Verbs) -> None:
     plan.add_argument("--example", type=int, action="append", default=[],
                       help="print the whole plan of example N as JSON")
     plan.add_argument("--views", type=positive, default=24, help="views to plan in full; the rest is extrapolated")
+    plan.add_argument("--workers", type=positive, help="processes that are to share the build (default: one per core)")
+    plan.add_argument("--speed", type=positive_number, default=1.0, metavar="X",
+                      help="of a worker, over the core that rates were measured on (default: 1)")
+    plan.add_argument("--price", type=positive_number, default=0.0, metavar="X", help="of a worker for an hour")
+    plan.add_argument("--egress", type=positive_number, default=0.0, metavar="X",
+                      help="price of a GB that leaves the place where it was made")
     plan.add_argument("--against", type=Path, metavar="DIR",
                       help="compare with the dataset in DIR: what would run again, and what changed")
     add_cache(plan)
@@ -26,12 +42,34 @@ def add(verbs: Verbs) -> None:
     add_spec(build)
     build.add_argument("--out", type=Path, help=f"output folder (default: {DATASETS}/NAME)")
     build.add_argument("--replace", action="store_true",
-                       help="let the other dataset or major version go that the output folder holds")
+                       help="let the other dataset or major version go that the output folder holds, or the examples "
+                            "that another backend made")
     add_cache(build)
     build.add_argument("--workers", type=positive, help="processes (default: one per core, one with a GPU)")
     add_backend(build)
+    build.add_argument("--unit-limit", type=_seconds, metavar="SECONDS",
+                       help="most that a view may take where several processes work, 0 for any (default: many times "
+                            "what is expected)")
+    add_engine(build)
     build.add_argument("--example", type=int, action="append", default=[],
                        help="only stage example N; repeat for more")
+    build.add_argument("--part", metavar="K/N", help="only stage part K of N, for `merge`")
+    merge = add_verb(verbs, "merge", _merge, "publish the dataset whose parts `build --part` staged")
+    add_spec(merge)
+    merge.add_argument("parts", type=Path, nargs="+", metavar="DIR", help="folders of all parts, in any order")
+    merge.add_argument("--out", type=Path, help=f"output folder (default: {DATASETS}/NAME)")
+    merge.add_argument("--replace", action="store_true", help="as in `build`")
+
+
+def _seconds(text: str) -> float:
+    """A number of seconds, or 0."""
+    try:
+        found = float(text)
+    except ValueError:
+        found = -1.0
+    if not 0 <= found < 1e9:
+        raise argparse.ArgumentTypeError(f"expected seconds >= 0, got {text}")
+    return found
 
 
 def _plan(options: argparse.Namespace) -> int:
@@ -39,6 +77,7 @@ def _plan(options: argparse.Namespace) -> int:
     from dataset_builder.engine.field_tasks import fields_known
     from dataset_builder.engine.unit import BuildJob
     from dataset_builder.planning.cost import estimate
+    from dataset_builder.planning.fleet import Fleet
     from dataset_builder.planning.plan import Planner, first_plan, plan_example
     from dataset_builder.planning.precheck import meshes_named
     from dataset_builder.rendering.scene.image_check import check_images
@@ -57,8 +96,10 @@ def _plan(options: argparse.Namespace) -> int:
     if options.against:
         plain_console().print(against_table(against(planner, options.against, job)))
     elif not options.example:
-        cost = estimate(planner, views=options.views, cores=cores(), known=fields_known(job))
-        plain_console().print(estimate_table(cost, cores()))
+        fleet = Fleet(workers=options.workers or cores(), speed=options.speed, price=options.price,
+                      egress=options.egress)
+        cost = estimate(planner, views=options.views, cores=fleet.workers, known=fields_known(job))
+        plain_console().print(estimate_table(cost, fleet))
         if cost.files:
             plain_console().print(files_table(cost.files))
         if first := first_plan(planner):
@@ -68,38 +109,63 @@ def _plan(options: argparse.Namespace) -> int:
 
 def _build(options: argparse.Namespace) -> int:
     from dataset_builder.builder import build
-    from dataset_builder.engine.unit import BuildJob, Outcome
-    from dataset_builder.rendering.backend import choose
+    from dataset_builder.engine.dataset_part import Part
+    from dataset_builder.engine.outcomes import Tally
+    from dataset_builder.engine.unit import BuildJob
     from dataset_builder.report.against_table import runs_line
     from dataset_builder.report.build_progress import Following
     from dataset_builder.report.console import build_table, rejected_lines
     from dataset_builder.spec.load import load_dataset
 
     console, start = plain_console(), perf_counter()
+    part = Part.parse(options.part) if options.part is not None else None
     loaded = load_dataset(options.spec, options.overrides)
-    console.print(f"backend: {choose(options.backend).summary}", highlight=False)
-    folder = options.out or DATASETS / loaded.dataset.name
+    folder = options.out or DATASETS / (loaded.dataset.name + (f"-part-{part.number}-of-{part.of}" if part else ""))
     shown = Following(console)
-    news = build(loaded, folder, backend=options.backend, workers=options.workers, only=options.example,
-                 replace_other=options.replace, cache=options.cache, cache_size=options.cache_size, told=shown.field)
-    outcomes: list[Outcome] = []
-    manifest = None
-    for event in shown.events(news):
-        outcomes += event.outcomes
-        manifest = event.manifest or manifest
-    rejected = manifest.rejected if manifest else [outcome.rejected for outcome in outcomes if outcome.rejected]
+    tally, manifest, record = Tally(), None, None
+    with engine_of(options, console) as engine:
+        news = build(loaded, folder, backend=engine.backend, workers=engine.workers, only=options.example, part=part,
+                     replace_other=options.replace, cache=options.cache, cache_size=options.cache_size,
+                     told=shown.field, run=engine.run, staging_url=engine.staging_url, unit_limit=options.unit_limit)
+        for event in shown.events(news):
+            tally.add(event.outcomes)
+            manifest, record = event.manifest or manifest, event.part or record
+    rejected = manifest.rejected if manifest else tally.rejected
     for line in rejected_lines(rejected, folder):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
-    if not manifest:
-        staged, before = len(outcomes) - len(rejected), len(set(options.example)) - len(outcomes)
+    if record:
+        console.print(f"part {record.part}: {len(record.examples)} examples staged in {folder}, {len(record.rejected)} "
+                      "rejected; give it to `merge` with the others", highlight=False, soft_wrap=True)
+    elif not manifest:
+        staged, before = tally.examples - len(rejected), len(set(options.example)) - tally.examples
         console.print(f"{staged} examples staged in {folder}, {before} already published; build without --example to "
                       "finish", highlight=False, soft_wrap=True)
     else:
-        console.print(build_table(manifest, outcomes, perf_counter() - start))
+        console.print(build_table(manifest, tally, perf_counter() - start))
         job = BuildJob.of(loaded, folder, backend=options.backend, threads=1, cache=options.cache,
                           cache_size=options.cache_size)
-        console.print(runs_line(outcomes, job.store.size()), highlight=False, soft_wrap=True)
+        console.print(runs_line(tally, job.store.size()), highlight=False, soft_wrap=True)
         console.print(f"dataset: {folder}\n{_sheet(folder)}", highlight=False, markup=False, soft_wrap=True)
+    return 0
+
+
+def _merge(options: argparse.Namespace) -> int:
+    from dataset_builder.engine.outcomes import Tally
+    from dataset_builder.merge import merge
+    from dataset_builder.report.build_progress import Following
+    from dataset_builder.report.console import build_table, rejected_lines
+    from dataset_builder.spec.load import load_dataset
+
+    console, start = plain_console(), perf_counter()
+    loaded = load_dataset(options.spec, options.overrides)
+    folder = options.out or DATASETS / loaded.dataset.name
+    news = merge(loaded, options.parts, folder, replace_other=options.replace,
+                 said=lambda text: console.print(text, highlight=False, soft_wrap=True))
+    for manifest in [event.manifest for event in Following(console).events(news) if event.manifest]:
+        for line in rejected_lines(manifest.rejected, folder):
+            console.print(line, highlight=False, soft_wrap=True)
+        console.print(build_table(manifest, Tally(), perf_counter() - start))
+        console.print(f"dataset: {folder}\n{_sheet(folder)}", highlight=False, soft_wrap=True)
     return 0
 
 

@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,8 @@ STUDIES, TRAININGS = Path("studies"), Path("trainings")
 """Where results go unless `--out` says otherwise."""
 
 MAX_GB = 1_000_000
+MOST = 1e9
+"""Of prices and speeds."""
 BACKENDS = ("auto", "cuda", "llvm")
 DEVICES = ("auto", "cpu", "cuda")
 """Where networks run; auto is CUDA where there is one."""
@@ -77,7 +80,7 @@ def add_cache(verb: argparse.ArgumentParser) -> None:
     """Where results of passes are kept, and how much of them."""
     verb.add_argument("--cache", type=_folder, metavar="DIR",
                       help="folder for results of passes, which datasets may share (default: in the output folder)")
-    verb.add_argument("--cache-size", type=_gigabytes, default=CACHE_SIZE, metavar="GB",
+    verb.add_argument("--cache-size", type=gigabytes, default=CACHE_SIZE, metavar="GB",
                       help=f"most that is kept there; 0 keeps nothing (default: {CACHE_SIZE / GB:g})")
 
 
@@ -88,7 +91,7 @@ def _folder(text: str) -> Path:
     return Path(text)
 
 
-def _gigabytes(text: str) -> int:
+def gigabytes(text: str) -> int:
     """Bytes of a number of gigabytes."""
     try:
         size = float(text)
@@ -104,6 +107,14 @@ def positive(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"expected a whole number >= 1, got {text}")
     return int(text)
+
+
+def positive_number(text: str) -> float:
+    """A finite number above 0, as argparse wants it."""
+    with suppress(ValueError):
+        if 0 < (found := float(text)) < MOST:
+            return found
+    raise argparse.ArgumentTypeError(f"expected a number above 0 and below {MOST:,.0f}, got {text}")
 
 
 def plain_console(width: int | None = None) -> "Console":

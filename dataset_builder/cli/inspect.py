@@ -15,7 +15,7 @@ PARTS = ("files", "consistency", "loader", "training")
 
 
 def add(verbs: common.Verbs) -> None:
-    """Add `doctor`, `inspect`, `verify`, `families`, `schema` and `validate`."""
+    """Add `doctor`, `inspect`, `families`, `schema` and `validate`."""
     doctor = common.add_verb(verbs, "doctor", _doctor, "check this machine, and say how to install what is missing")
     doctor.add_argument("--out", type=Path, default=DATASETS, help="where datasets will be written")
     inspect = common.add_verb(verbs, "inspect", _inspect, "summary and contact sheet of a dataset")
@@ -24,7 +24,6 @@ def add(verbs: common.Verbs) -> None:
     inspect.add_argument("--rows", type=common.positive, default=12, help="examples on the contact sheet (default: 12)")
     inspect.add_argument("--sequence", metavar="NAME", help="write a strip and an animation of views that follow "
                          "each other, by the name in their labels, and nothing else")
-    common.add_folder(common.add_verb(verbs, "verify", _verify, "check every file, example and identity of a dataset"))
     families = common.add_verb(verbs, "families", _families, "embedded furniture and its parameters")
     families.add_argument("family", nargs="?")
     schema = common.add_verb(verbs, "schema", _schema, "write the JSON Schemas of specs")
@@ -65,21 +64,6 @@ def _inspect(options: argparse.Namespace) -> int:
     sheet = options.sheet or options.folder / "previews" / "contact_sheet.png"
     write_contact_sheet(options.folder, sheet, rows=options.rows)
     print(f"contact sheet: {sheet}")
-    return 0
-
-
-def _verify(options: argparse.Namespace) -> int:
-    from dataset_builder.shards.reader import load_manifest
-    from dataset_builder.shards.verify import verify
-
-    problems = verify(options.folder)
-    for problem in problems:
-        print(f"wrong: {problem}")
-    if problems:
-        print(f"{len(problems)} problem{'s' if len(problems) > 1 else ''}")
-        return 1
-    totals = load_manifest(options.folder).totals
-    print(f"{totals.examples} examples in {totals.shards} shards, {totals.bytes} bytes: no problems found")
     return 0
 
 

@@ -15,8 +15,10 @@ from dataset_builder.cli import (
     import_front3d,
     import_models,
     inspect,
+    integrity,
     study,
     table,
+    transfer,
 )
 from dataset_builder.cli.interrupt import guarded
 from dataset_builder.errors import UserError
@@ -47,7 +49,7 @@ def parser() -> argparse.ArgumentParser:
     root = argparse.ArgumentParser(prog="dataset-builder", description="Build 3DF-Lighting datasets from specs.")
     root.add_argument("--version", action="version", version=__version__)
     verbs = root.add_subparsers(required=True, metavar="VERB")
-    for group in (import_models, import_capture, import_front3d, build, inspect, export, export_dataset, export_field,
-                  study, evaluate, table):
+    for group in (import_models, import_capture, import_front3d, build, inspect, integrity, transfer, export,
+                  export_dataset, export_field, study, evaluate, table):
         group.add(verbs)
     return root

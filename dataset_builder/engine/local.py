@@ -1,97 +1,135 @@
 """Run units on this machine, in this process or in several. No other module starts processes for a build."""
 
-import multiprocessing
+import logging
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from functools import partial
+from dataclasses import dataclass
 from itertools import islice
-from typing import Any, TypeVar
+from math import inf
+from typing import Any, Generic, TypeVar
 
-from dataset_builder.errors import OutputError
-from dataset_builder.processes import follow_the_parent
+from dataset_builder.engine.worker_process import WorkerProcess
+from dataset_builder.errors import OutputError, Problem
 
 Unit = TypeVar("Unit")
 Result = TypeVar("Result")
-PATIENCE = 5.0
-"""Seconds that a process has to end when it is told to."""
-
 AHEAD = 2
-"""Units handed out per process before results come back."""
+"""Units that a process is given before results come back, while there are enough for all."""
 
-LISTEN = 0.2
-"""Seconds between looks at what processes tell."""
+TRIES = 3
+"""Times that a unit is tried whose process dies or hangs."""
+
+MANY = 8
+"""Units that may be lost while fewer are done: it is not the units, then."""
 
 Told = Callable[[Any], None]
+Limit = Callable[[Any], float]
+_log = logging.getLogger(__name__)
 
 
-def run(work: Callable[..., Result], units: Iterable[Unit], *, workers: int, told: Told | None = None) \
-        -> Iterator[Result]:
+@dataclass(frozen=True)
+class _Lost(Generic[Unit]):
+    unit: Unit
+    why: str
+
+    def problem(self, tries: int) -> Problem:
+        often = "" if tries == 1 else f", {tries} times"
+        return Problem(where=str(self.unit), path="", rule=f"its process {self.why}{often}",
+                       hint="what was finished is kept: run the same command again to go on")
+
+
+def run(work: Callable[..., Result], units: Iterable[Unit], *, workers: int, told: Told | None = None,
+        limit: Limit | None = None) -> Iterator[Result]:
     """Results of `work` on every unit, in order of completion. One worker means this process.
 
     `work` must be picklable and derive everything from its unit. With `told` it is called with a function besides, and
     whatever picklable it calls that with, `told` is called with in this process while results are waited for.
-    Raises what `work` raises, and OutputError where a process dies (out of memory, say); units that were finished
-    before keep whatever they wrote.
+    limit: seconds that a unit may take, for ever unless given; not asked in this process.
+
+    Raises what `work` raises, at once. A unit whose process dies (out of memory, say) or takes too long is tried again
+    when all others are done, alone, `TRIES` times in all; each loss is logged. In the end OutputError names every unit
+    that was lost each time, as `str` has it, and why. Whatever units wrote before is kept.
     """
     if workers <= 1:
         yield from (work(unit) if told is None else work(unit, told) for unit in units)
         return
-    # A forked child would inherit the state of Dr.Jit and of thread pools
-    context = multiprocessing.get_context("spawn")
-    news = None if told is None else context.SimpleQueue()
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=_begin, initargs=(news,)) as pool:
+    crew, failed = _Crew[Unit, Result](work, told, limit), list[Problem]()
+    yield from crew.results(units, workers)
+    for unit in [lost.unit for lost in crew.lost]:
+        for _ in range(TRIES - 1):
+            crew.lost.clear()
+            yield from crew.results([unit], 1)
+            if not crew.lost:
+                break
+        else:
+            failed.append(crew.lost[0].problem(TRIES))
+    if failed:
+        raise OutputError(failed)
+
+
+class _Crew(Generic[Unit, Result]):
+    """Processes that do units, and the units that were lost with some of them."""
+
+    def __init__(self, work: Callable[..., Result], told: Told | None, limit: Limit | None):
+        self._work, self._told, self._limit = work, told, limit or (lambda _: inf)
+        self.lost: list[_Lost[Unit]] = []
+
+    def results(self, units: Iterable[Unit], workers: int) -> Iterator[Result]:
+        """What becomes of units, but for those that are lost."""
+        crew, done, gently = list[WorkerProcess](), 0, False
+        waiting, further = deque[Unit](), iter(units)
         try:
-            pending = _drain(pool, work if told is None else partial(_telling, work), iter(units), workers * AHEAD,
-                             None if told is None else LISTEN)
-            for done in pending:
-                while told is not None and news is not None and not news.empty():
-                    told(news.get())
-                yield from (future.result() for future in done)
-        except BrokenProcessPool as error:
-            raise OutputError("a worker process died, possibly out of memory; finished examples are kept: run the "
-                              "build again with fewer --workers") from error
-        except BaseException:
-            _end_children()
-            raise
+            while True:
+                waiting.extend(islice(further, max(AHEAD * workers - len(waiting), 0)))
+                self._hand_out(waiting, crew, workers)
+                if not any(worker.units for worker in crew):
+                    break
+                WorkerProcess.wait_for(crew)
+                for worker in list(crew):
+                    # Asked before the news, of which there is none later
+                    gone = not worker.alive
+                    for kind, what in worker.news():
+                        if kind == "raised":
+                            raise what
+                        if kind == "told" and self._told:
+                            self._told(what)
+                        elif kind == "done":
+                            done += 1
+                            yield what
+                    if gone or worker.late or not worker.alive:
+                        crew.remove(worker)
+                        waiting.extendleft(reversed(self._lose(worker)))
+                        self._require_some(done)
+            gently = True
         finally:
-            pool.shutdown(cancel_futures=True)
+            WorkerProcess.leave(crew, gently=gently)
 
+    def _hand_out(self, waiting: deque[Unit], crew: list[WorkerProcess], workers: int) -> None:
+        """Give every process a unit, and a further one where enough wait for none to be idle in the end."""
+        while waiting and (len(crew) < workers or any(len(worker.units) < AHEAD for worker in crew)):
+            idle = min(crew, key=lambda worker: len(worker.units), default=None)
+            if idle is None or (idle.units and len(crew) < workers):
+                crew.append(idle := WorkerProcess(self._work, self._limit, tells=self._told is not None))
+            if idle.units and len(waiting) <= workers:
+                break
+            idle.give(waiting.popleft())
 
-def _drain(pool: ProcessPoolExecutor, work: Callable[[Unit], Result], units: Iterator[Unit], most: int,
-           patience: float | None) -> Iterator[set[Future[Result]]]:
-    """What is done, as it comes; nothing wherever `patience` seconds brought none."""
-    pending: set[Future[Result]] = {pool.submit(work, unit) for unit in islice(units, most)}
-    while pending:
-        done, pending = wait(pending, patience, return_when=FIRST_COMPLETED)
-        pending |= {pool.submit(work, unit) for unit in islice(units, len(done))}
-        yield done
+    def _lose(self, worker: WorkerProcess) -> list[Unit]:
+        """Note the unit that a process is lost with; those that it had not begun. Raises OutputError where it could not
+        even begin."""
+        why = worker.ended() if not worker.alive else \
+            f"was killed since it took longer than {self._limit(worker.units[0]):.0f} s"
+        worker.kill()
+        if worker.failed_to_start:
+            raise OutputError(f"a worker process {why} before it began anything: see what it wrote above")
+        if not worker.at_work and (worker.began or not worker.units):
+            return list(worker.units)
+        suspect, *others = worker.units
+        self.lost.append(_Lost(suspect, why))
+        _log.warning("%s: its process %s; it is tried again, alone", suspect, why)
+        return others
 
-
-_news: Any = None
-"""Where a process puts what it tells."""
-
-
-def _begin(news: Any) -> None:
-    """The start of a process."""
-    global _news
-    _news = news
-    follow_the_parent()
-
-
-def _telling(work: Callable[..., Result], unit: Any) -> Result:
-    return work(unit, _news.put)
-
-
-def _end_children() -> None:
-    """End the pool's processes at once: an interrupted pool may never tell them to, and would wait for them for ever.
-
-    What they wrote is whole: examples are staged by a rename.
-    """
-    children = multiprocessing.active_children()
-    for child in children:
-        child.terminate()
-    for child in children:
-        child.join(PATIENCE)
-        if child.is_alive():
-            child.kill()
+    def _require_some(self, done: int) -> None:
+        """Raise OutputError where most units are lost."""
+        if len(self.lost) >= MANY and len(self.lost) > done:
+            raise OutputError([lost.problem(1) for lost in self.lost])

@@ -23,9 +23,14 @@ def versions(backend: str, spec: DatasetSpec) -> dict[str, str]:
     names = ("mapbox_earcut", "open3d", "pillow", "scipy", *((oidn.PACKAGE,) if denoise else ()),
              *((FIELD_LIBRARY,) if spec.fields else ()))
     libraries = {name: importlib.metadata.version(name) for name in names}
-    code = source.source_digest(source.UNIT, *((source.CALIBRATION,) if denoise else ()),
+    return {**renderer_versions(backend), **libraries, **own_versions(spec)}
+
+
+def own_versions(spec: DatasetSpec) -> dict[str, str]:
+    """Those of `versions` that say who writes a dataset, whatever renders it: this package's code among them."""
+    code = source.source_digest(source.UNIT, *((source.CALIBRATION,) if spec.render.denoise.layers else ()),
                                 *((source.FIELDS,) if spec.fields else ()))
-    return {**writer_versions(), **renderer_versions(backend), **libraries, "source": code}
+    return {**writer_versions(), "source": code}
 
 
 def field_versions(backend: str) -> dict[str, str]:

@@ -1,11 +1,12 @@
 """What a build remembers between its runs, beside the staged examples, for as long as the same code would find it."""
 
-from collections.abc import Iterable, Mapping
+import os
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 from dataset_builder.digest import digest, sealed, unsealed
-from dataset_builder.files import write_atomic
+from dataset_builder.files import output_errors, write_atomic
 from dataset_builder.shards.folder import WORK
 from dataset_builder.spec.model import Model
 
@@ -30,9 +31,42 @@ class MakerFile(Generic[Item]):
             return ()
         if content is None or content["maker"] != self._maker:
             return ()
-        return tuple(self._kind.model_validate(item) for item in content[self._name])
+        return self._items(content)
 
     def write(self, items: Iterable[Item]) -> None:
         """Replace it. Raises OutputError where it cannot be written."""
-        plain = [item.model_dump(mode="json") for item in items]
-        write_atomic(self._path, sealed({"maker": self._maker, self._name: plain}))
+        write_atomic(self._path, self._sealed(items))
+
+    def journal(self) -> Iterator[Item]:
+        """What was appended, in order. A line that is damaged, or was cut short as the machine stopped, is passed
+        over."""
+        try:
+            lines = self._journal.read_bytes().split(b"\n")
+        except FileNotFoundError:
+            return
+        for line in lines:
+            content = unsealed(line)
+            if content is not None and content["maker"] == self._maker:
+                yield from self._items(content)
+
+    def append(self, items: Iterable[Item]) -> None:
+        """Add a line to the journal, which lies beside what `write` keeps: what is there already is neither read nor
+        written again. Raises OutputError where it cannot be written."""
+        with output_errors(self._journal):
+            self._journal.parent.mkdir(parents=True, exist_ok=True)
+            flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW
+            with open(os.open(self._journal, flags, 0o666), "ab") as stream:
+                # The line before it may have been cut short
+                stream.write(b"\n" + self._sealed(items))
+                stream.flush()
+                os.fsync(stream.fileno())
+
+    @property
+    def _journal(self) -> Path:
+        return self._path.with_suffix(".jsonl")
+
+    def _sealed(self, items: Iterable[Item]) -> bytes:
+        return sealed({"maker": self._maker, self._name: [item.model_dump(mode="json") for item in items]})
+
+    def _items(self, content: Mapping[str, Any]) -> tuple[Item, ...]:
+        return tuple(self._kind.model_validate(item) for item in content[self._name])

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dataset_builder.files import write_atomic
+from dataset_builder.files import output_errors, write_atomic
 from dataset_builder.shards.example import preview
 from dataset_builder.shards.folder import WORK
 
@@ -24,6 +24,16 @@ def keep_pixels(folder: Path, key: str, layers: Mapping[str, np.ndarray]) -> Non
         write_atomic(path, stream.getvalue())
         finite = {name: np.nan_to_num(image) for name, image in layers.items()}
         write_atomic(path.with_suffix(".png"), preview(finite))
+
+
+def take_pixels(folder: Path, source: Path, key: str) -> None:
+    """Keep what another folder kept of a rejected example, of the first `MAX_PICTURES`. Raises OutputError."""
+    there = len([path for path in pictures(folder) if path.suffix == ".npz"])
+    for path in (source / WORK / PICTURES / f"{key}{suffix}" for suffix in (".npz", ".png")):
+        if there < MAX_PICTURES and path.is_file():
+            with output_errors(path):
+                data = path.read_bytes()
+            write_atomic(folder / WORK / PICTURES / path.name, data)
 
 
 def pixels_of(folder: Path, key: str) -> Path | None:

@@ -1,12 +1,13 @@
 """Which shards a dataset needs, and which of those that are there stay."""
 
+from bisect import bisect_right
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from dataset_builder.planning.catalogue import ExampleRef, shard_size
 from dataset_builder.shards.manifest import Rejected, shard_slot
-from dataset_builder.shards.shard_index import ShardIndex
+from dataset_builder.shards.shard_index import ShardIndex, ShardRecord
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.resolve import LoadedSpec
 
@@ -20,7 +21,7 @@ class ShardTask:
     examples: tuple[ExampleRef, ...]
     spec_digest: str
     """Of what the examples of its split depend on."""
-    keep: ShardIndex | None
+    keep: ShardRecord | None
     """The one that is there, where it is whole, from this spec and by these versions."""
 
 
@@ -41,12 +42,35 @@ def shard_tasks(examples: Sequence[ExampleRef], spec: DatasetSpec, digests: Mapp
             for split, refs in by_split.items() for first in range(0, len(refs), sizes[split])]
 
 
-def decide(tasks: Sequence[ShardTask], whole: Sequence[ShardIndex], made_by: dict[str, str],
+def decide(tasks: Sequence[ShardTask], whole: Iterable[ShardIndex], made_by: dict[str, str],
            rejected: Mapping[str, Rejected]) -> list[ShardTask]:
-    """Which of the whole shards stay: same spec, same versions, and every example in it or known to be rejected."""
-    def fits(task: ShardTask, index: ShardIndex) -> bool:
+    """Which of the whole shards stay: same spec, same versions, and every example in it or known to be rejected. One
+    index after the other is looked at, and of those that stay only what the manifest says is kept."""
+    by_slot, keep = {task.slot: task for task in tasks}, dict[str, ShardRecord]()
+    for index in whole:
+        task = by_slot.get(index.shard.slot)
+        if task is None or task.slot in keep or (index.spec_digest, index.versions) != (task.spec_digest, made_by):
+            continue
         there = {example.key for example in index.examples}
-        return (index.shard.slot, index.spec_digest, index.versions) == (task.slot, task.spec_digest, made_by) \
-            and all(ref.key in there or ref.key in rejected for ref in task.examples)
+        if all(ref.key in there or ref.key in rejected for ref in task.examples):
+            keep[task.slot] = index.shard
+    return [replace(task, keep=keep.get(task.slot)) for task in tasks]
 
-    return [replace(task, keep=next((index for index in whole if fits(task, index)), None)) for task in tasks]
+
+class OpenShards:
+    """The shards that a build has yet to publish, and how many of their examples nothing is known of: each outcome is
+    counted once, however many shards there are."""
+
+    def __init__(self, tasks: Sequence[ShardTask], settled: Container[str]):
+        """settled: keys of examples that are known to be rejected."""
+        self._tasks = sorted(tasks, key=lambda task: task.examples[0].index)
+        self._firsts = [task.examples[0].index for task in self._tasks]
+        self._left = [sum(ref.key not in settled for ref in task.examples) for task in self._tasks]
+
+    def settle(self, refs: Iterable[ExampleRef]) -> Iterator[ShardTask]:
+        """Take note of examples that are done with, each for the first time; the shards that are complete by them."""
+        for ref in refs:
+            place = bisect_right(self._firsts, ref.index) - 1
+            self._left[place] -= 1
+            if not self._left[place]:
+                yield self._tasks[place]

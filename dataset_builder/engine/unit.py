@@ -27,7 +27,7 @@ from dataset_builder.shards.folder import MANIFEST, WORK
 from dataset_builder.shards.gates import check_gates
 from dataset_builder.shards.identities import Violation, check_layers, identity_table, storable
 from dataset_builder.shards.manifest import Rejected
-from dataset_builder.shards.published_examples import PublishedExamples
+from dataset_builder.shards.published_examples import published_in, taken_over
 from dataset_builder.shards.segment import segment
 from dataset_builder.shards.shard_index import ExampleFacts
 from dataset_builder.shards.staging import Staging
@@ -72,15 +72,27 @@ class BuildJob:
     """Most bytes that it may hold."""
     replaces: str = ""
     """Digest of the `dataset.json` that was there before; empty where there was none."""
+    staging_url: str = ""
+    """Where finished examples wait for their shard; empty is in the output folder."""
 
     @classmethod
     def of(cls, loaded: LoadedSpec, folder: Path, *, backend: str, threads: int, cache: Path | None = None,
-           cache_size: int = CACHE_SIZE) -> "BuildJob":
+           cache_size: int = CACHE_SIZE, staging_url: str = "") -> "BuildJob":
         """The job that builds `loaded` into `folder`."""
         manifest = folder / MANIFEST
         replaces = sha256_file(manifest) if manifest.is_file() else ""
         return cls(spec_path=loaded.path, overrides=loaded.overrides, spec_digest=loaded.spec_digest, folder=folder,
-                   backend=backend, threads=threads, cache=cache, cache_size=cache_size, replaces=replaces)
+                   backend=backend, threads=threads, cache=cache, cache_size=cache_size, replaces=replaces,
+                   staging_url=staging_url)
+
+    @property
+    def staging(self) -> Staging:
+        """Where finished examples wait."""
+        return Staging(self.folder, self.staging_url)
+
+    def takes_over(self, key: str, key_digest: str) -> bool:
+        """Whether an example is staged; one that is published is staged again, for the shard that it lies in now."""
+        return taken_over(key, key_digest, self.staging, published_in(self.folder, self.replaces))
 
     @property
     def store(self) -> ByteStore:
@@ -123,17 +135,18 @@ class Outcome:
     """Passes whose results were remembered."""
 
 
-def run_unit(job: BuildJob, unit: ViewUnit) -> list[Outcome]:
+def run_unit(job: BuildJob, unit: ViewUnit, there: frozenset[str] = frozenset()) -> list[Outcome]:
     """Make the examples of one view; those that are staged already are kept. One outcome per example, in order.
 
-    Raises SpecError where the spec is no longer the one that the build began with.
+    there: digests of examples that whoever asks has; they are kept, too. Raises SpecError where the spec is no longer
+    the one that the build began with.
     """
     activate(job.backend, job.threads)
     with sharing_texels(job.texels):
-        return _outcomes(job, unit)
+        return _outcomes(job, unit, there)
 
 
-def _outcomes(job: BuildJob, unit: ViewUnit) -> list[Outcome]:
+def _outcomes(job: BuildJob, unit: ViewUnit, there: frozenset[str]) -> list[Outcome]:
     planner = planner_of(job)
     start = perf_counter()
     outcomes: list[Outcome] = []
@@ -144,40 +157,25 @@ def _outcomes(job: BuildJob, unit: ViewUnit) -> list[Outcome]:
         except PlanError as error:
             outcomes.append(Outcome(ref=ref, rejected=_rejected(ref, PLANNING, str(error))))
     planning = perf_counter() - start
-    outcomes = sorted([*outcomes, *_make(planned, planner.loaded, job)], key=lambda outcome: outcome.ref.index)
+    outcomes = sorted([*outcomes, *_make(planned, planner.loaded, job, there)], key=lambda outcome: outcome.ref.index)
     # The first example was the first to need what the view's examples share
     return [replace(outcomes[0], seconds={"plan": planning, **outcomes[0].seconds}), *outcomes[1:]]
 
 
-def _make(planned: Sequence[tuple[ExampleRef, ExamplePlan]], loaded: LoadedSpec, job: BuildJob) -> Iterator[Outcome]:
+def _make(planned: Sequence[tuple[ExampleRef, ExamplePlan]], loaded: LoadedSpec, job: BuildJob,
+          there: frozenset[str]) -> Iterator[Outcome]:
     # Verbs that render nothing import this module, too; they need not wait for Mitsuba
     from dataset_builder.rendering.examples import render_view
 
     made_by = versions(job.backend, loaded.dataset)
-    staging = Staging(job.folder)
     digests = {ref.key: plan_digest(plan, loaded.dataset, made_by, job.denoised) for ref, plan in planned}
-    missing = [(ref, plan) for ref, plan in planned if not _taken_over(ref, digests[ref.key], staging, job)]
-    there = {ref.key for ref, _ in planned} - {ref.key for ref, _ in missing}
-    yield from (Outcome(ref=ref, digest=digests[ref.key], kept=True) for ref, _ in planned if ref.key in there)
+    missing = [(ref, plan) for ref, plan in planned
+               if digests[ref.key] not in there and not job.takes_over(ref.key, digests[ref.key])]
+    kept = {ref.key for ref, _ in planned} - {ref.key for ref, _ in missing}
+    yield from (Outcome(ref=ref, digest=digests[ref.key], kept=True) for ref, _ in planned if ref.key in kept)
     if missing:
         rendered = render_view([plan for _, plan in missing], loaded.path.parent, job.memory, job.fields)
         yield from _finished(missing, rendered, digests, loaded.dataset, job)
-
-
-def _taken_over(ref: ExampleRef, key_digest: str, staging: Staging, job: BuildJob) -> bool:
-    """Whether an example is staged; one that is published is staged again, for the shard that it lies in now."""
-    if staging.has(ref.key, key_digest):
-        return True
-    if (known := published_examples(job.folder, job.replaces).get(key_digest)) is None:
-        return False
-    staging.put(ref.key, key_digest, known.segment, known.entry)
-    return True
-
-
-@lru_cache(maxsize=2)
-def published_examples(folder: Path, replaces: str) -> PublishedExamples:
-    """The dataset that a build finds in its folder, with the digest `replaces`, read once by each process."""
-    return PublishedExamples(folder)
 
 
 def _finished(missing: Sequence[tuple[ExampleRef, ExamplePlan]], rendered: Iterator["Rendered"],
@@ -212,9 +210,8 @@ def _finish(ref: ExampleRef, rendered: "Rendered", key_digest: str, spec: Datase
                        seconds=rendered.seconds, recalled=rendered.recalled)
     members = encode_members(example_of(rendered, job.denoised), dtype=spec.storage.dtype,
                              preview_png=preview(rendered.layers))
-    Staging(job.folder).put(ref.key, key_digest, segment(members),
-                            entry(key=ref.key, view=rendered.plan.view, facts=ExampleFacts.of(rendered.plan),
-                                  members=members))
+    job.staging.put(ref.key, key_digest, segment(members),
+                    entry(key=ref.key, view=rendered.plan.view, facts=ExampleFacts.of(rendered.plan), members=members))
     seconds = rendered.seconds | {"encode": perf_counter() - start}
     return Outcome(ref=ref, digest=key_digest, paths=paths, seconds=seconds, recalled=rendered.recalled)
 

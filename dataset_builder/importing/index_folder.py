@@ -7,7 +7,7 @@ from pathlib import Path
 from dataset_builder.digest import sha256_file
 from dataset_builder.engine.local import run
 from dataset_builder.engine.source import source_digest
-from dataset_builder.errors import OutputError, Problem, UserError
+from dataset_builder.errors import Problem, UserError
 from dataset_builder.importing.index_file import IndexFile
 from dataset_builder.importing.read_scene import read_scene
 from dataset_builder.importing.scene_index import SceneIndex, index_line
@@ -17,6 +17,17 @@ MADE_BY = "importing.read_scene"
 """What turns a scene into its line."""
 Watch = Callable[[Iterable["IndexedFile"], int], Iterable["IndexedFile"]]
 """Gives files back one by one; of how many."""
+
+
+@dataclass(frozen=True)
+class _File:
+    number: int
+    path: Path
+    known: str
+    """Digest that the index has of it; empty where it has none."""
+
+    def __str__(self) -> str:
+        return str(self.path)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,20 +74,17 @@ def index_folder(folder: Path, index: IndexFile, *, workers: int, watch: Watch) 
     """Read every scene of a folder that `index` does not hold yet, and append it there.
 
     Files that cannot be read are scenes that are broken. The order of the lines does not depend on `workers`. Raises
-    UserError as `scene_files` does, OutputError where the index cannot be written or a process dies; lines that were
-    written before are kept.
+    UserError as `scene_files` does, OutputError where the index cannot be written or a process dies again and again;
+    lines that were written before are kept.
     """
     files = scene_files(folder)
     known = {name: scene.sha256 for name, scene in index.known.items()}
-    units = ((number, path, known.get(path.name, "")) for number, path in enumerate(files))
+    units = (_File(number, path, known.get(path.name, "")) for number, path in enumerate(files))
     read = size = 0
-    try:
-        for done in _in_order(watch(run(_index, units, workers=min(workers, len(files))), len(files))):
-            if done.line:
-                index.append(done.line)
-                read, size = read + 1, size + done.size
-    except OutputError as error:
-        raise OutputError(_said(problem) for problem in error.problems) from error
+    for done in _in_order(watch(run(_index, units, workers=min(workers, len(files))), len(files))):
+        if done.line:
+            index.append(done.line)
+            read, size = read + 1, size + done.size
     return FolderIndex(scenes=tuple(index.known[path.name] for path in files), read=read, read_bytes=size)
 
 
@@ -85,17 +93,9 @@ def made_by() -> str:
     return source_digest(MADE_BY)
 
 
-def _said(problem: Problem) -> Problem:
-    """What the engine says of builds, of an index."""
-    if "worker process died" not in problem.rule:
-        return problem
-    return Problem(where="", path="", rule="a worker process died, possibly out of memory; scenes that were read are "
-                   "kept", hint="run the same command again with fewer --workers")
-
-
-def _index(unit: tuple[int, Path, str]) -> IndexedFile:
+def _index(file: _File) -> IndexedFile:
     """Read one file, unless its digest is the one that is known."""
-    number, path, known = unit
+    number, path, known = file.number, file.path, file.known
     if not path.name.isprintable():
         line = index_line(SceneIndex(file=path.name, sha256="", size=0, broken="its name holds control characters or "
                                      "bytes that are not UTF-8: rename it"))

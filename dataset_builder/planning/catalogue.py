@@ -62,6 +62,9 @@ class ExampleRef:
     level: int
     """Number of the noise level."""
 
+    def __str__(self) -> str:
+        return f"example {self.key} (view {self.view.name})"
+
     @property
     def key(self) -> str:
         """Eight digits, unique over all splits."""
@@ -138,6 +141,9 @@ class ViewUnit:
 
     view: ViewRef
     examples: tuple[ExampleRef, ...]
+
+    def __str__(self) -> str:
+        return f"view {self.view.name}"
 
     @property
     def lights(self) -> tuple[int, ...]:

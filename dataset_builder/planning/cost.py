@@ -197,14 +197,15 @@ def estimate(planner: Planner, views: int = 24, rates: Rates | None = None, core
     known: which fields were made already.
 
     From about `views` views, drawn in every split in proportion and planned for real. Views that cannot be planned are
-    passed over and counted. Raises PlanError where splits share an object or a scene, with all that is wrong with mesh
-    files, and where none of the views tried in a split can be planned.
+    passed over and counted. More cores than views are idle. Raises PlanError where splits share an object or a scene,
+    with all that is wrong with mesh files, and where none of the views tried in a split can be planned.
     """
     spec, files = planner.loaded.dataset, read_meshes(planner)
     total, variance, tried, planned, runs = np.zeros(5), np.zeros(5), 0, list[ExamplePlan](), dict.fromkeys(RUNS, 0)
     problems = list[Problem]()
     all_views = [views_of(spec, split) for split in spec.splits]
     count = sum(map(len, all_views))
+    cores = min(cores, count)
     for split, own in zip(spec.splits, all_views, strict=True):
         chosen = _chosen(spec, own, views / count)
         costs, failed = _split_cost(planner, chosen, split, rates or Rates(), cores)

@@ -17,6 +17,15 @@ class ByteRange(NamedTuple):
     size: int
 
 
+class EndedError(EOFError):
+    """A file ends before a piece of it does."""
+
+    def __init__(self, piece: ByteRange, there: int):
+        """there: bytes of the piece that the file has."""
+        super().__init__(f"expected {piece.size} bytes from byte {piece.start}, the file ends after {there}")
+        self.piece, self.there = piece, there
+
+
 class Place(Protocol):
     """A folder of files. Names are relative, with slashes.
 
@@ -31,12 +40,18 @@ class Place(Protocol):
     def size(self, name: str) -> int:
         """Bytes of a file."""
 
+    def sizes(self, names: Sequence[str]) -> list[int]:
+        """Bytes of some files, in order."""
+
     def read(self, name: str, *, most: int) -> bytes:
         """A whole file. Raises OSError where it has more than `most` bytes, without fetching many more."""
 
+    def files(self, wanted: Sequence[tuple[str, int]]) -> list[bytes]:
+        """Whole files, in order, by name and the most bytes that each may have; as `read`."""
+
     def ranges(self, wanted: Sequence[ByteRange]) -> list[bytes]:
-        """Pieces of files, in order, fetched side by side where that pays. Raises EOFError where a file ends before
-        one of them does."""
+        """Pieces of files, in order, fetched side by side where that pays. Raises EndedError where a file ends
+        before one of them does."""
 
     def stream(self, name: str, *, start: int = 0) -> Iterator[bytes]:
         """A file from byte `start` to its end, chunk by chunk."""
@@ -58,9 +73,17 @@ class FolderPlace:
         with open_regular(self.folder / name) as stream:
             return os.fstat(stream.fileno()).st_size
 
+    def sizes(self, names: Sequence[str]) -> list[int]:
+        """Bytes of some files."""
+        return [self.size(name) for name in names]
+
     def read(self, name: str, *, most: int) -> bytes:
         """A whole file of at most `most` bytes."""
         return read_regular(self.folder / name, most=most)
+
+    def files(self, wanted: Sequence[tuple[str, int]]) -> list[bytes]:
+        """Some whole files."""
+        return [self.read(name, most=most) for name, most in wanted]
 
     def ranges(self, wanted: Sequence[ByteRange]) -> list[bytes]:
         """Pieces of files, in order; a file is opened once for neighbours in the list."""
@@ -90,5 +113,5 @@ def _piece(descriptor: int, piece: ByteRange) -> bytes:
     there = max(os.fstat(descriptor).st_size - piece.start, 0)
     data = os.pread(descriptor, min(piece.size, there), piece.start)
     if len(data) != piece.size:
-        raise EOFError(f"expected {piece.size} bytes from byte {piece.start}, the file ends after {len(data)}")
+        raise EndedError(piece, len(data))
     return data

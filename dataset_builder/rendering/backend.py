@@ -26,6 +26,9 @@ PATTERNS = (
     "/opt/homebrew/opt/llvm*/lib/libLLVM*.dylib",
     "/usr/local/opt/llvm*/lib/libLLVM*.dylib",
 )
+LANES = {"avx512vl": 16, "avx": 8}
+"""Single precision numbers of a vector by what the processor can, the widest first, as Dr.Jit chooses them."""
+
 INSTALL_LLVM = "apt-get install -y libllvm19"
 
 
@@ -92,7 +95,35 @@ def renderer_versions(wanted: str = "auto") -> dict[str, str]:
     """Versions and variant that pixels depend on; raises UserError as `choose` does. Mitsuba is not imported."""
     packages = {name: importlib.metadata.version(name) for name in ("mitsuba", "drjit")}
     backend = choose(wanted)
-    return {**packages, "variant": backend.variant, "llvm": str(llvm_version(backend.llvm) or "")}
+    return {**packages, "variant": backend.variant, "llvm": str(llvm_version(backend.llvm) or ""),
+            "processor": processor(backend.llvm) if backend.llvm else ""}
+
+
+@cache
+def processor(llvm: str) -> str:
+    """The kind of processor that kernels are compiled for, as LLVM calls it, with the lanes of its vector unit; empty
+    where this libLLVM does not say.
+
+    Dr.Jit compiles for exactly this kind. Its approximate reciprocals, and the order in which lanes are added, differ
+    between kinds, and so do bytes.
+    """
+    try:
+        library = ctypes.CDLL(llvm)
+        name, features = (_text_of(library, f"LLVMGetHostCPU{what}") for what in ("Name", "Features"))
+    except (OSError, AttributeError):
+        return ""
+    lanes = next((count for feature, count in LANES.items() if f"+{feature}" in features.split(",")), 4)
+    return f"{name} x{lanes}"
+
+
+def _text_of(library: ctypes.CDLL, function: str) -> str:
+    call = getattr(library, function)
+    call.restype = ctypes.c_void_p
+    found = call()
+    try:
+        return ctypes.string_at(found).decode()
+    finally:
+        library.LLVMDisposeMessage(ctypes.c_void_p(found))
 
 
 def name_llvm() -> None:

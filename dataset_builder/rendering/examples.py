@@ -16,6 +16,7 @@ from dataset_builder.layers import LAYERS, Pass
 from dataset_builder.planning.effects.decisions import guide_extents, has_direct
 from dataset_builder.rendering import plugins
 from dataset_builder.rendering.denoise import Noisy, denoised
+from dataset_builder.rendering.device import memory_told
 from dataset_builder.rendering.field_pass import OPACITY
 from dataset_builder.rendering.field_shelf import NO_SHELF, FieldShelf, tasks_of
 from dataset_builder.rendering.light_probe import CHANNELS
@@ -60,7 +61,7 @@ def render_view(plans: Sequence[ExamplePlan], mesh_root: Path, memory: PassMemor
     """Render examples of one view, in the order given; `backend.activate` must have run in this process. fields: where
     the fields are that the plans ask for.
 
-    Raises ValueError for plans of different views: they could not share passes.
+    Raises ValueError for plans of different views: they could not share passes; OutputError where memory runs out.
     """
     if len(views := {plan.view for plan in plans}) != 1:
         raise ValueError(f"expected plans of one view, got {sorted(views)}")
@@ -69,7 +70,8 @@ def render_view(plans: Sequence[ExamplePlan], mesh_root: Path, memory: PassMemor
     for plan in plans:
         shared.spent.clear()
         shared.recalled.clear()
-        shared.run(plan)
+        with memory_told(plan.key):
+            shared.run(plan)
         layers = _layers(shared, plan)
         evidence = _evidence(shared, plan)
         yield Rendered(plan=plan, layers=layers, evidence=evidence, record=_record(shared, plan, evidence),

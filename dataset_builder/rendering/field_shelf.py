@@ -26,6 +26,9 @@ class FieldTask:
     object: ObjectPlan
     field: FieldPlan
 
+    def __str__(self) -> str:
+        return f"{self.field.kind} field of {self.object.name}"
+
 
 @dataclass(frozen=True, kw_only=True)
 class FieldProgress:

@@ -1,13 +1,11 @@
 """What a build would run again, as a table and as one line."""
 
-from collections.abc import Iterable
-
 from rich.markup import escape
 from rich.table import Table
 
 from dataset_builder.byte_store import GB
 from dataset_builder.engine.against import Against
-from dataset_builder.engine.unit import Outcome
+from dataset_builder.engine.outcomes import Tally
 from dataset_builder.rendering.pass_inputs import RUNS
 
 
@@ -23,11 +21,8 @@ def against_table(found: Against) -> Table:
     return table
 
 
-def runs_line(outcomes: Iterable[Outcome], kept: int) -> str:
+def runs_line(tally: Tally, kept: int) -> str:
     """How many passes a build ran, how many it had the results of, and the bytes that it keeps of all."""
-    ran = recalled = 0
-    for outcome in outcomes:
-        ran += sum(name in RUNS for name in outcome.seconds)
-        recalled += len(outcome.recalled)
+    ran = sum(count for name, count in tally.runs.items() if name in RUNS)
     size = f"{kept / GB:.2f} GB of results are kept (--cache-size)" if kept else "no results are kept"
-    return f"passes: {ran} ran, {recalled} were known from an earlier build; {size}"
+    return f"passes: {ran} ran, {tally.recalled} were known from an earlier build; {size}"

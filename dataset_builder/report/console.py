@@ -1,6 +1,5 @@
 """What the terminal shows: tables, and hard cases as they are done."""
 
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -8,11 +7,12 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from dataset_builder.engine.outcomes import Tally
 from dataset_builder.engine.rejected_pixels import pixels_of
-from dataset_builder.engine.unit import Outcome
 from dataset_builder.errors import printable
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.planning.cost import CostEstimate
+from dataset_builder.planning.fleet import GB, Fleet, bill
 from dataset_builder.report.doctor import Finding
 from dataset_builder.shards.manifest import Manifest, Rejected
 from dataset_builder.studies.stress.case import CaseResult
@@ -39,8 +39,9 @@ def finding_table(findings: Sequence[Finding]) -> Table:
     return table
 
 
-def estimate_table(estimate: CostEstimate, cores: int) -> Table:
-    """The cost of a dataset, with its standard error where it was extrapolated."""
+def estimate_table(estimate: CostEstimate, fleet: Fleet) -> Table:
+    """The cost of a dataset on a fleet, with its standard error where it was extrapolated, and what is paid where it is
+    known."""
     table = Table("what", "planned", title=f"{estimate.examples} examples in {estimate.views} views, "
                                            f"{estimate.planned} of them planned in full", title_justify="left")
     if failed := estimate.tried - estimate.planned:
@@ -60,9 +61,15 @@ def estimate_table(estimate: CostEstimate, cores: int) -> Table:
     total, error = estimate.total, estimate.error
     for label in ("passes", "pixels", "paths"):
         table.add_row(label, f"{getattr(total, label):,.4g}{_plus_minus(getattr(error, label))}")
-    spread = f" ± {duration(error.seconds)}" if error.seconds else ""
-    table.add_row(f"time on {cores} cores", f"{duration(total.seconds)}{spread}")
+    paid = bill(estimate, fleet)
+    spread = f" ± {duration(paid.error)}" if paid.error else ""
+    pace = f" of speed {fleet.speed:g}" if fleet.speed != 1 else ""
+    table.add_row(f"time on {fleet.workers:,} workers{pace}", f"{duration(paid.seconds)}{spread}")
     table.add_row("size", f"{total.bytes / MIB:,.1f} MiB{_plus_minus(error.bytes / MIB, ' MiB')}")
+    if fleet.price:
+        table.add_row("price", f"{paid.money:,.2f} for {paid.worker_hours:,.1f} worker-hours")
+    if fleet.egress:
+        table.add_row("egress", f"{paid.egress:,.2f} for {total.bytes / GB:,.1f} GB")
     return table
 
 
@@ -96,7 +103,7 @@ def decisions_table(plan: ExamplePlan) -> Table:
     return table
 
 
-def build_table(manifest: Manifest, outcomes: Sequence[Outcome], seconds: float) -> Table:
+def build_table(manifest: Manifest, tally: Tally, seconds: float) -> Table:
     """What a build made, and what its time went into."""
     table = Table("split", "examples", "shards", title=manifest.name, title_justify="left")
     for split in manifest.splits:
@@ -105,19 +112,10 @@ def build_table(manifest: Manifest, outcomes: Sequence[Outcome], seconds: float)
         table.add_row("rejected", f"{manifest.totals.rejected}", "", style="red")
     table.add_row("all", f"{manifest.totals.examples}", f"{manifest.totals.shards}", end_section=True)
     table.add_row("size", f"{manifest.totals.bytes / MIB:.1f} MiB", "")
-    paths = sum(outcome.paths for outcome in outcomes)
-    table.add_row("time", duration(seconds), f"{paths / max(seconds, 1e-9) / 1e6:.2f} M paths/s")
-    for name, spent in pass_seconds(outcomes).most_common():
+    table.add_row("time", duration(seconds), f"{tally.paths / max(seconds, 1e-9) / 1e6:.2f} M paths/s")
+    for name, spent in tally.seconds.most_common():
         table.add_row(f"  {name}", f"{spent:.1f} s", "")
     return table
-
-
-def pass_seconds(outcomes: Iterable[Outcome]) -> Counter[str]:
-    """Seconds per pass over all outcomes, summed over processes."""
-    total: Counter[str] = Counter()
-    for outcome in outcomes:
-        total.update(outcome.seconds)
-    return total
 
 
 def duration(seconds: float) -> str:

@@ -49,7 +49,7 @@ def _composition(manifest: Manifest) -> str:
 
 {manifest.totals.examples} examples of {manifest.width}x{manifest.height} pixels in {manifest.totals.shards} shards,
 {manifest.totals.bytes} bytes.
-
+{_subset(manifest)}
 | split | examples | shards |
 |---|---|---|
 {_rows((split.name, split.examples, len(split.shards)) for split in manifest.splits)}
@@ -71,6 +71,17 @@ Colours are linear, scene-referred Rec.709: no tone mapping, no gamma, no clippi
 
 def _shared(manifest: Manifest) -> str:
     return f"{STORED_ONCE}\n" if manifest.shared == "once" else ""
+
+
+def _subset(manifest: Manifest) -> str:
+    """Which dataset the examples were chosen from; empty where from none."""
+    if not (one := manifest.subset):
+        return ""
+    return f"""
+This is a subset of {_plain(one.name)} {_plain(one.version)}, which has {one.examples} examples (SHA-256 of its
+`dataset.json`: `{one.sha256}`). What was asked for: {_plain(one.choice)}. Keys and labels are as they are there, so
+labels and previews also tell of layers that were left out, and figures over many examples are of all of its own.
+"""
 
 
 def _generation(manifest: Manifest) -> str:

@@ -46,6 +46,7 @@ def croissant(manifest: Manifest) -> str:
         "keywords": ["synthetic", "lighting transfer", "rendering", "openexr", "webdataset"], "isLiveDataset": False,
         "rai:dataCollection": _collected(manifest),
         "prov:wasGeneratedBy": f"{manifest.generator}, spec {manifest.spec_digest}",
+        **_derived(manifest),
         "distribution": [*map(_shard, manifest.shards), _file_set(manifest, LABEL, "json", "application/json"),
                          *(_file_set(manifest, layer.name, f"{layer.name}.exr", "image/x-exr")
                            for layer in manifest.layers)],
@@ -57,6 +58,11 @@ def croissant(manifest: Manifest) -> str:
 def _description(manifest: Manifest) -> str:
     text = manifest.description or manifest.title
     return f"{text} {STORED_ONCE}" if manifest.shared == "once" else text
+
+
+def _derived(manifest: Manifest) -> dict[str, str]:
+    one = manifest.subset
+    return {"prov:wasDerivedFrom": f"{one.name} {one.version}, dataset.json {one.sha256}: {one.choice}"} if one else {}
 
 
 def _collected(manifest: Manifest) -> str:

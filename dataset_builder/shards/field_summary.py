@@ -8,10 +8,10 @@ from dataset_builder.label.field_record import FieldRecord
 from dataset_builder.shards.example import LABEL
 from dataset_builder.shards.folder import next_of
 from dataset_builder.shards.label_text import parse_label
-from dataset_builder.shards.manifest import FieldSummary, Gives
-from dataset_builder.shards.shard_index import ShardIndex
-from dataset_builder.shards.structure import read_member
-from dataset_builder.shards.writer import shard_path
+from dataset_builder.shards.manifest import FieldSummary, Gives, from_json
+from dataset_builder.shards.shard_index import ShardIndex, ShardRecord
+from dataset_builder.shards.structure import read_member, read_small
+from dataset_builder.shards.writer import index_path, shard_path
 
 
 def fields_of(label: ExampleLabel) -> Iterator[tuple[tuple[Gives, ...], bool, FieldRecord]]:
@@ -43,16 +43,17 @@ def _summary(split: str, kind: str, gives: tuple[Gives, ...], captures: bool,
         "opacity_iou": min((record.opacity_iou for record in measured), default=0.0)})
 
 
-def labels_of(folder: Path, indexes: Iterable[ShardIndex], keys: Iterable[str]) -> Iterator[ExampleLabel]:
+def labels_of(folder: Path, shards: Iterable[ShardRecord], keys: Iterable[str]) -> Iterator[ExampleLabel]:
     """Labels of some examples of published shards, those that wait for the next set among them, in order of the shards.
+    One index is read after the other, and none where no labels are asked for.
 
     Raises ShardError where one cannot be read.
     """
     wanted = set(keys)
-    for index in indexes:
-        chosen = [example for example in index.examples if example.key in wanted]
-        path = shard_path(next_of(folder), index.shard.stem)
-        path = path if path.is_file() else shard_path(folder, index.shard.stem)
-        for example in chosen:
+    for shard in shards if wanted else ():
+        there = next_of(folder) if shard_path(next_of(folder), shard.stem).is_file() else folder
+        path, place = shard_path(there, shard.stem), index_path(there, shard.stem)
+        index = from_json(ShardIndex, read_small(place), where=place.name)
+        for example in (example for example in index.examples if example.key in wanted):
             member = next(each for each in example.members if each.suffix == LABEL)
             yield parse_label(read_member(path, member), where=path.name, name=member.name)

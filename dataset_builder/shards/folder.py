@@ -16,11 +16,11 @@ from pydantic import Field, ValidationError
 from dataset_builder.digest import canonical_json, read_regular
 from dataset_builder.errors import OutputError, Problem
 from dataset_builder.files import flush_folder, output_errors, partial_of, write_atomic
-from dataset_builder.lock import locked
+from dataset_builder.lease import held, require
 from dataset_builder.spec.model import Model
 
 WORK = ".build"
-CLAIM, LOCK, STAGING, NEXT = "claim.json", "lock", "staging", "next"
+CLAIM, LEASE, STAGING, NEXT = "claim.json", "lease", "staging", "next"
 SHARDS, INDEX, PREVIEWS = "shards", "index", "previews"
 MANIFEST, CARD, CROISSANT, SUMS = "dataset.json", "README.md", "croissant.json", "SHA256SUMS"
 SECONDS = "seconds.csv"
@@ -109,18 +109,31 @@ def require_ours(folder: Path, wanted: Claim, *, replace: bool = False) -> Claim
 
 @contextmanager
 def build_lock(folder: Path, wanted: Claim, *, replace: bool = False) -> Iterator[None]:
-    """Claim `folder` for a dataset and keep every other build out of it meanwhile; the lock file is gone afterwards.
+    """Claim `folder` for a dataset and keep every other build out of it meanwhile, on whatever machine it runs.
 
     Raises OutputError as `require_ours` does, and, naming the process, where another build is at work in it.
     """
     require_ours(folder, wanted, replace=replace)
+    with one_writer(folder):
+        # Again, since another build may have been at work
+        write_claim(folder, require_ours(folder, wanted, replace=replace))
+        yield
+
+
+@contextmanager
+def one_writer(folder: Path, work: str = "build") -> Iterator[None]:
+    """Keep every other build or repair out of `folder` meanwhile. Raises OutputError where one is at work in it."""
     with output_errors(folder):
         (folder / WORK).mkdir(parents=True, exist_ok=True)
-    with locked(folder / WORK / LOCK, folder=folder, work="build"):
+    with held(folder / WORK / LEASE, folder=folder, work=work):
         finish_swap(folder)
-        # Again, since another build may have been at work
-        _write_claim(folder, require_ours(folder, wanted, replace=replace))
         yield
+
+
+def still_writer(folder: Path) -> None:
+    """Make sure, before something takes its place for others to see, that no other writer took over meanwhile. Raises
+    OutputError where one did, since this process stood still."""
+    require(folder / WORK / LEASE)
 
 
 def swap(folder: Path) -> None:
@@ -133,7 +146,8 @@ def swap(folder: Path) -> None:
     if claim is None or coming is None:
         raise _refused(folder, f"expected {WORK}/{CLAIM} and a new {MANIFEST}, found none", "run the build again")
     both = tuple(sorted({*claim.files, *coming.files}))
-    _write_claim(folder, claim.model_copy(update={"files": both, "publishing": True}))
+    still_writer(folder)
+    write_claim(folder, claim.model_copy(update={"files": both, "publishing": True}))
     finish_swap(folder)
 
 
@@ -148,11 +162,12 @@ def finish_swap(folder: Path) -> None:
         with output_errors(folder):
             members = [name for name in kept.files if "/" in name]
             for names in (members, [MANIFEST], [CARD, CROISSANT, SUMS, SECONDS]):
+                still_writer(folder)
                 _move(source, folder, names)
             for name in sorted({*claim.files} - {*kept.files}):
                 (folder / name).unlink(missing_ok=True)
         claim = claim.model_copy(update={"files": kept.files})
-    _write_claim(folder, claim.model_copy(update={"publishing": False}))
+    write_claim(folder, claim.model_copy(update={"publishing": False}))
     shutil.rmtree(source, ignore_errors=True)
 
 
@@ -183,12 +198,13 @@ def _strange(folder: Path, ours: set[str], *, known: bool) -> Iterator[str]:
     """What in a folder is not of this builder, relative, folders with a slash. A link is never a folder."""
     sheet, claim = Path(SHEET), Path(CLAIM)
     fine = {*ours, SECONDS, SHEET, partial_of(sheet).as_posix()} if known else set()
-    begun = {LOCK, CLAIM, partial_of(claim).name}
+    begun = {"lock", LEASE, CLAIM, partial_of(claim).name}
     for path in sorted(folder.iterdir()):
         name = _entry(path, folder)
         if name == f"{WORK}/":
             nested = path / NEXT
             entries = [*path.iterdir(), *(nested.iterdir() if nested.is_dir() else ())]
+            # An earlier version had a file that it locked
             yield from sorted(_entry(entry, folder) for entry in entries
                               if entry.is_symlink() or not (known or entry.name in begun))
         elif known and name in (f"{SHARDS}/", f"{INDEX}/", f"{PREVIEWS}/"):
@@ -220,7 +236,7 @@ def _read(model: type[M], path: Path) -> M | None:
         return None
 
 
-def _write_claim(folder: Path, claim: Claim) -> None:
+def write_claim(folder: Path, claim: Claim) -> None:
     write_atomic(folder / WORK / CLAIM, canonical_json(claim.model_dump(mode="json")))
 
 

@@ -1,9 +1,9 @@
 """The manifest, `dataset.json`: what a dataset holds; it does not contain the time of the build."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Literal, TypeVar
+from typing import Any, Literal, TypeVar
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, ValidationError, model_serializer, model_validator
 
 from dataset_builder.digest import canonical_json
 from dataset_builder.errors import Problem, ShardError
@@ -14,6 +14,7 @@ from dataset_builder.shards import exr
 from dataset_builder.shards.folder import FORMAT
 from dataset_builder.shards.identities import identity_table
 from dataset_builder.shards.shard_index import Count, ShardIndex, ShardRecord
+from dataset_builder.shards.subset_record import SubsetRecord
 from dataset_builder.spec.dataset import DatasetSpec, LayerName
 from dataset_builder.spec.model import Model
 from dataset_builder.spec.problems import LONGEST_VALUE
@@ -134,6 +135,15 @@ class Manifest(Model):
     rejected: tuple[Rejected, ...]
     parts: tuple[ObjectSource, ...] = ()
     fields: tuple[FieldSummary, ...] = ()
+    subset: SubsetRecord | None = None
+    """Of a dataset whose examples were chosen from those of another; left out of the file of any other."""
+
+    @model_serializer(mode="wrap")
+    def _without_nothing(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        content: dict[str, Any] = plain(self)
+        if self.subset is None:
+            del content["subset"]
+        return content
 
     @property
     def through_fields(self) -> bool:
@@ -174,13 +184,18 @@ def make_manifest(spec: DatasetSpec, *, layers: Mapping[str, Extent], shards: Se
         width=spec.image.width, height=spec.image.height,
         layers=tuple(layer_record(name, layers[name], spec.storage.dtype) for name in LAYERS if name in layers),
         denoised=tuple(denoised), shared=spec.storage.shared,
-        identities=tuple(IdentityRecord(name=name, rule=rule, tolerance=tolerance)
-                         for name, rule, tolerance in identity_table(spec.storage.dtype, seen)),
+        identities=identity_records(spec.storage.dtype, seen),
         splits=tuple(SplitRecord(name=split.name, examples=0, shards=()) for split in spec.splits), shards=(),
         totals=Totals(examples=0, shards=0, bytes=0, rejected=len(refused)), rejected=refused,
         parts=tuple(parts), fields=fields,
     )
     return with_shards(empty, [index.shard for index in shards])
+
+
+def identity_records(dtype: exr.DType, through_fields: bool) -> tuple[IdentityRecord, ...]:
+    """The rules of layers stored as `dtype`; see `identity_table`."""
+    return tuple(IdentityRecord(name=name, rule=rule, tolerance=tolerance)
+                 for name, rule, tolerance in identity_table(dtype, through_fields))
 
 
 def with_shards(manifest: Manifest, shards: Sequence[ShardRecord]) -> Manifest:

@@ -1,16 +1,18 @@
 """From shards to a dataset: card, Croissant, checksums and `dataset.json` are written, and all goes to its place."""
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 from dataset_builder.digest import sha256_bytes, sha256_file
 from dataset_builder.errors import Problem, ShardError
 from dataset_builder.files import output_errors, write_atomic
+from dataset_builder.label.example_label import Denoised
 from dataset_builder.shards.card import card
 from dataset_builder.shards.croissant import croissant
 from dataset_builder.shards.folder import CARD, CROISSANT, INDEX, MANIFEST, SUMS, files_of, next_of, read_claim, swap
-from dataset_builder.shards.manifest import Manifest, from_json, to_json
+from dataset_builder.shards.manifest import Manifest, Rejected, from_json, to_json
 from dataset_builder.shards.shard_index import ShardIndex, tagged
 from dataset_builder.shards.structure import read_small, tar_problems
 from dataset_builder.shards.writer import index_path, shard_path
@@ -18,18 +20,32 @@ from dataset_builder.shards.writer import index_path, shard_path
 _SUM = re.compile(r"([0-9a-f]{64})  (\S.*)")
 
 
-def publish_dataset(folder: Path, manifest: Manifest) -> None:
+@dataclass(frozen=True, kw_only=True)
+class Again:
+    """A dataset that is built again because some of it is damaged, and what is known of it."""
+
+    sha256: str
+    """Of its `dataset.json`."""
+    rejected: tuple[Rejected, ...] = ()
+    denoised: tuple[Denoised, ...] = ()
+
+
+def publish_dataset(folder: Path, manifest: Manifest, again: Again | None = None) -> None:
     """Write everything but the shards, and let the whole set take the place of the old one (`folder.swap`).
 
-    Raises ShardError where a shard that the manifest lists is not whole, OutputError where the disk refuses.
+    again: what must come out, where that is known. Raises ShardError where it does not, and where a shard that the
+    manifest lists is not whole, OutputError where the disk refuses.
     """
+    if again and (got := sha256_bytes(to_json(manifest))) != again.sha256:
+        rule = f"expected the one with SHA-256 {again.sha256} again, got another, with {got}"
+        raise ShardError([Problem(where=str(folder), path=MANIFEST, rule=rule)])
     roots = _roots(folder, manifest)
     texts = {CARD: card(manifest).encode(), CROISSANT: croissant(manifest).encode(), MANIFEST: to_json(manifest)}
     known = {shard_path(Path(), shard.stem).as_posix(): shard.sha256 for shard in manifest.shards}
     known |= {index.as_posix(): sha256_file(roots[shard.stem] / index)
               for shard in manifest.shards for index in [index_path(Path(), shard.stem)]}
     known |= {name: sha256_bytes(data) for name, data in texts.items()}
-    texts[SUMS] = "".join(f"{known[name]}  {name}\n" for name in listed_files(manifest)).encode()
+    texts[SUMS] = sums_of(known, manifest)
     for name, data in texts.items():
         write_atomic(next_of(folder) / name, data)
     swap(folder)
@@ -70,6 +86,11 @@ def whole_shards(folder: Path) -> Iterator[ShardIndex]:
 def listed_files(manifest: Manifest) -> list[str]:
     """Every file of a whole dataset but SHA256SUMS, relative, sorted."""
     return [name for name in files_of(shard.name for shard in manifest.shards) if name != SUMS]
+
+
+def sums_of(known: Mapping[str, str], manifest: Manifest) -> bytes:
+    """SHA256SUMS of a dataset whose files have the `known` SHA-256."""
+    return "".join(f"{known[name]}  {name}\n" for name in listed_files(manifest)).encode()
 
 
 def sums_in(data: bytes) -> list[tuple[str, str] | None]:

@@ -1,134 +1,85 @@
-"""Whether a dataset agrees, file by file, with its manifest. Every problem is listed, not only the first."""
+"""Whether a dataset agrees, file by file, with its manifest, at one of four depths. Every problem is listed."""
 
-import json
-import os
-from collections import Counter
-from collections.abc import Iterator, Sequence
+import multiprocessing
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from itertools import islice
 from pathlib import Path
+from typing import get_args
 
-from dataset_builder.digest import open_regular, sha256_file
-from dataset_builder.errors import Problem, ShardError
-from dataset_builder.shards.croissant import split_rows
-from dataset_builder.shards.folder import CROISSANT, MANIFEST, PREVIEWS, SECONDS, SUMS, WORK, left_over, placed
-from dataset_builder.shards.identities import identity_table
-from dataset_builder.shards.manifest import Manifest, from_json
-from dataset_builder.shards.publish import listed_files, sums_in
+from dataset_builder.errors import OutputError, Problem, ShardError, UserError
+from dataset_builder.processes import follow_the_parent
+from dataset_builder.shards.folder import CARD, CROISSANT, MANIFEST, SUMS, placed
+from dataset_builder.shards.manifest import Manifest
 from dataset_builder.shards.reader import load_manifest
-from dataset_builder.shards.shard_index import ShardIndex, ShardRecord
-from dataset_builder.shards.structure import MOST_BYTES, read_small, tar_problems
-from dataset_builder.shards.verify_examples import ExampleChecks
+from dataset_builder.shards.shard_index import ShardRecord
+from dataset_builder.shards.verify_files import (
+    croissant_problems,
+    file_problems,
+    hash_of,
+    manifest_problems,
+    sum_problems,
+)
+from dataset_builder.shards.verify_shard import AcrossShards, Depth, Known, Look, ShardFacts
 from dataset_builder.shards.writer import index_path, shard_path
 
-IGNORED = (WORK, PREVIEWS, SECONDS)
-"""Folders that hold nothing a reader relies on."""
+NOT_LOOKED_AT: Mapping[Depth, str] = {
+    "size": f"the bytes of all files but {MANIFEST}: a flipped bit, or another file of the same size",
+    "shard": "whether indexes fit their shards, and what is in them: a file that was written wrong and then summed",
+    "member": "pixels and labels: values out of range, layers that contradict each other, files that do not decode",
+    "pixels": "",
+}
+"""What each depth leaves out; in the order of depth, each looks at all that the one before does."""
+AHEAD = 2
+"""Shards handed out per process before facts come back."""
+
+Told = Callable[[int, int], None]
+"""Is called with bytes of shards that were looked at, and of all that will be."""
 
 
-def verify(folder: Path) -> list[Problem]:
-    """Everything wrong with the dataset in `folder`; empty where nothing is.
+def verify(folder: Path, *, depth: Depth = "pixels", splits: Sequence[str] = (), workers: int = 1,
+           known: Known | None = None, told: Told = lambda done, of: None) -> list[Problem]:
+    """Everything wrong with the dataset in `folder`; empty where nothing is. The same in the same order for any number
+    of `workers`, the processes that look.
 
-    Checked: the manifest's schema and sums; missing, extra and duplicate files and keys; SHA256SUMS; size, SHA-256 and
-    tar structure of every shard against its index; and of every example: names, decoding, ranges, pixel digests, label,
-    and the identities of `identities.py`.
+    Checked at depth `size`: the manifest's schema, sums and SHA-256; missing and extra files, and sizes of shards.
+    `shard`: the SHA-256 of every file, and the catalogue. `member`: indexes, keys, views, and every byte of a shard
+    against its index. `pixels`: of every example names, decoding, ranges, pixel digests, label, and the identities of
+    `identities.py`. splits: those whose shards are looked at, all where empty. known: facts of an interrupted run,
+    taken for shards whose bytes are still the same. Raises UserError where there is no such depth or split, and
+    OutputError where a process dies.
     """
+    if depth not in get_args(Depth):
+        raise UserError(f"depth: expected one of {', '.join(get_args(Depth))}, got {depth!r}")
     try:
         manifest = load_manifest(folder)
     except ShardError as error:
         return list(error.problems)
-    hashes = _Hashes(folder, manifest)
-    problems = [*_manifest(manifest), *_files(folder, manifest), *_sums(folder, manifest, hashes),
-                *_croissant(folder, manifest)]
-    checks = ExampleChecks(manifest)
-    for shard, times in _different(manifest.shards):
-        problems += _shard(folder, shard, times, hashes, checks)
-    return [*problems, *checks.summary()]
+    shards = list(_different(_chosen(manifest, splits)))
+    hashes: dict[str, str | None] = {}
+    agreement, problems, done = AcrossShards(manifest), list[Problem](), 0
+    numbers = {shard.name: number for number, shard in reversed(list(enumerate(manifest.shards)))}
+    look, of = Look(folder=folder, manifest=manifest, depth=depth, known=known), sum(shard.bytes for shard, _ in shards)
+    told(0, of)
+    for (shard, times), facts in zip(shards, _facts(look, [shard for shard, _ in shards], workers), strict=True):
+        hashes |= {name: sha256 for name, sha256 in zip(_names(shard), (facts.tar, facts.index), strict=True) if sha256}
+        problems += [*facts.problems, *agreement.add(numbers[shard.name], facts, times)]
+        told(done := done + shard.bytes, of)
+    looked_at = {MANIFEST, CARD, CROISSANT, SUMS, *(name for shard, _ in shards for name in _names(shard))}
+    small = (MANIFEST,) if depth == "size" else (MANIFEST, CARD, CROISSANT)
+    hashes |= {name: hash_of(placed(folder, name)) for name in small}
+    return [*manifest_problems(manifest), *file_problems(folder, manifest, looked_at),
+            *sum_problems(folder, manifest, hashes),
+            *(croissant_problems(folder, manifest) if depth != "size" else ()), *problems, *agreement.summary()]
 
 
-class _Hashes:
-    """SHA-256 of a dataset's files, each read once; None for those that are not there or larger than may be."""
-
-    def __init__(self, folder: Path, manifest: Manifest):
-        self._folder = folder
-        self._most = {shard_path(Path(), shard.stem).as_posix(): shard.bytes for shard in manifest.shards}
-        self._known: dict[str, str | None] = {}
-
-    def __getitem__(self, name: str) -> str | None:
-        if name not in self._known:
-            path = placed(self._folder, name)
-            try:
-                self._known[name] = sha256_file(path, most=self._most.get(name, MOST_BYTES))
-            except OSError:
-                self._known[name] = None
-        return self._known[name]
-
-
-def _manifest(manifest: Manifest) -> Iterator[Problem]:
-    shards, totals = manifest.shards, manifest.totals
-    for split in manifest.splits:
-        own = [shard for shard in shards if shard.split == split.name]
-        listed = tuple(shard.name for shard in own), sum(shard.examples for shard in own)
-        if listed != (split.shards, split.examples):
-            yield _problem(MANIFEST, f"splits.{split.name}", "expected the shards and examples of the shard list")
-    examples, size = sum(shard.examples for shard in shards), sum(shard.bytes for shard in shards)
-    sums = (examples, len(shards), size, len(manifest.rejected))
-    if sums != (totals.examples, totals.shards, totals.bytes, totals.rejected):
-        yield _problem(MANIFEST, "totals", f"expected (examples, shards, bytes, rejected) {sums}, got {totals}")
-    for what, values in (("name", [shard.name for shard in shards]), ("content", [shard.sha256 for shard in shards])):
-        for value, count in Counter(values).items():
-            if count > 1:
-                yield _problem(MANIFEST, "shards", f"expected different shards, got {count} of {what} {value}")
-    table = identity_table(manifest.layers[0].dtype, manifest.through_fields)
-    if tuple((identity.name, identity.rule, identity.tolerance) for identity in manifest.identities) != table:
-        yield _problem(MANIFEST, "identities", f"expected those of layers stored as {manifest.layers[0].dtype}")
-    if unknown := {shard.split for shard in shards} - {split.name for split in manifest.splits}:
-        yield _problem(MANIFEST, "shards", f"expected known splits, got {', '.join(sorted(unknown))}")
-
-
-def _files(folder: Path, manifest: Manifest) -> Iterator[Problem]:
-    expected = {*listed_files(manifest), SUMS}
-    found = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if not path.is_dir()}
-    for name in sorted(expected):
-        try:
-            open_regular(placed(folder, name), most=None if name.endswith(".tar") else MOST_BYTES).close()
-        except FileNotFoundError:
-            yield _problem(name, "", "expected a file, found none")
-        except OSError as error:
-            yield _problem(name, "", f"expected a file that can be read, got: {error.strerror or error}")
-    for name in sorted(found - expected - left_over(folder)):
-        if name.split("/")[0] not in IGNORED:
-            yield _problem(name, "", f"expected only files that {MANIFEST} accounts for")
-
-
-def _sums(folder: Path, manifest: Manifest, hashes: _Hashes) -> Iterator[Problem]:
-    try:
-        lines = sums_in(read_small(placed(folder, SUMS)))
-    except ShardError:
-        return
-    files = listed_files(manifest)
-    for number, line in enumerate(lines, start=1):
-        if line is None:
-            yield _problem(f"{SUMS}:{number}", "", "expected a SHA-256, two spaces and a file name")
-        elif line[0] in files and hashes[line[0]] not in (None, line[1]):
-            yield _problem(line[0], "", f"expected SHA-256 {line[1]} ({SUMS}), got {hashes[line[0]]}")
-    if sorted(line[0] for line in lines if line) != files:
-        yield _problem(SUMS, "", "expected every file of the dataset once, and no other")
-
-
-def _croissant(folder: Path, manifest: Manifest) -> Iterator[Problem]:
-    try:
-        data = read_small(placed(folder, CROISSANT))
-    except ShardError:
-        return
-    try:
-        document = json.loads(data)
-        listed = {item["@id"]: item["sha256"] for item in document["distribution"] if item["@type"] == "cr:FileObject"}
-        splits = [records["data"] for records in document["recordSet"] if records.get("dataType") == "cr:Split"]
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-        yield _problem(CROISSANT, "", f"expected Croissant's JSON ({error!r})")
-        return
-    if listed != {shard.name: shard.sha256 for shard in manifest.shards}:
-        yield _problem(CROISSANT, "distribution", f"expected the shards and SHA-256 of {MANIFEST}")
-    if splits != [split_rows(manifest)]:
-        yield _problem(CROISSANT, "recordSet", f"expected the splits of {MANIFEST}, and how many examples each has")
+def _chosen(manifest: Manifest, splits: Sequence[str]) -> Sequence[ShardRecord]:
+    names = [split.name for split in manifest.splits]
+    if unknown := sorted(set(splits) - set(names)):
+        raise UserError(f"split: expected some of {', '.join(names)}, got {', '.join(unknown)}")
+    return [shard for shard in manifest.shards if not splits or shard.split in splits]
 
 
 def _different(shards: Sequence[ShardRecord]) -> Iterator[tuple[ShardRecord, int]]:
@@ -138,38 +89,41 @@ def _different(shards: Sequence[ShardRecord]) -> Iterator[tuple[ShardRecord, int
     return ((first[name], count) for name, count in times.items())
 
 
-def _shard(folder: Path, shard: ShardRecord, times: int, hashes: _Hashes, checks: ExampleChecks) -> Iterator[Problem]:
-    tar, index_file = shard_path(folder, shard.stem), index_path(folder, shard.stem)
-    if tar.is_file():
-        if (size := tar.stat().st_size) != shard.bytes:
-            yield _problem(shard.name, "", f"expected {shard.bytes} bytes, got {size}")
-        if (sha256 := hashes[tar.relative_to(folder).as_posix()]) not in (None, shard.sha256):
-            yield _problem(shard.name, "", f"expected SHA-256 {shard.sha256}, got {sha256}")
-    if not index_file.is_file():
+def _names(shard: ShardRecord) -> tuple[str, str]:
+    return shard_path(Path(), shard.stem).as_posix(), index_path(Path(), shard.stem).as_posix()
+
+
+_look: Look | None = None
+"""How a process looks at shards."""
+
+
+def _begin(look: Look) -> None:
+    """The start of a process."""
+    global _look
+    _look = look
+    follow_the_parent()
+
+
+def _in_process(shard: ShardRecord) -> ShardFacts:
+    assert _look is not None
+    return _look.facts(shard)
+
+
+def _facts(look: Look, shards: Sequence[ShardRecord], workers: int) -> Iterator[ShardFacts]:
+    """Facts of shards in their order, found by so many processes; one is this process."""
+    if min(workers, len(shards)) <= 1:
+        yield from map(look.facts, shards)
         return
-    try:
-        index = from_json(ShardIndex, read_small(index_file), where=index_file.name)
-    except ShardError as error:
-        yield from error.problems
-        return
-    yield from _index(index_file.name, index, shard)
-    if tar.is_file() and os.access(tar, os.R_OK):
-        yield from tar_problems(tar, index)
-        yield from checks.shard(tar, index, times)
-
-
-def _index(name: str, index: ShardIndex, shard: ShardRecord) -> Iterator[Problem]:
-    keys = [example.key for example in index.examples]
-    if index.shard != shard:
-        yield _problem(name, "shard", f"expected what {MANIFEST} says of {shard.name}")
-    if len(keys) != shard.examples:
-        yield _problem(name, "examples", f"expected {shard.examples}, got {len(keys)}")
-    if keys != sorted(set(keys)):
-        yield _problem(name, "examples", "expected keys in order, each once")
-    ends = f"{shard.first_key} to {shard.last_key}"
-    if keys and ends != (got := f"{keys[0]} to {keys[-1]}"):
-        yield _problem(name, "examples", f"expected keys {ends}, got {got}")
-
-
-def _problem(where: str, path: str, rule: str) -> Problem:
-    return Problem(where=where, path=path, rule=rule)
+    context, left = multiprocessing.get_context("spawn"), iter(shards)
+    with ProcessPoolExecutor(min(workers, len(shards)), context, initializer=_begin, initargs=(look,)) as pool:
+        try:
+            waiting: deque[Future[ShardFacts]] = deque(pool.submit(_in_process, shard)
+                                                       for shard in islice(left, workers * AHEAD))
+            while waiting:
+                facts = waiting.popleft().result()
+                waiting += [pool.submit(_in_process, shard) for shard in islice(left, 1)]
+                yield facts
+        except BrokenProcessPool as error:
+            raise OutputError("a process died, possibly out of memory: run it again with fewer --workers") from error
+        finally:
+            pool.shutdown(cancel_futures=True)

@@ -1,6 +1,5 @@
 """Verification of examples: names, decoding, digests, labels, identities, and agreement with each other."""
 
-from collections import Counter
 from collections.abc import Generator, Iterator, Mapping, Set
 from pathlib import Path
 
@@ -30,37 +29,31 @@ MOST_SHOWN = 1000
 
 
 class ExampleChecks:
-    """Checks examples one after the other and remembers what must agree between them."""
+    """Checks the examples of one shard, one after the other, and remembers what must agree with other shards."""
 
-    def __init__(self, manifest: Manifest):
-        self._manifest = manifest
+    def __init__(self, manifest: Manifest, tar: Path, index: ShardIndex):
+        self._manifest, self._tar, self._index = manifest, tar, index
         self._layers = {layer.name: layer for layer in manifest.layers}
         self._tolerances = {name: tolerance for name, _, tolerance in identity_table(manifest.layers[0].dtype, True)}
         self._extents = {layer.name: layer.extent for layer in manifest.layers}
         self._most_side = exr.most_side(manifest.width, manifest.height)
-        self._keys: Counter[str] = Counter()
-        self._views: dict[str, tuple[str, dict[str, str]]] = {}
-        self._structure: tuple[str, dict[str, str]] | None = None
+        self.views: dict[str, tuple[str, dict[str, str]]] = {}
+        """Of every view its first example, and pixel digests of that one's layers by name."""
+        self.label: tuple[str, dict[str, str]] | None = None
+        """Key of the first example whose label can be read, and the structure of that label."""
 
-    def shard(self, tar: Path, index: ShardIndex, times: int) -> Iterator[Problem]:
-        """Problems of every example of a shard that the manifest lists `times` times. Members whose place or bytes are
-        not those of the index are not looked into: `structure.tar_problems` reports them."""
-        skipped = misplaced(index)
-        for example in index.examples:
-            self._keys[example.key] += times
-            yield from self._names(tar, example)
-            yield from self._view(tar, example)
-            yield from self._content(tar, example, index.shard.split, skipped)
+    def listed(self) -> Iterator[Problem]:
+        """What is wrong with examples as the index lists them: names of members, views that do not share layers."""
+        for example in self._index.examples:
+            yield from self._names(self._tar, example)
+            yield from self._view(self._tar, example)
 
-    def summary(self) -> Iterator[Problem]:
-        """Problems that only all examples together have: keys used twice, rejected examples that are shipped."""
-        for key, count in self._keys.items():
-            if count > 1:
-                yield Problem(where="dataset.json", path=key, rule=f"expected each key once, got {count} examples")
-        for item in self._manifest.rejected:
-            if item.key in self._keys:
-                yield Problem(where="dataset.json", path=item.key, rule="expected it to be left out, since it failed "
-                                                                        f"{item.gate}")
+    def contents(self) -> Iterator[Problem]:
+        """What is wrong with pixels and labels. Members whose place or bytes are not those of the index are not looked
+        into: `structure.tar_problems` reports them."""
+        skipped = misplaced(self._index)
+        for example in self._index.examples:
+            yield from self._content(self._tar, example, self._index.shard.split, skipped)
 
     def _names(self, tar: Path, example: ExampleRecord) -> Iterator[Problem]:
         suffixes = sorted([*(f"{name}.exr" for name in self._layers), LABEL, PREVIEW])
@@ -77,7 +70,7 @@ class ExampleChecks:
     def _view(self, tar: Path, example: ExampleRecord) -> Iterator[Problem]:
         digests = {name: member.pixel_digest for name in self._layers
                    for member in example.members if member.suffix == f"{name}.exr"}
-        first, shared = self._views.setdefault(example.view, (example.key, digests))
+        first, shared = self.views.setdefault(example.view, (example.key, digests))
         for violation in shared_in_view(shared, digests):
             yield _violated(tar, f"{example.key} and {first}", violation)
 
@@ -118,7 +111,7 @@ class ExampleChecks:
         if encode_label(plain) != data:
             yield Problem(where=tar.name, path=name, rule="expected canonical JSON: sorted keys, floats with a point")
         found = structure(plain)
-        first, pattern = self._structure = self._structure or (example.key, found)
+        first, pattern = self.label = self.label or (example.key, found)
         for difference in differences(pattern, found):
             yield Problem(where=tar.name, path=name, rule=f"{difference}, unlike example {first}")
         label = parse_label(data, where=tar.name, name=name)
@@ -136,8 +129,8 @@ class ExampleChecks:
         if label is None:
             return
         for name, array in layers.items():
-            stated, found = label.layers.get(name), statistics(array)
-            if np.isfinite(array).all() and stated != found:
+            # What is not finite has none, and breaks its range
+            if np.isfinite(array).all() and (stated := label.layers.get(name)) != (found := statistics(array)):
                 rule = f"expected the least, largest and mean value {found}, got {stated}"
                 yield Problem(where=tar.name, path=f"{key}.{LABEL}: layers.{name}", rule=rule)
 

@@ -1,9 +1,9 @@
 """Staged examples to shards of the next set: assemble, flush, hash, read back, rename, then the index the same way."""
 
 import importlib.metadata
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from dataset_builder.errors import Problem, ShardError
 from dataset_builder.files import commit, output_errors, partial_of, write_atomic, write_partial
 from dataset_builder.shards import exr
 from dataset_builder.shards.example import Member
-from dataset_builder.shards.folder import INDEX, SHARDS, next_of
+from dataset_builder.shards.folder import INDEX, SHARDS, next_of, still_writer
 from dataset_builder.shards.manifest import to_json
 from dataset_builder.shards.segment import BLOCK, end_blocks, segment_size
 from dataset_builder.shards.shard_index import (
@@ -24,8 +24,15 @@ from dataset_builder.shards.shard_index import (
     ShardRecord,
     tagged,
 )
-from dataset_builder.shards.staging import Staging
+from dataset_builder.shards.staging import Staged, Staging
 from dataset_builder.shards.structure import tar_problems
+
+
+class Source(Protocol):
+    """What has staged examples, as `Staging` has."""
+
+    def get(self, key: str, digest: str, /) -> Staged:
+        """One of them. Raises ShardError where there is none, or it is damaged."""
 
 
 def writer_versions() -> dict[str, str]:
@@ -52,26 +59,41 @@ def entry(*, key: str, view: str, facts: ExampleFacts, members: Sequence[Member]
 
 
 def publish_shard(folder: Path, *, slot: str, split: str, examples: Sequence[tuple[str, str]], spec_digest: str,
-                  versions: Mapping[str, str], share: bool = False) -> ShardIndex:
+                  versions: Mapping[str, str], share: bool = False, source: Source | None = None) -> ShardIndex:
     """Make the shard in `slot` of staged `examples` ((key, digest) pairs, written in key order) and its index.
 
-    share: whether a member is left out whose pixels an earlier example of its view has; the index points there.
+    share: whether a member is left out whose pixels an earlier example of its view has; the index points there. source:
+    where the examples are staged, the folder itself unless given.
     Both wait below `.build/next` for `publish.publish_dataset`; whatever waited for the same slot is dropped. Raises
     OutputError where the disk refuses, and ShardError where an example is not staged, two share a key, or the file does
     not read back as written.
     """
-    chosen, folder_next = sorted(examples), next_of(folder)
-    path = shard_path(folder_next, slot)
+    chosen = sorted(examples)
     if not chosen or len({key for key, _ in chosen}) < len(chosen):
-        raise _wrong(path, f"expected one or more examples with different keys, got {[key for key, _ in chosen]}")
+        rule = f"expected one or more examples with different keys, got {[key for key, _ in chosen]}"
+        raise _wrong(shard_path(next_of(folder), slot), rule)
     records: list[ExampleRecord] = []
-    size, sha256 = write_partial(path, _chunks(Staging(folder), chosen, records, share))
+    return write_shard(folder, slot=slot, split=split, records=records, spec_digest=spec_digest,
+                       chunks=_chunks(source or Staging(folder), chosen, records, share),
+                       versions={**writer_versions(), **versions})
+
+
+def write_shard(folder: Path, *, slot: str, split: str, chunks: Iterable[bytes], records: Sequence[ExampleRecord],
+                spec_digest: str, versions: Mapping[str, str]) -> ShardIndex:
+    """Make the shard in `slot` of its bytes, and its index; `records`, one at least, fill while `chunks` come.
+
+    Raises as `publish_shard` does.
+    """
+    folder_next = next_of(folder)
+    path = shard_path(folder_next, slot)
+    size, sha256 = write_partial(path, chunks)
     index = tagged(ShardIndex(
         shard=ShardRecord(name=path.name, split=split, bytes=size, sha256=sha256, examples=len(records),
-                          first_key=chosen[0][0], last_key=chosen[-1][0]),
-        spec_digest=spec_digest, versions={**writer_versions(), **versions}, examples=tuple(records),
+                          first_key=records[0].key, last_key=records[-1].key),
+        spec_digest=spec_digest, versions=dict(versions), examples=tuple(records),
     ), slot)
     _check(partial_of(path), index)
+    still_writer(folder)
     with output_errors(path):
         # An index never stands without its shard
         for other in [*(folder_next / INDEX).glob(f"{slot}-*"), *(folder_next / SHARDS).glob(f"{slot}-*")]:
@@ -81,7 +103,7 @@ def publish_shard(folder: Path, *, slot: str, split: str, examples: Sequence[tup
     return index
 
 
-def _chunks(staging: Staging, examples: Sequence[tuple[str, str]], records: list[ExampleRecord],
+def _chunks(staging: Source, examples: Sequence[tuple[str, str]], records: list[ExampleRecord],
             share: bool) -> Iterator[bytes]:
     """Yield the shard's bytes, one example in memory at a time, and append each example's record to `records`."""
     end, known = 0, dict[tuple[str, str, str], MemberRecord]()

@@ -1,7 +1,10 @@
 """Running units, in this process or in several: what every engine keeps to."""
 
+import logging
 import math
 import os
+import signal
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -43,9 +46,72 @@ def test_what_goes_wrong_in_a_process_comes_back_whole(run: Run, tmp_path: Path)
     assert [problem.rule for problem in caught.value.problems] == ["expected a file, found none"]
 
 
-def test_a_process_that_dies_is_told(run: Run) -> None:
-    with pytest.raises(OutputError, match="a worker process died, possibly out of memory; finished examples"):
-        list(run(os._exit, [9], workers=2))
+class Unit:
+    """What a process is to do: end in some way as often as said, each time noted in a folder, or be done."""
+
+    def __init__(self, name: str, folder: Path, end: str = "", times: int = 0):
+        self.name, self.folder, self.end, self.times = name, folder, end, times
+
+    def __str__(self) -> str:
+        return self.name
+
+    def tries(self) -> int:
+        """How often it was begun."""
+        return len(list(self.folder.glob(f"{self.name}.*")))
+
+
+def do(unit: Unit) -> str:
+    """Note who tries, and what else runs; then end."""
+    number = unit.tries()
+    if number < unit.times:
+        (unit.folder / f"{unit.name}.{number}").touch()
+        if unit.end == "exit":
+            os._exit(9)
+        if unit.end == "hang":
+            # As a library does that waits for itself: no signal that can be caught ends it
+            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
+            time.sleep(600)
+        os.kill(os.getpid(), getattr(signal, unit.end))
+    return unit.name
+
+
+def test_a_unit_whose_process_dies_is_tried_again_and_the_others_go_on(run: Run, tmp_path: Path,
+                                                                       caplog: pytest.LogCaptureFixture) -> None:
+    fine = [Unit(f"fine {number}", tmp_path) for number in range(6)]
+    shaky = [Unit("once", tmp_path, "SIGSEGV", 1), Unit("twice", tmp_path, "SIGKILL", 2)]
+    with caplog.at_level(logging.WARNING):
+        done = list(run(do, [fine[0], *shaky, *fine[1:]], workers=2))
+    assert sorted(done) == sorted(map(str, [*fine, *shaky])) and [unit.tries() for unit in shaky] == [1, 2]
+    said = [record.getMessage() for record in caplog.records]
+    assert len(said) == 3 and any("once" in line and "segmentation fault" in line for line in said)
+
+
+def test_a_unit_that_always_dies_is_named_after_all_others_are_done(run: Run, tmp_path: Path) -> None:
+    bad = Unit("bad", tmp_path, "SIGKILL", 99)
+    results, done = run(do, [bad, *(Unit(f"fine {number}", tmp_path) for number in range(5))], workers=2), []
+    with pytest.raises(OutputError, match=r"^bad: its process was killed \(signal 9\), as the system does when memory "
+                                          r"runs out; fewer --workers, 3 times \(what was finished is kept") as caught:
+        done += [each for each in results]
+    assert len(caught.value.problems) == 1 and bad.tries() == 3
+    results = run(do, [Unit("exits", tmp_path, "exit", 99)], workers=2)
+    with pytest.raises(OutputError, match=r"exits: its process ended by itself \(exit code 9\), 3 times"):
+        list(results)
+
+
+def test_a_unit_that_hangs_is_killed_and_named(run: Run, tmp_path: Path) -> None:
+    units = [Unit("stuck", tmp_path, "hang", 99), Unit("slow once", tmp_path, "hang", 1), Unit("fine", tmp_path)]
+    done = list[str]()
+    with pytest.raises(OutputError, match=r"stuck: its process was killed since it took longer than 0 s, 3 times"):
+        for each in run(do, units, workers=2, limit=lambda unit: 0.3 if unit.end else 60.0):
+            done.append(each)
+    assert sorted(done) == ["fine", "slow once"] and units[0].tries() == 3
+
+
+def test_where_most_units_are_lost_it_is_not_the_units(run: Run, tmp_path: Path) -> None:
+    units = [Unit(f"bad {number}", tmp_path, "exit", 99) for number in range(40)]
+    with pytest.raises(OutputError, match=r"bad \d+: its process ended by itself") as caught:
+        list(run(do, units, workers=2))
+    assert len(caught.value.problems) < 20
 
 
 def test_there_is_a_core() -> None:

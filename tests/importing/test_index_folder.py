@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from dataset_builder.engine import local
 from dataset_builder.errors import OutputError, UserError
 from dataset_builder.importing import index_folder as module
 from dataset_builder.importing.index_file import IndexFile
@@ -118,19 +117,6 @@ def test_a_name_that_cannot_be_written_is_passed_over(scenes: Path, tmp_path: Pa
     found = index(scenes, tmp_path / "index")
     assert [scene.broken.partition(":")[0] for scene in found.scenes if "\n" in scene.file] == [
         "its name holds control characters or bytes that are not UTF-8"]
-
-
-def test_a_process_that_dies_is_told_of_scenes(scenes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def dying(*_: object, **__: object) -> Iterator[IndexedFile]:
-        raise OutputError("a worker process died, possibly out of memory; finished examples are kept: run the build "
-                          "again with fewer --workers")
-        yield
-
-    monkeypatch.setattr(module, "run", dying)
-    with pytest.raises(OutputError, match="scenes that were read are kept") as caught:
-        index(scenes, tmp_path / "index")
-    assert "example" not in str(caught.value)
-    assert "worker process died" in Path(local.__file__).read_text(), "the words that are replaced"
 
 
 @pytest.mark.parametrize(("make", "rule"), [

@@ -14,6 +14,7 @@ from rich.table import Table
 from dataset_builder.assets.procedural.furniture import FINISHES
 from dataset_builder.builder import Event
 from dataset_builder.cli.common import plain_console
+from dataset_builder.engine.outcomes import Tally
 from dataset_builder.engine.rejected_pixels import keep_pixels
 from dataset_builder.engine.unit import Outcome
 from dataset_builder.errors import ShardError, UserError
@@ -21,13 +22,13 @@ from dataset_builder.label.example_plan import Decision
 from dataset_builder.lightnet.training.events import Checked, Finished, Started, Stepped
 from dataset_builder.planning.catalogue import ExampleRef, PairRef, ViewRef
 from dataset_builder.planning.cost import estimate
+from dataset_builder.planning.fleet import Fleet
 from dataset_builder.planning.plan import Planner
 from dataset_builder.report.console import (
     build_table,
     decisions_table,
     duration,
     estimate_table,
-    pass_seconds,
     rejected_lines,
 )
 from dataset_builder.report.dataset_summary import summary_tables
@@ -72,14 +73,17 @@ def test_durations(seconds: float, text: str) -> None:
 def test_what_a_build_made(small_dataset: Path) -> None:
     manifest = load_manifest(small_dataset)
     outcomes = [outcome(0, source=2.0, rough=0.5), outcome(1, rough=1.25)]
-    assert pass_seconds(outcomes) == {"source": 2.0, "rough": 1.75}
-    text = printed([build_table(manifest, outcomes, 4.0)])
+    tally = Tally()
+    tally.add(outcomes)
+    assert tally.seconds == {"source": 2.0, "rough": 1.75} and tally.runs == {"source": 1, "rough": 2}
+    text = printed([build_table(manifest, tally, 4.0)])
     assert row(text, "train") == ["8", "4"] and row(text, "test") == ["2", "2"] and row(text, "all") == ["10", "6"]
     assert row(text, "time") == ["4 s", "0.50 M paths/s"]
     assert row(text, "source") == ["2.0 s", ""] and text.index("source") < text.index("rough")
     assert "rejected" not in text
     totals = manifest.totals.model_copy(update={"rejected": 2})
-    assert row(printed([build_table(manifest.model_copy(update={"totals": totals}), [], 0.0)]), "rejected") == ["2", ""]
+    short = manifest.model_copy(update={"totals": totals})
+    assert row(printed([build_table(short, Tally(), 0.0)]), "rejected") == ["2", ""]
 
 
 def test_rejected_examples_are_lines(tmp_path: Path) -> None:
@@ -91,7 +95,7 @@ def test_rejected_examples_are_lines(tmp_path: Path) -> None:
 
 
 def test_what_a_dataset_will_cost(small_spec: Path) -> None:
-    text = printed([estimate_table(estimate(Planner(load_dataset(small_spec)), views=3), cores=2)])
+    text = printed([estimate_table(estimate(Planner(load_dataset(small_spec)), views=3), Fleet(workers=2))])
     assert "10 examples in 3 views, 3 of them planned in full" in " ".join(text.split())
     # Three views: source, light-free and instances each; five targets, both levels under each
     assert [row(text, f"passes: {name}") for name in ("source", "target", "rough", "first_hit", "first_hit_rough",
@@ -100,13 +104,24 @@ def test_what_a_dataset_will_cost(small_spec: Path) -> None:
     assert row(text, "passes") == ["34"] and "MiB" in row(text, "size")[0]
 
 
+def test_what_is_paid_is_told_where_it_is_known(small_spec: Path) -> None:
+    found = estimate(Planner(load_dataset(small_spec)), views=3, cores=2)
+    text = printed([estimate_table(found, Fleet(workers=2))])
+    assert "price" not in text and "egress" not in text
+    text = " ".join(printed([estimate_table(found, Fleet(workers=2, speed=4, price=3, egress=1000))]).split())
+    hours = found.total.seconds / 4 / 3600
+    assert "time on 2 workers of speed 4" in text
+    assert f"{2 * hours * 3:,.2f} for {2 * hours:,.1f} worker-hours" in text
+    assert f"{found.total.bytes / 1e6:,.2f} for" in text
+
+
 def test_views_from_one_side_alone_are_told(small_spec: Path) -> None:
     """As many as there are, or as a sample of them; the small dataset's own cameras go round."""
     views = ["splits.train.views=3", "camera.coverage=[0.02, 0.5]", "camera.visibility=0.2"]
     told = []
     for camera in ([], ["camera.azimuth=30", "camera.elevation=20"]):
         planner = Planner(load_dataset(small_spec, [*views, *camera]))
-        told.append("warning" in printed([estimate_table(estimate(planner, views=100), 1)]))
+        told.append("warning" in printed([estimate_table(estimate(planner, views=100), Fleet(workers=1))]))
     assert told == [False, True]
 
 
@@ -115,7 +130,7 @@ def test_views_that_cannot_be_planned_are_told(small_spec: Path) -> None:
     found = estimate(planner, views=100)
     failed = found.tried - found.planned
     assert 0 < failed < found.tried and len(found.problems) == failed
-    text = " ".join(printed([estimate_table(found, cores=2)]).split())
+    text = " ".join(printed([estimate_table(found, Fleet(workers=2))]).split())
     assert f"{failed} of the {found.tried} views tried cannot be planned" in text
     assert "expected a camera" in text and str(found.problems[0].where) in text
 

@@ -6,7 +6,7 @@ import pytest
 
 from dataset_builder.digest import canonical_json, sha256_bytes
 from dataset_builder.errors import ShardError
-from dataset_builder.shards import exr, reader
+from dataset_builder.shards import exr, member_bytes
 from dataset_builder.shards.reader import Dataset, Verify, open_dataset
 from tests.plans import PAPER
 from tests.shards.replaced import exr_of, replace_members
@@ -96,7 +96,7 @@ def test_never_fewer_examples_without_an_error(dataset: Path, verify: Verify) ->
         open_dataset(dataset, verify=verify)
     index.write_text(text.replace('"key":"00000001"', '"key":"00000000"').replace('"name":"00000001.',
                                                                                   '"name":"00000000.'))
-    with pytest.raises(ShardError, match="expected 4 examples, the indexes hold 3"):
+    with pytest.raises(ShardError, match=r"expected (4 examples, the indexes hold 3|SHA-256)"):
         open_dataset(dataset, verify=verify)
     index.unlink()
     with pytest.raises(ShardError, match="expected a file, found none"):
@@ -194,7 +194,7 @@ def test_members_are_hashed_when_first_read_and_not_again(dataset: Path, monkeyp
         hashed.append(data)
         return sha256_bytes(data)
 
-    monkeypatch.setattr(reader, "sha256_bytes", counted)
+    monkeypatch.setattr(member_bytes, "sha256_bytes", counted)
     data = open_dataset(dataset, layers=["d", "r"])
     assert not hashed
     data["00000001"], data["00000001"]

@@ -110,14 +110,14 @@ def _blended(splats: _Splats, origin: mi.Point3f, d: mi.Vector3f,
     across = dr.sqrt(dr.maximum(reach, 0))
     going = active & (reach > 0) & (half + across > 0)
     t = dr.maximum(half - across, 0)
-    first = splats.scene.ray_intersect_preliminary(mi.Ray3f(origin + t * d, d), False, False, going)
+    first = splats.scene.ray_intersect_preliminary(mi.Ray3f(origin + t * d, d), coherent=False, active=going)
     t = dr.maximum(dr.select(first.is_valid(), t + first.t - BACK, t), 0)
     light, through, depth = mi.Color3f(0), mi.Float(1), mi.Float(0)
     # Rounded, an ellipsoid may be entered again right behind where it was entered: the last two are not counted twice
     last, before = mi.UInt32(NONE), mi.UInt32(NONE)
     step, hits = mi.Float(STEP), mi.UInt32(0)
     while going:
-        found = splats.scene.ray_intersect_preliminary(mi.Ray3f(origin + t * d, d), False, False, going)
+        found = splats.scene.ray_intersect_preliminary(mi.Ray3f(origin + t * d, d), coherent=False, active=going)
         going &= found.is_valid()
         index = found.prim_index
         again = (index == last) | (index == before)

@@ -1,0 +1,135 @@
+"""Run units on the machines of a Ray cluster, with the promises of `engine.local`."""
+
+import os
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import nullcontext, suppress
+from types import TracebackType
+from typing import Any
+from uuid import uuid4
+
+from dataset_builder.engine.parcel import forget
+from dataset_builder.engine.ray_running import Machine, RayRunning, Told, workers_on
+from dataset_builder.errors import UserError
+from dataset_builder.extras import missing_named
+from dataset_builder.processes import cores
+
+FAREWELL = 5.0
+"""Seconds that machines have to clear away what a build left there."""
+
+QUIET = {"RAY_USAGE_STATS_ENABLED": "0", "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0"}
+"""A Ray that is started here tells nobody, and leaves the variables of GPUs as they are."""
+
+
+class RayCluster:
+    """A cluster, local to this machine where no address is given, from `with` on; say: takes lines for people."""
+
+    def __init__(self, address: str | None = None, *, say: Callable[[str], None] = lambda line: None,
+                 cpus: int | None = None):
+        self._address, self._say, self._cpus = address, say, cpus
+        self._build, self._began = uuid4().hex, False
+        self._known = 0
+
+    def __enter__(self) -> "RayCluster":
+        with missing_named():
+            import ray
+
+        if not ray.is_initialized():
+            for name, value in QUIET.items():
+                os.environ.setdefault(name, value)
+            local = {} if self._address or "RAY_ADDRESS" in os.environ else {
+                "num_cpus": self._cpus or cores(), "include_dashboard": False}
+            try:
+                ray.init(self._address, log_to_driver=False, configure_logging=False, logging_level="ERROR", **local)
+            except (ConnectionError, TimeoutError, ValueError, RuntimeError) as error:
+                raise UserError(f"--address: expected a Ray cluster at {self._address or 'this machine'}, got: "
+                                f"{str(error).strip().splitlines()[0]}; start one with `ray start --head`") from error
+            self._began = True
+        self._known = len(self.machines())
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        import ray
+
+        if kind is None or issubclass(kind, Exception):
+            self._clear_away()
+        if self._began:
+            ray.shutdown()
+            self._began = False
+
+    def machines(self) -> list[Machine]:
+        """Those that are there now and take work."""
+        import ray
+
+        found = [(node, node["Resources"]) for node in ray.nodes() if node["Alive"]]
+        return [Machine(name=node["NodeManagerHostname"], cpus=int(there["CPU"]), gpus=int(there.get("GPU", 0)),
+                        memory=int(there.get("memory", 0))) for node, there in found if there.get("CPU", 0) >= 1]
+
+    def workers(self, backend: str) -> int:
+        """How many processes may render side by side."""
+        return workers_on(self.machines(), backend)
+
+    def backend(self, wanted: str) -> str:
+        """What renders: as wanted, or, for `auto`, CUDA where every machine has a GPU, else LLVM. Two never mix."""
+        machines = self.machines()
+        if wanted != "auto":
+            return wanted
+        return "cuda" if machines and all(machine.gpus for machine in machines) else "llvm"
+
+    def summary(self, backend: str, workers: int | None) -> str:
+        """One line for the start of a build."""
+        machines = self.machines()
+        gpus = sum(machine.gpus > 0 for machine in machines)
+        count, able = len(machines), workers or self.workers(backend)
+        idle = f"; GPUs of {gpus} of {count} machines are not used, since not all have one" \
+            if backend == "llvm" and 0 < gpus < count else ""
+        where = _shown(self._address) if self._address else "on this machine"
+        return f"engine: Ray {where}, {count} machine{'s' * (count != 1)}, {able} workers, {backend} on all{idle}"
+
+    def run(self, work: Callable[..., Any], units: Iterable[Any], *, workers: int,
+            told: Told | None = None) -> Iterator[Any]:
+        """As `local.run`, but that no worker is this process. A unit of examples may come back in parts.
+
+        Raises what `work` raises, OutputError where a unit's process dies as often as it is tried and where there is no
+        room, and UserError, naming the machine, where one has other versions. What was finished is kept.
+        """
+        with self if not _connected() else nullcontext():
+            yield from RayRunning(self, self._build, work, told).results(list(units), workers)
+
+    def look(self) -> None:
+        """Say where machines came or went."""
+        if (now := len(self.machines())) != self._known:
+            self._say(f"{now} machine{'s' * (now != 1)} now, {abs(now - self._known)} "
+                      f"{'more' if now > self._known else 'lost: what was at work there is done elsewhere'}")
+            self._known = now
+
+    def say(self, line: str) -> None:
+        """Tell people."""
+        self._say(line)
+
+    def _clear_away(self) -> None:
+        """Let the folders of this build go on every machine that is there."""
+        import ray
+        from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy as On
+
+        with suppress(ray.exceptions.RayError, ConnectionError, RuntimeError):
+            clear = ray.remote(num_cpus=0, max_retries=0)(forget)
+            left = [clear.options(scheduling_strategy=On(node["NodeID"], soft=False)).remote(self._build)
+                    for node in ray.nodes() if node["Alive"]]
+            ray.wait(left, num_returns=len(left), timeout=FAREWELL)
+
+
+def _connected() -> bool:
+    with missing_named():
+        import ray
+
+    return bool(ray.is_initialized())
+
+
+def _shown(address: str) -> str:
+    return f"at {address.rpartition('@')[2]}"
+
+
+def run(work: Callable[..., Any], units: Iterable[Any], *, workers: int, told: Told | None = None) -> Iterator[Any]:
+    """`RayCluster.run` on the cluster that this process is connected to, else on this machine alone."""
+    return RayCluster(cpus=workers).run(work, units, workers=workers, told=told)
