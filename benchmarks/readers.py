@@ -6,6 +6,7 @@ turns; figures are medians over rounds: processor time per example of all proces
 a multiple of what OpenEXR alone takes in the same round; and examples per second, which say little where others use the
 machine.
 
+`benchmarks/loader.py` measures the training loader's own processes, whose start would say all here.
 Ours hash every file and look at every header and pixel; the others take what comes. Parquet is read twice: EXR files
 in its columns as `export` writes them, and the same pixels as numbers, compressed by zstd. MosaicML's library is not
 installed with this project; where it is, its reader takes part.
@@ -14,7 +15,6 @@ installed with this project; where it is, its reader takes part.
 import argparse
 import importlib.util
 import io
-import multiprocessing
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -28,7 +28,6 @@ from typing import Any
 import _common as common
 import numpy as np
 import OpenEXR
-import psutil
 from _file_server import served
 from torch.utils.data import DataLoader, Dataset, IterableDataset, get_worker_info
 
@@ -46,7 +45,7 @@ TWO, SPLIT = ("i_s", "i_t"), "train"
 ROUNDS, WORKERS = 3, (0, 1, 2)
 Layers = tuple[str, ...]
 Arrays = dict[str, np.ndarray]
-Work = Callable[[], int | tuple[int, float]]
+Work = Callable[[], int]
 
 
 def pixels(data: bytes) -> np.ndarray:
@@ -188,17 +187,15 @@ def loaded(make: Callable[[Source, Layers], Any], source: Source, layers: Layers
     return sum(1 for _ in DataLoader(make(source, layers), batch_size=None, num_workers=workers))
 
 
-def trained(source: Source, workers: int) -> tuple[int, float]:
-    """Examples that come out of the training loader, which reads, cuts, exposes and copies six layers; and what its
-    processes used, which are nobody's children."""
-    spec = TrainingSpec.model_validate({"steps": 10**9, "data": {"workers": workers}})
+def trained(source: Source) -> int:
+    """Examples that come out of the training loader, which reads, cuts, exposes and copies six layers."""
+    spec = TrainingSpec.model_validate({"steps": 10**9, "data": {"workers": 0}})
     dataset = LightingDataset(source.folder, SPLIT, spec.data)
     batches, count = training_batches(dataset, spec, multiple=16), 0
     while count < len(dataset):
         count += len(next(batches).keys)
-    busy = sum(sum(psutil.Process(child.pid).cpu_times()[:2]) for child in multiprocessing.active_children())
     batches.close()
-    return count, busy
+    return count
 
 
 def decoded(encoded: list[list[bytes]], decode: Callable[[bytes], object]) -> int:
@@ -211,11 +208,9 @@ def decoded(encoded: list[list[bytes]], decode: Callable[[bytes], object]) -> in
 def timed(name: str, work: Work, wanted: int) -> tuple[float, float]:
     """Processor seconds per example, of this process and of those that it waited for; and wall seconds."""
     before, begin = processor(), perf_counter()
-    done = work()
-    count, others = done if isinstance(done, tuple) else (done, 0.0)
-    if count < wanted:
+    if (count := work()) < wanted:
         raise AssertionError(f"{name}: expected {wanted} examples, got {count}")
-    return (processor() - before + others) / count, (perf_counter() - begin) / count
+    return (processor() - before) / count, (perf_counter() - begin) / count
 
 
 def processor() -> float:
@@ -258,8 +253,8 @@ def compare(source: Source, places: Sequence[str]) -> None:
                     "decode as ours: shards.exr": lambda files=files: decoded(files, exr.decode)}
                 works |= {name: lambda make=make, here=here, layers=layers, workers=workers: loaded(
                     make, here, layers, workers) for name, make in makers.items()}
-                if local and layers == every:
-                    works["training_batches, its six layers"] = lambda workers=workers: trained(source, workers)
+                if local and layers == every and not workers:
+                    works["training_batches, its six layers"] = lambda: trained(source)
                 report(works, count)
 
 

@@ -1,13 +1,12 @@
 """mlcroissant: hashes of shards, splits, and layers as far as it decodes them; what it cannot do is said here."""
 
-import json
 import shutil
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.ecosystem.pages import Truth, equal, pixels
+from tests.ecosystem.pages import PAGE, Truth, equal, pixels
 
 mlcroissant = pytest.importorskip("mlcroissant", reason="needs mlcroissant, which brings pandas")
 pytestmark = pytest.mark.filterwarnings("ignore")
@@ -23,21 +22,17 @@ def folder(dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Pa
     return Path(shutil.copytree(dataset, tmp_path / "copy"))
 
 
-def records(folder: Path, name: str, **changed: Any) -> list[dict[str, Any]]:
-    """Records of a set, of the description as it is, or with other entries."""
-    path = folder / "croissant.json"
-    if changed:
-        path = folder / "changed.json"
-        path.write_text(json.dumps({**json.loads((folder / "croissant.json").read_text()), **changed}))
-    return [*mlcroissant.Dataset(jsonld=str(path)).records(name)]
+def records(folder: Path, name: str) -> list[dict[str, Any]]:
+    """Records of a set."""
+    return [*mlcroissant.Dataset(jsonld=str(folder / "croissant.json")).records(name)]
 
 
-def with_bytes(folder: Path) -> list[dict[str, Any]]:
-    """Record sets whose pixels are said to be text, which mlcroissant hands over as bytes."""
-    sets = json.loads((folder / "croissant.json").read_text())["recordSet"]
-    for field in (field for one in sets for field in one["field"] if field["name"] == "content"):
-        field["dataType"] = "sc:Text"
-    return sets  # type: ignore[no-any-return]
+def with_bytes(folder: Path, name: str) -> list[dict[str, Any]]:
+    """Records as the page says: pixels are called text, which mlcroissant hands over as bytes."""
+    page = PAGE.read_text().partition("import mlcroissant\n")[2].partition("for record in")[0]
+    changed = str(folder.parent / "bytes.json")
+    exec(page.replace("datasets/3df-lighting-mini", str(folder)).replace("bytes.json", changed))
+    return [*mlcroissant.Dataset(jsonld=changed).records(name)]
 
 
 def causes(error: BaseException | None) -> list[str]:
@@ -56,8 +51,7 @@ def test_splits(folder: Path, truth: Truth) -> None:
 
 def test_layers_as_bytes(folder: Path, truth: Truth) -> None:
     """Every example of both splits, once `content` is called text: EXR is an image that it does not know."""
-    found = {record["i_t/key"].decode(): record["i_t/content"] for record in
-             records(folder, "i_t", recordSet=with_bytes(folder))}
+    found = {record["i_t/key"].decode(): record["i_t/content"] for record in with_bytes(folder, "i_t")}
     assert set(found) == set(truth)
     assert all(equal(pixels(data), truth[key]["i_t"]) for key, data in found.items())
 
@@ -81,5 +75,5 @@ def test_a_damaged_shard_is_refused(folder: Path) -> None:
     data[700] ^= 1
     shard.write_bytes(data)
     with pytest.raises(mlcroissant.GenerationError) as caught:
-        records(folder, "i_t", recordSet=with_bytes(folder))
+        with_bytes(folder, "i_t")
     assert any(text.startswith("Hash of downloaded file") for text in causes(caught.value))

@@ -15,7 +15,7 @@ from dataset_builder.shards.manifest import from_json
 from dataset_builder.shards.shard_index import ShardIndex
 from dataset_builder.shards.verify import verify
 <<<<<<<< HEAD:tests/transfer/test_restore.py
-from dataset_builder.transfer.restore import repair_from
+from dataset_builder.transfer.refetch import repair_from
 ========
 from dataset_builder.transfer.refetch import repair_from
 >>>>>>>> integrity:tests/transfer/test_refetch.py
