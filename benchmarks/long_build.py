@@ -1,8 +1,8 @@
 """Does a long build stay flat: thousands of tiny examples in one process, measured every hundred.
 
 Prints, for each hundred examples, CPU seconds, memory, open files, threads, Python objects, kernels that were new, and
-bytes that the build keeps beside the shards, and draws them. What must not grow is compared between the first and the
-last half: seconds per example, and slopes per thousand examples. Exit code 1 where a bound is broken.
+bytes that the build keeps beside the shards, and draws them (`--figure`). Bounds are on what grew between the first
+hundred and the last. Exit code 1 where one is broken.
 """
 
 import argparse
@@ -10,8 +10,9 @@ import gc
 import json
 import resource
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -44,6 +45,11 @@ PER_SCENE = 40
 """Examples: ten objects under two lights at two noise levels."""
 ROOM = "width: {uniform: [3.5, 4.5]}\ndepth: {uniform: [3.5, 4]}\nheight: 2.5\nwindows: 1\n"
 MIB = 2**20
+SLOWER, MEMORY, KERNELS = 1.1, 40.0, 8
+"""Bounds: seconds per example in the second half over the first, MiB more in a thousand examples, and new kernels."""
+TITLES = {"each": "CPU seconds per example", "rss": "memory, MiB", "objects": "Python objects", "files": "open files",
+          "threads": "threads", "kernels": "different kernels", "kept": "notes beside shards, KiB",
+          "rejected": "rejected examples"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,24 +109,73 @@ def kept(out: Path) -> int:
     return sum(path.stat().st_size for path in (out / WORK).iterdir() if path.is_file())
 
 
+def told(rows: Sequence[Sample]) -> bool:
+    """Print what grew between the first hundreds and the last; whether all is within its bound."""
+    first, last, half = rows[0], rows[-1], rows[len(rows) // 2]
+    thousands = (last.examples - first.examples) / 1000
+    if thousands <= 0:
+        return True
+    early, late = ((b.seconds - a.seconds) / max(b.examples - a.examples, 1) for a, b in ((first, half), (half, last)))
+    figures = {"seconds per example, second half over first": (late / early, SLOWER),
+               "MiB per thousand examples": ((last.rss - first.rss) / thousands, MEMORY),
+               "open files more": (last.files - first.files, 0), "threads more": (last.threads - first.threads, 0),
+               "kernels more": (last.kernels - first.kernels, KERNELS)}
+    for title, (value, bound) in figures.items():
+        print(f"{title}: {value:.3g} (bound {bound:g})")
+    print(f"Python objects per example: {(last.objects - first.objects) / thousands / 1000:.1f}; notes beside the "
+          f"shards: {(last.kept - first.kept) / thousands:.1f} KiB per thousand examples")
+    return all(value <= bound for value, bound in figures.values())
+
+
+def draw(runs: Mapping[str, Sequence[Sample]], path: Path) -> None:
+    """Every figure against the number of examples, a line for each run."""
+    import matplotlib
+    matplotlib.use("agg")
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(2, 4, figsize=(14, 6), layout="constrained")
+    for axis, (key, title) in zip(axes.flat, TITLES.items(), strict=True):
+        for name, rows in runs.items():
+            if key == "each":
+                values = [(b.seconds - a.seconds) / (b.examples - a.examples) for a, b in pairwise(rows)]
+                axis.plot([row.examples for row in rows[1:]], values, label=name)
+            else:
+                axis.plot([row.examples for row in rows], [getattr(row, key) for row in rows], label=name)
+        axis.set(title=title, xlabel="examples", ylim=(0, None))
+    axes.flat[0].legend()
+    figure.savefig(path, dpi=80)
+
+
+def read(path: Path) -> list[Sample]:
+    """Rows that an earlier run wrote."""
+    return [Sample(**json.loads(line)) for line in path.read_text(encoding="utf-8").splitlines()]
+
+
 def main() -> int:
     """Print the figures; exit code 1 where a bound is broken."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--examples", type=int, default=2000)
     parser.add_argument("--every", type=int, default=100)
     parser.add_argument("--rows", type=Path, help="a file for the rows, as JSON lines")
+    parser.add_argument("--figure", type=Path, help="a file for the picture")
+    parser.add_argument("--beside", type=Path, action="append", default=[], help="rows of another run, to draw too")
+    parser.add_argument("--read", type=Path, help="rows of a run that is done, instead of a build")
     args = parser.parse_args()
-    print(f"backend: {activate('auto', 1).summary}, one thread")
-    dr.set_flag(dr.JitFlag.KernelHistory, True)
-    rows: list[Sample] = []
-    with TemporaryDirectory() as scratch:
-        (Path(scratch) / "spec").mkdir()
-        for sample in samples(write_spec(Path(scratch) / "spec", args.examples), Path(scratch) / "out", args.every):
-            rows.append(sample)
-            print(json.dumps(asdict(sample)), flush=True)
-            if args.rows:
-                args.rows.write_text("".join(json.dumps(asdict(row)) + "\n" for row in rows), encoding="utf-8")
-    return 0
+    rows = read(args.read) if args.read else []
+    if not rows:
+        print(f"backend: {activate('auto', 1).summary}, one thread")
+        dr.set_flag(dr.JitFlag.KernelHistory, True)
+        with TemporaryDirectory() as scratch:
+            (Path(scratch) / "spec").mkdir()
+            spec = write_spec(Path(scratch) / "spec", args.examples)
+            for sample in samples(spec, Path(scratch) / "out", args.every):
+                rows.append(sample)
+                print(json.dumps(asdict(sample)), flush=True)
+                if args.rows:
+                    args.rows.write_text("".join(json.dumps(asdict(row)) + "\n" for row in rows), encoding="utf-8")
+    if args.figure:
+        draw({"this build": rows, **{path.stem: read(path) for path in args.beside}}, args.figure)
+    return 0 if told(rows) else 1
 
 
 if __name__ == "__main__":

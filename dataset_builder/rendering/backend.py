@@ -30,6 +30,8 @@ LANES = {"avx512vl": 16, "avx": 8}
 """Single precision numbers of a vector by what the processor can, the widest first, as Dr.Jit chooses them."""
 
 INSTALL_LLVM = "apt-get install -y libllvm19"
+OPTIX = "containers get it with NVIDIA_DRIVER_CAPABILITIES=compute,utility,graphics"
+"""Where OptiX comes from."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,13 +75,26 @@ def cuda_available() -> bool:
     return driver.cuInit(0) == 0 and driver.cuDeviceGetCount(ctypes.byref(count)) == 0 and count.value > 0
 
 
+def optix_available() -> bool:
+    """Whether NVIDIA's ray tracing library loads, which comes with the driver; containers have it only where they ask
+    for it. Dr.Jit looks in the same places."""
+    try:
+        ctypes.CDLL(os.environ.get("DRJIT_LIBOPTIX_PATH", "libnvoptix.so.1"))
+    except OSError:
+        return False
+    return True
+
+
 def choose(wanted: str = "auto") -> Backend:
     """Backend for `wanted` in auto | cuda | llvm. Raises UserError where it cannot run, with the command that mends
     it."""
     if wanted not in ("auto", "cuda", "llvm"):
         raise UserError(f"backend: expected auto, cuda or llvm, got {wanted!r}")
-    if wanted != "llvm" and cuda_available():
+    if wanted != "llvm" and cuda_available() and optix_available():
         return Backend(variant="cuda_ad_rgb", llvm="", summary="cuda_ad_rgb on the NVIDIA GPU")
+    if wanted == "cuda" and cuda_available():
+        raise UserError("backend: expected OptiX beside the NVIDIA driver for cuda, found no libnvoptix.so.1; "
+                        f"{OPTIX}, or use --backend llvm")
     if wanted == "cuda":
         raise UserError("backend: expected an NVIDIA GPU for cuda, but its driver reports none; use --backend llvm")
     llvm = find_llvm()

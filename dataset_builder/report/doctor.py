@@ -13,7 +13,7 @@ from dataset_builder.errors import UserError
 from dataset_builder.geometry.raycast import RayScene
 from dataset_builder.processes import cores
 from dataset_builder.rendering import oidn
-from dataset_builder.rendering.backend import INSTALL_LLVM, choose, cuda_available, find_llvm
+from dataset_builder.rendering.backend import INSTALL_LLVM, OPTIX, choose, cuda_available, find_llvm, optix_available
 
 PACKAGES = ("mitsuba", "drjit", "open3d", "OpenEXR", "numpy", "scipy", "pydantic", "ruamel.yaml", "pillow")
 GIB = 2**30
@@ -46,11 +46,14 @@ def _package(name: str) -> Finding:
 def _llvm() -> Finding:
     path = find_llvm()
     if path is None:
-        return Finding(what="libLLVM", value="none that works", mend="" if cuda_available() else INSTALL_LLVM)
+        mend = "" if cuda_available() and optix_available() else INSTALL_LLVM
+        return Finding(what="libLLVM", value="none that works", mend=mend)
     return Finding(what="libLLVM", value=path)
 
 
 def _cuda() -> Finding:
+    if cuda_available() and not optix_available():
+        return Finding(what="CUDA", value=f"no libnvoptix.so.1, which tracing rays needs ({OPTIX})")
     return Finding(what="CUDA", value="available" if cuda_available() else "no NVIDIA driver or no device")
 
 

@@ -17,10 +17,11 @@ DEBIAN = "/usr/lib/x86_64-linux-gnu/"
 def has(monkeypatch: pytest.MonkeyPatch) -> Has:
     """Makes this a machine with these libraries, with or without CUDA; names stand for files of Debian's folder."""
 
-    def make(*names: str, cuda: bool = False) -> None:
+    def make(*names: str, cuda: bool = False, optix: bool = True) -> None:
         paths = [name if name.startswith("/") else DEBIAN + name for name in names]
         monkeypatch.setattr(backend.glob, "glob", lambda pattern: [path for path in paths if Path(path).match(pattern)])
         monkeypatch.setattr(backend, "cuda_available", lambda: cuda)
+        monkeypatch.setattr(backend, "optix_available", lambda: optix)
         monkeypatch.delenv("DRJIT_LIBLLVM_PATH", raising=False)
 
     return make
@@ -83,6 +84,21 @@ def test_cuda_that_is_not_there(has: Has) -> None:
         choose("cuda")
     with pytest.raises(UserError, match="expected auto, cuda or llvm, got 'metal'"):
         choose("metal")
+
+
+def test_a_driver_without_optix_traces_no_rays(has: Has) -> None:
+    """As in a container that asked for computing alone."""
+    has("libLLVM-19.so", cuda=True, optix=False)
+    assert choose().variant == "llvm_ad_rgb"
+    with pytest.raises(UserError, match=r"found no libnvoptix\.so\.1; containers get it with NVIDIA_DRIVER_CAPAB"):
+        choose("cuda")
+
+
+def test_optix_is_looked_for_where_dr_jit_does(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("DRJIT_LIBOPTIX_PATH", str(tmp_path / "none.so"))
+    assert not backend.optix_available()
+    monkeypatch.setenv("DRJIT_LIBOPTIX_PATH", "libc.so.6")
+    assert backend.optix_available()
 
 
 def test_a_process_keeps_its_variant(monkeypatch: pytest.MonkeyPatch) -> None:

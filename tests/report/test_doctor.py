@@ -49,6 +49,7 @@ def test_without_llvm(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkey
 def test_cuda_needs_no_llvm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for module in (backend, doctor):
         monkeypatch.setattr(module, "cuda_available", lambda: True)
+        monkeypatch.setattr(module, "optix_available", lambda: True)
     findings = found(tmp_path)
     assert findings["libLLVM"].mend == "" and findings["backend"].value == "cuda_ad_rgb on the NVIDIA GPU"
 
