@@ -50,27 +50,28 @@ class Writer:
     publish_byte: float
 
 
-def cpu() -> float:
-    """Seconds that this process has computed."""
-    used = resource.getrusage(resource.RUSAGE_SELF)
+def cpu(whose: int = resource.RUSAGE_SELF) -> float:
+    """Seconds that this process has computed, or those that it started and that ended."""
+    used = resource.getrusage(whose)
     return used.ru_utime + used.ru_stime
 
 
 def written(size: int, count: int) -> tuple[float, float]:
-    """Seconds to stage an example of so many bytes, and to publish a shard of `count`."""
+    """Seconds of computing, waits for the disk left out, to stage an example of so many bytes, and to publish a shard
+    of `count`."""
     data = np.random.default_rng(SEED).bytes(size // MEMBERS)
     with tempfile.TemporaryDirectory() as name:
         folder, keys = Path(name), [f"{key:08d}" for key in range(count)]
-        begin = perf_counter()
+        begin = cpu()
         for key in keys:
             members = [Member(name=f"{key}.{layer}.exr", data=data, pixel_digest="") for layer in range(MEMBERS)]
             Staging(folder).put(key, "0" * 64, segment(members), entry(key=key, view=key, facts=FACTS, members=members))
-        staged = perf_counter()
+        staged = cpu()
         publish_shard(folder, slot="s-train-00000", split="train", examples=[(key, "0" * 64) for key in keys],
                       spec_digest="", versions={})
         for key in keys:
             Staging(folder).drop(key)
-        return (staged - begin) / count, perf_counter() - staged
+        return (staged - begin) / count, cpu() - staged
 
 
 def measure_writer(large: int, per_shard: int) -> Writer:
@@ -96,12 +97,18 @@ def engine_overhead(count: int = 2000) -> float:
 
 
 def validate(folder: Path) -> np.ndarray:
-    """Build a small dataset by two workers; the seconds of its examples in order. Prints how far off the simulation of
-    the same units is."""
+    """Build a small dataset by two workers; the seconds of its examples in order. Prints how far off `plan` is, and the
+    simulation of the same units."""
     loaded, came, begin = load_dataset(common.MINI, SMALL), list[float](), perf_counter()
+    computed, cost = cpu(resource.RUSAGE_CHILDREN), estimate(Planner(loaded))
     for event in build(loaded, folder, workers=2):
         came += [perf_counter() - begin] * len(event.outcomes)
+        size = event.manifest.totals.bytes if event.manifest else 0
+    computed = cpu(resource.RUSAGE_CHILDREN) - computed
+    print(f"plan: {cost.total.seconds:.1f} core-seconds, {cost.total.bytes / 1e6:.2f} MB for {cost.examples} examples; "
+          f"the workers computed {computed:.1f}, their start included, and made {size / 1e6:.2f} MB")
     seconds = unit_seconds(folder / "seconds.csv")
+    # One number of the real run goes in: when its workers began
     first = came[0] - seconds[0]
     run = simulate(Load(seconds=seconds), Cluster(workers=2, begin=first), seed=SEED)
     print(f"real build of {len(seconds)} examples by 2 workers: {came[-1]:.1f} s to the last example; SIMULATED from "
@@ -142,7 +149,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     mean = (cost.total.seconds - cost.field_cost.seconds) / cost.examples
     size, per_shard = cost.total.bytes / cost.examples, loaded.dataset.storage.examples_per_shard
     writer, overhead = measure_writer(int(size), per_shard), options.per_task or engine_overhead()
-    print(f"measured: writer {writer.stage * 1e3:.1f} ms and {1e-6 / writer.stage_byte:.0f} MB/s to stage, "
+    print(f"computing alone: writer {writer.stage * 1e3:.1f} ms and {1e-6 / writer.stage_byte:.0f} MB/s to stage, "
           f"{writer.publish * 1e3:.0f} ms and {1e-6 / writer.publish_byte:.0f} MB/s to publish a shard of {per_shard}; "
           f"engine {overhead * 1e3:.2f} ms a task; unit costs spread by {seconds.std() / seconds.mean():.0%}")
     print(f"planned: {cost.examples:,} examples of {mean:.1f} s and {size / 1e6:.1f} MB; fields besides, "
