@@ -20,7 +20,7 @@ from dataset_builder.engine.shard_tasks import decide, shard_tasks, split_digest
 from dataset_builder.engine.unit import BuildJob, Outcome, run_unit
 from dataset_builder.engine.unit_limits import UnitLimits
 from dataset_builder.errors import PlanError, Problem, UserError
-from dataset_builder.files import require_space
+from dataset_builder.files import exhaustion_errors, require_space
 from dataset_builder.label.example_label import Denoised
 from dataset_builder.planning.catalogue import ExampleRef, units
 from dataset_builder.planning.cost import expected_bytes
@@ -73,7 +73,8 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
     before stays until this dataset is whole. cache, cache_size: folder for what passes find, so that an edit repeats
     only the passes that it touches (`.build/passes` in the output folder where none is given), and most bytes that it
     may hold; 0 keeps nothing. run: the engine, `local.run` or another that keeps its promises. unit_limit: seconds that
-    a unit may take in a process of its own, 0 for any, `UnitLimits` unless given. Raises PlanError where nothing can be
+    a unit may take, 0 for any, `UnitLimits` unless given; without it a single worker is this process, in which nothing
+    is watched. Raises PlanError where nothing can be
     planned or an index is none, OutputError where the folder or the disk refuses, or processes die again and again; in
     all cases what was finished is kept, and a second run goes on from there.
     """
@@ -90,7 +91,8 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
     if denoise:
         oidn.require()
     planner = Planner(loaded)
-    run = partial(run, limit=UnitLimits(spec=loaded.dataset, fixed=unit_limit))
+    if workers > 1 or unit_limit is not None:
+        run = partial(run, limit=UnitLimits(spec=loaded.dataset, fixed=unit_limit))
     chosen = _chosen(planner, only, part)
     keys = {ref.key for ref in chosen}
     check_images(loaded)
@@ -99,7 +101,7 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
     if not folder.exists():
         # Refused before anything is made
         _require_space(folder, loaded.dataset, len(chosen))
-    with build_lock(folder, claim, replace=replace_other):
+    with exhaustion_errors(folder), build_lock(folder, claim, replace=replace_other):
         digests = split_digests(planner.examples, loaded)
         rejections, timings = Rejections(folder, digest(digests), made_by), Timings(folder)
         # A part is staged whole, whatever is published in its folder
