@@ -21,7 +21,7 @@ from dataset_builder.engine.shard_tasks import OpenShards, decide, shard_tasks, 
 from dataset_builder.engine.unit import BuildJob, Outcome, run_unit
 from dataset_builder.engine.unit_limits import UnitLimits
 from dataset_builder.errors import PlanError, Problem, UserError
-from dataset_builder.files import require_space
+from dataset_builder.files import exhaustion_errors, require_space
 from dataset_builder.label.example_label import Denoised
 from dataset_builder.planning.catalogue import ExampleRef, units
 from dataset_builder.planning.cost import expected_bytes
@@ -75,8 +75,8 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
     find, so that an edit repeats only the passes that it touches (`.build/passes` in the output folder where none is
     given), and most bytes that it may hold; 0 keeps nothing. run: the engine, `local.run` or another that keeps its
     promises. staging_url: where finished examples wait for their shard, for engines of several machines; in the output
-    folder where none is given. unit_limit: seconds that a unit may take in a process of its own, 0 for any,
-    `UnitLimits` unless given. again: the dataset that must come out.
+    folder where none is given. unit_limit: seconds that a unit may take, 0 for any, `UnitLimits` unless given; without
+    it a single worker is this process, in which nothing is watched. again: the dataset that must come out.
 
     Raises PlanError where nothing can be planned or an index is none, ShardError where another dataset than `again`
     comes out, OutputError where the folder or the disk refuses, or processes die again and again; in all cases what was
@@ -97,7 +97,8 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
     if denoise:
         oidn.require()
     planner = Planner(loaded)
-    run = partial(run, limit=UnitLimits(spec=loaded.dataset, fixed=unit_limit))
+    if workers > 1 or unit_limit is not None:
+        run = partial(run, limit=UnitLimits(spec=loaded.dataset, fixed=unit_limit))
     chosen = _chosen(planner, only, part)
     keys = {ref.key for ref in chosen}
     check_images(loaded)
@@ -106,7 +107,7 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
     if not folder.exists():
         # Refused before anything is made
         _require_space(job, loaded.dataset, len(chosen))
-    with build_lock(folder, claim, replace=replace_other):
+    with exhaustion_errors(folder), build_lock(folder, claim, replace=replace_other):
         digests = split_digests(planner.examples, loaded)
         rejections, timings = Rejections(folder, digest(digests), made_by), Timings(folder)
         rejections.known |= {item.key: item for item in again.rejected} if again else {}

@@ -14,6 +14,7 @@ from dataset_builder.errors import OutputError, Problem
 PARTIAL = ".partial"
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _FORBIDDEN = (errno.EACCES, errno.EPERM, errno.EROFS)
+_HANDLES = (errno.EMFILE, errno.ENFILE)
 
 
 @contextmanager
@@ -24,11 +25,26 @@ def output_errors(path: Path) -> Iterator[None]:
     except OSError as error:
         if error.errno in _FULL:
             rule, hint = f"the disk is full ({error.strerror})", "free some space and run the same command again"
+        elif error.errno in _HANDLES:
+            rule = f"no file can be opened any more ({error.strerror})"
+            hint = "allow more (ulimit -n) and run the same command again"
         elif error.errno in _FORBIDDEN:
             rule, hint = f"cannot be written ({error.strerror})", "choose another output folder or fix its permissions"
         else:
             rule, hint = f"cannot be written ({error.strerror or error})", "choose another output folder"
         raise OutputError([Problem(where=str(path), path="", rule=rule, hint=hint)]) from error
+
+
+@contextmanager
+def exhaustion_errors(path: Path) -> Iterator[None]:
+    """The same, of what the system says of any file, wherever it has no more disk or handles to give."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno in (*_FULL, *_HANDLES, errno.EROFS):
+            with output_errors(path):
+                raise
+        raise
 
 
 def partial_of(path: Path) -> Path:

@@ -12,7 +12,7 @@ from dataset_builder.engine.rejected_pixels import take_pixels
 from dataset_builder.engine.shard_tasks import ShardTask, decide, shard_tasks, split_digests
 from dataset_builder.engine.unit import Outcome
 from dataset_builder.errors import OutputError, Problem, ShardError
-from dataset_builder.files import require_space
+from dataset_builder.files import exhaustion_errors, require_space
 from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.planning.cost import expected_bytes
 from dataset_builder.planning.plan import Planner
@@ -42,7 +42,7 @@ def merge(loaded: LoadedSpec, parts: Sequence[Path], folder: Path, *, replace_ot
     for record in found.records.values():
         progress.digests |= {key: example.digest for key, example in record.examples.items()}
         progress.rejected |= {item.key: item for item in record.rejected}
-    with build_lock(folder, claim, replace=replace_other):
+    with exhaustion_errors(folder), build_lock(folder, claim, replace=replace_other):
         digests = split_digests(planner.examples, loaded)
         tasks = decide(shard_tasks(planner.examples, loaded.dataset, digests),
                        [index for index in whole_shards(folder)

@@ -97,6 +97,8 @@ def cheap(arguments: list[str]) -> list[str]:
         return [*arguments, "--size", "48", "--resolution", "32", "--steps", "40", "--backend", "llvm", "--no-sheet"]
     if arguments[0] == "import":
         return [*arguments, "--no-sheet"]
+    if arguments[0] == "merge":
+        return [*arguments, *CHEAP_MINI[:CHEAP_MINI.index("--workers")], *CHEAP_MINI[len(CHEAP):]]
     if arguments[0] == "build":
         return [*arguments, *(CHEAP_MINI if MINI in arguments[1] else CHEAP_TURNING if TURNING in arguments[1] else
                               CHEAP)]

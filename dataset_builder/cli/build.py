@@ -48,8 +48,8 @@ def add(verbs: Verbs) -> None:
     build.add_argument("--workers", type=positive, help="processes (default: one per core, one with a GPU)")
     add_backend(build)
     build.add_argument("--unit-limit", type=_seconds, metavar="SECONDS",
-                       help="most that a view may take where several processes work, 0 for any (default: many times "
-                            "what is expected)")
+                       help="most that a view may take, 0 for any (default: many times what is expected); with one "
+                            "worker, which works in a process of its own then")
     add_engine(build)
     build.add_argument("--example", type=int, action="append", default=[],
                        help="only stage example N; repeat for more")

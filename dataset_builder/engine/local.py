@@ -40,21 +40,21 @@ class _Lost(Generic[Unit]):
 
 def run(work: Callable[..., Result], units: Iterable[Unit], *, workers: int, told: Told | None = None,
         limit: Limit | None = None) -> Iterator[Result]:
-    """Results of `work` on every unit, in order of completion. One worker means this process.
+    """Results of `work` on every unit, in order of completion. One worker without a limit means this process.
 
     `work` must be picklable and derive everything from its unit. With `told` it is called with a function besides, and
     whatever picklable it calls that with, `told` is called with in this process while results are waited for.
-    limit: seconds that a unit may take, for ever unless given; not asked in this process.
+    limit: seconds that a unit may take.
 
     Raises what `work` raises, at once. A unit whose process dies (out of memory, say) or takes too long is tried again
     when all others are done, alone, `TRIES` times in all; each loss is logged. In the end OutputError names every unit
     that was lost each time, as `str` has it, and why. Whatever units wrote before is kept.
     """
-    if workers <= 1:
+    if workers <= 1 and limit is None:
         yield from (work(unit) if told is None else work(unit, told) for unit in units)
         return
     crew, failed = _Crew[Unit, Result](work, told, limit), list[Problem]()
-    yield from crew.results(units, workers)
+    yield from crew.results(units, max(workers, 1))
     for unit in [lost.unit for lost in crew.lost]:
         for _ in range(TRIES - 1):
             crew.lost.clear()

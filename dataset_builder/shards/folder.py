@@ -4,6 +4,7 @@
 `.build` builds put there. Everything is written below `.build/next` first; `swap` lets it take its place.
 """
 
+import errno
 import os
 import shutil
 from collections.abc import Iterable, Iterator
@@ -34,6 +35,9 @@ NAMED = 8
 
 MOST_BYTES = 2**26
 """What a dataset's files of text may hold: some 250,000 shards, or 8,000 examples of one shard."""
+
+_UNKNOWN = (errno.EMFILE, errno.ENFILE, errno.EIO, errno.ESTALE)
+"""Errors after which nobody knows what a file says: a claim that cannot be read now is not none."""
 
 M = TypeVar("M", bound=Model)
 _STEM = "[a-z0-9][a-z0-9._-]*"
@@ -238,7 +242,12 @@ def _published(folder: Path) -> Claim | None:
 def _read(model: type[M], path: Path) -> M | None:
     try:
         return model.model_validate_json(read_regular(path, most=MOST_BYTES))
-    except (OSError, ValidationError):
+    except ValidationError:
+        return None
+    except OSError as error:
+        if error.errno in _UNKNOWN:
+            with output_errors(path):
+                raise
         return None
 
 
