@@ -22,8 +22,9 @@ PATIENCE = 120.0
 
 def command(spec: Path, out: Path, cluster: Any) -> subprocess.Popen[str]:
     """The build, as a user types it."""
-    return subprocess.Popen([sys.executable, "-m", "dataset_builder", "build", str(spec), "--out", str(out), "--backend",
-                             "llvm", "--engine", "ray", "--address", cluster.address], stdout=subprocess.PIPE,
+    arguments = ["build", str(spec), "--out", str(out), "--backend", "llvm", "--engine", "ray", "--address",
+                 cluster.address]
+    return subprocess.Popen([sys.executable, "-m", "dataset_builder", *arguments], stdout=subprocess.PIPE,
                             stderr=subprocess.PIPE, text=True, start_new_session=True)
 
 
