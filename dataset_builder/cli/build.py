@@ -144,7 +144,8 @@ def _build(options: argparse.Namespace) -> int:
         console.print(build_table(manifest, tally, perf_counter() - start))
         job = BuildJob.of(loaded, folder, backend=options.backend, threads=1, cache=options.cache,
                           cache_size=options.cache_size)
-        console.print(runs_line(tally, job.store.size()), highlight=False, soft_wrap=True)
+        far = options.engine != "local" and not options.cache
+        console.print(runs_line(tally, None if far else job.store.size()), highlight=False, soft_wrap=True)
         console.print(f"dataset: {folder}\n{_sheet(folder)}", highlight=False, markup=False, soft_wrap=True)
     return 0
 

@@ -3,15 +3,24 @@
 import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import nullcontext, suppress
+from math import inf
+from socket import create_connection
+from time import monotonic, sleep
 from types import TracebackType
 from typing import Any
 from uuid import uuid4
 
 from dataset_builder.engine.parcel import forget
 from dataset_builder.engine.ray_running import Machine, RayRunning, Told, workers_on
-from dataset_builder.errors import UserError
+from dataset_builder.errors import OutputError, UserError
 from dataset_builder.extras import missing_named
 from dataset_builder.processes import cores
+
+LOOK = 5.0
+"""Seconds between looks at which machines there are."""
+
+PATIENCE = 10.0
+"""Seconds that the head has to answer."""
 
 FAREWELL = 5.0
 """Seconds that machines have to clear away what a build left there."""
@@ -27,7 +36,7 @@ class RayCluster:
                  cpus: int | None = None):
         self._address, self._say, self._cpus = address, say, cpus
         self._build, self._began = uuid4().hex, False
-        self._known = 0
+        self._machines, self._looked, self._head = list[Machine](), -inf, ("", 0)
 
     def __enter__(self) -> "RayCluster":
         with missing_named():
@@ -44,21 +53,27 @@ class RayCluster:
                 raise UserError(f"--address: expected a Ray cluster at {self._address or 'this machine'}, got: "
                                 f"{str(error).strip().splitlines()[0]}; start one with `ray start --head`") from error
             self._began = True
-        self._known = len(self.machines())
+        if not ray.util.client.ray.is_connected():
+            host, _, port = ray.get_runtime_context().gcs_address.rpartition(":")
+            self._head = host, int(port)
+        self._machines = self._found()
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
                  trace: TracebackType | None) -> None:
         import ray
 
-        if kind is None or issubclass(kind, Exception):
+        if kind is None or (issubclass(kind, Exception) and self._head_answers()):
             self._clear_away()
         if self._began:
             ray.shutdown()
             self._began = False
 
     def machines(self) -> list[Machine]:
-        """Those that are there now and take work."""
+        """Those that take work, as of the last look."""
+        return self._machines
+
+    def _found(self) -> list[Machine]:
         import ray
 
         found = [(node, node["Resources"]) for node in ray.nodes() if node["Alive"]]
@@ -93,15 +108,35 @@ class RayCluster:
         Raises what `work` raises, OutputError where a unit's process dies as often as it is tried and where there is no
         room, and UserError, naming the machine, where one has other versions. What was finished is kept.
         """
-        with self if not _connected() else nullcontext():
-            yield from RayRunning(self, self._build, work, told).results(list(units), workers)
+        if left := list(units):
+            with self if not _connected() else nullcontext():
+                yield from RayRunning(self, self._build, work, told).results(left, workers)
 
-    def look(self) -> None:
-        """Say where machines came or went."""
-        if (now := len(self.machines())) != self._known:
-            self._say(f"{now} machine{'s' * (now != 1)} now, {abs(now - self._known)} "
-                      f"{'more' if now > self._known else 'lost: what was at work there is done elsewhere'}")
-            self._known = now
+    def look(self, *, now: bool = False) -> None:
+        """See which machines there are, where the last look was a while ago, or `now`; say where some came or went.
+        Raises OutputError where the head is gone: Ray itself would end this process without a word."""
+        if not now and monotonic() - self._looked < LOOK:
+            return
+        if not self._head_answers():
+            raise OutputError("the head of the Ray cluster does not answer any more; finished examples are kept: start "
+                              "it again, and run the same command again")
+        before, self._machines, self._looked = len(self._machines), self._found(), monotonic()
+        if (after := len(self._machines)) != before:
+            self._say(f"{after} machine{'s' * (after != 1)} now, {abs(after - before)} "
+                      f"{'more' if after > before else 'lost: what was at work there is done elsewhere'}")
+
+    def _head_answers(self) -> bool:
+        """Whether the head of the cluster takes connections; through a client, Ray says so by itself."""
+        end = monotonic() + PATIENCE
+        while self._head[0]:
+            try:
+                with create_connection(self._head, timeout=PATIENCE):
+                    return True
+            except OSError:
+                if monotonic() > end:
+                    return False
+                sleep(PATIENCE / 10)
+        return True
 
     def say(self, line: str) -> None:
         """Tell people."""

@@ -24,8 +24,8 @@ AHEAD = 2
 LISTEN = 0.2
 """Seconds between looks at what processes tell."""
 
-LOOK = 5.0
-"""Seconds between looks at which machines there are."""
+WAIT = 2.0
+"""Seconds between looks at the cluster, where nothing is told."""
 
 MARGIN = 0.95
 """Of a machine's memory that is shared out."""
@@ -50,8 +50,8 @@ class Cluster(Protocol):
     def machines(self) -> list[Machine]:
         """Those that take work now."""
 
-    def look(self) -> None:
-        """Say where machines came or went."""
+    def look(self, *, now: bool = False) -> None:
+        """See which machines there are, if it is time to."""
 
     def say(self, line: str) -> None:
         """Tell people."""
@@ -89,11 +89,10 @@ class RayRunning:
         queue = deque(self._hand_outs(units, workers))
         try:
             while queue or self._pending:
+                self._cluster.look()
                 self._submit(task, queue, workers)
-                done, _ = ray.wait(list(self._pending), timeout=LISTEN if self._told else LOOK)
+                done, _ = ray.wait(list(self._pending), timeout=LISTEN if self._told else WAIT)
                 self._hear()
-                if not done:
-                    self._cluster.look()
                 for ref in done:
                     hand_out = self._pending.pop(ref)
                     try:
@@ -102,7 +101,7 @@ class RayRunning:
                             ray.exceptions.LocalRayletDiedError):
                         # No fault of the unit's
                         queue.appendleft(hand_out)
-                        self._cluster.look()
+                        self._cluster.look(now=True)
                     except (ray.exceptions.WorkerCrashedError, ray.exceptions.OutOfMemoryError) as error:
                         short = isinstance(error, ray.exceptions.OutOfMemoryError)
                         queue.extendleft(reversed(after_death(

@@ -77,8 +77,7 @@ class UrlBox:
     @property
     def title(self) -> str:
         """The address without what may be a password."""
-        parts = urlsplit(self._url)
-        return f"{parts.scheme}://{parts.netloc.rpartition('@')[2]}{parts.path}"
+        return _title(self._url)
 
     def write(self, name: str, data: bytes) -> None:
         """A whole file."""
@@ -117,7 +116,7 @@ class UrlBox:
             raise
         except Exception as error:
             rule = f"expected a place that can be written, got: {error or type(error).__name__}"
-            raise OutputError([Problem(where=url.partition("?")[0].rpartition("@")[2], path="--staging", rule=rule,
+            raise OutputError([Problem(where=_title(url), path="--staging", rule=rule,
                                        hint="see that it exists, and that every machine may write it")]) from error
 
 
@@ -135,3 +134,9 @@ def _size(path: Path) -> int:
         return path.stat().st_size
     except FileNotFoundError:
         return 0
+
+
+def _title(url: str) -> str:
+    """An address without names, passwords and keys."""
+    parts = urlsplit(url)
+    return f"{parts.scheme}://{parts.netloc.rpartition('@')[2]}{parts.path}"

@@ -21,8 +21,10 @@ def against_table(found: Against) -> Table:
     return table
 
 
-def runs_line(tally: Tally, kept: int) -> str:
-    """How many passes a build ran, how many it had the results of, and the bytes that it keeps of all."""
+def runs_line(tally: Tally, kept: int | None) -> str:
+    """How many passes a build ran, how many it had the results of, and the bytes that it keeps of all; None where other
+    machines keep them."""
     ran = sum(count for name, count in tally.runs.items() if name in RUNS)
-    size = f"{kept / GB:.2f} GB of results are kept (--cache-size)" if kept else "no results are kept"
+    size = "their machines keep the results" if kept is None else \
+        f"{kept / GB:.2f} GB of results are kept (--cache-size)" if kept else "no results are kept"
     return f"passes: {ran} ran, {tally.recalled} were known from an earlier build; {size}"

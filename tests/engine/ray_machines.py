@@ -14,9 +14,9 @@ SMALL = {"object_store_memory": 100 * 2**20, "include_dashboard": False}
 
 
 @contextmanager
-def cluster_of(machines: int, temporary: Path, *, cpus: int = 1) -> Iterator[Any]:
-    """A cluster whose head takes no work, with so many machines besides, that this process is connected to.
-    temporary: folder for what builds need on a machine."""
+def cluster_of(machines: int, temporary: Path, *, cpus: int = 1, connected: bool = True) -> Iterator[Any]:
+    """A cluster whose head takes no work, with so many machines besides, that this process is connected to unless told
+    otherwise. temporary: folder for what builds need on a machine."""
     before, paths = dict(os.environ), os.environ.get("PYTHONPATH", "")
     # What builds leave on a machine is theirs alone; Ray itself needs a short path
     os.environ |= {**QUIET, "TMPDIR": str(temporary), "RAY_TMPDIR": "/tmp"}
@@ -32,10 +32,12 @@ def cluster_of(machines: int, temporary: Path, *, cpus: int = 1) -> Iterator[Any
         try:
             for _ in range(machines):
                 cluster.add_node(num_cpus=cpus, **SMALL)
-            ray.init(cluster.address, log_to_driver=False, configure_logging=False, logging_level="ERROR")
+            if connected:
+                ray.init(cluster.address, log_to_driver=False, configure_logging=False, logging_level="ERROR")
             yield cluster
         finally:
-            ray.shutdown()
+            if connected:
+                ray.shutdown()
             cluster.shutdown()
             os.environ.clear()
             os.environ |= before
