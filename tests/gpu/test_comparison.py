@@ -19,7 +19,7 @@ def pictures(seed: int, factor: float, shared: float = 0.0) -> list[float]:
 
 @pytest.mark.parametrize("shared", [0.0, 0.7])
 def test_noise_passes(shared: float) -> None:
-    """200 pictures of 15 tests each, which fail at a rate of one in a thousand: three or more would, one time in 900."""
+    """200 pictures of 15 tests each, at a rate of one false alarm in a thousand: three or more come one time in 900."""
     bound = limit(15)
     assert sum(max(pictures(seed, 1.0, shared)) > bound for seed in range(200)) < 3
 

@@ -14,11 +14,7 @@ from dataset_builder.shards.folder import one_writer
 from dataset_builder.shards.manifest import from_json
 from dataset_builder.shards.shard_index import ShardIndex
 from dataset_builder.shards.verify import verify
-<<<<<<<< HEAD:tests/transfer/test_restore.py
 from dataset_builder.transfer.refetch import repair_from
-========
-from dataset_builder.transfer.refetch import repair_from
->>>>>>>> integrity:tests/transfer/test_refetch.py
 from tests.shards.tiny_dataset import build, contents, default_examples, index_path, make_example, shard_path
 
 STEM, OTHER = "tiny-v1-train-000000", "tiny-v1-test-000000"
