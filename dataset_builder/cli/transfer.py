@@ -10,7 +10,7 @@ from dataset_builder.byte_store import GB
 from dataset_builder.cli.common import Verbs, add_verb, gigabytes, positive
 
 if TYPE_CHECKING:
-    from dataset_builder.transfer.fetching import Progress
+    from dataset_builder.transfer.fetching import TransferProgress
 
 PATTERNS = (("split", "splits"), ("scene", "scenes"), ("object", "target objects"), ("category", "kinds of object"),
             ("level", "noise levels, by number or name"), ("light", "target lights, by number"))
@@ -75,12 +75,12 @@ def _pull(options: argparse.Namespace) -> int:
 
 
 class _Line:
-    """Progress on the terminal, in one line."""
+    """TransferProgress on the terminal, in one line."""
 
     def __init__(self) -> None:
         self._next, self._shown = monotonic() + OFTEN, False
 
-    def told(self, progress: "Progress") -> None:
+    def told(self, progress: "TransferProgress") -> None:
         """Show how far it is, now and then."""
         if monotonic() < self._next:
             return

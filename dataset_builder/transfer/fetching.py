@@ -30,7 +30,7 @@ STREAMS = 8
 
 
 @dataclass(frozen=True, kw_only=True)
-class Progress:
+class TransferProgress:
     """How far a transfer is."""
 
     done: int
@@ -57,8 +57,8 @@ class Fetching:
     """Brings files of `origin` below `.build` of a folder. Raises UserError where bytes cannot be had, or are again and
     again not what was stated; OutputError where the disk refuses. What was finished is found again by the next run."""
 
-    def __init__(self, origin: Origin, folder: Path, *, told: Callable[[Progress], None] = lambda progress: None,
-                 chunk_size: int = CHUNK_SIZE):
+    def __init__(self, origin: Origin, folder: Path, *,
+                 told: Callable[[TransferProgress], None] = lambda progress: None, chunk_size: int = CHUNK_SIZE):
         self.origin, self.folder = origin, folder
         self.total = 0
         """Bytes that are wanted, for progress."""
@@ -70,7 +70,7 @@ class Fetching:
         with self._lock:
             self._done, self._moved = self._done + done, self._moved + moved
             seconds = monotonic() - self._begun
-            self._told(Progress(done=self._done, total=self.total, moved=self._moved, seconds=seconds))
+            self._told(TransferProgress(done=self._done, total=self.total, moved=self._moved, seconds=seconds))
 
     @property
     def moved(self) -> int:

@@ -21,7 +21,7 @@ from dataset_builder.shards.structure import read_small
 from dataset_builder.shards.writer import index_path, shard_path
 from dataset_builder.transfer.choice import ChosenShard, ExampleChoice, choose, layers_chosen
 from dataset_builder.transfer.chunked_file import CHUNK_SIZE
-from dataset_builder.transfer.fetching import PULL, Fetching, Progress
+from dataset_builder.transfer.fetching import PULL, Fetching, TransferProgress
 from dataset_builder.transfer.origin import TEXTS, Origin, index_name, open_origin
 from dataset_builder.transfer.subset_manifest import subset_manifest, subset_record
 from dataset_builder.transfer.subset_shards import Assembly, batches
@@ -42,8 +42,8 @@ class Pulled:
 
 
 def pull(address: str | Path | Place, folder: Path, *, choice: ExampleChoice = EVERYTHING, sha256: str = "",
-         most: int | None = None, replace: bool = False, told: Callable[[Progress], None] = lambda progress: None,
-         chunk_size: int = CHUNK_SIZE) -> Pulled:
+         most: int | None = None, replace: bool = False,
+         told: Callable[[TransferProgress], None] = lambda progress: None, chunk_size: int = CHUNK_SIZE) -> Pulled:
     """Bring the dataset at `address`, or what `choice` wants of it, to `folder`.
 
     A whole dataset is equal byte by byte. A choice becomes a dataset of its own, of which nothing else is fetched.

@@ -16,7 +16,7 @@ from dataset_builder.remote.upload import Shelf, shelf_of
 from dataset_builder.shards.example import LABEL
 from dataset_builder.shards.folder import MANIFEST, MOST_BYTES
 from dataset_builder.shards.manifest import Manifest, from_json
-from dataset_builder.transfer.fetching import Progress
+from dataset_builder.transfer.fetching import TransferProgress
 from dataset_builder.transfer.origin import TEXTS, Origin, index_name, open_origin, shard_name
 from dataset_builder.transfer.outgoing import Pushed, SentFile, left_over_there, other_content, outgoing, require_room
 from dataset_builder.transfer.push_hub import push_to_hub
@@ -30,7 +30,7 @@ STREAMS = 4
 
 
 def push(folder: Path, address: str | Path, *, replace: bool = False, prune: bool = False,
-         told: Callable[[Progress], None] = lambda progress: None) -> Pushed:
+         told: Callable[[TransferProgress], None] = lambda progress: None) -> Pushed:
     """Send the dataset in `folder` to `address`, and read back what others will see.
 
     replace: another dataset or version there may make room; its shards stay. prune: shards and indexes that are not
@@ -78,7 +78,7 @@ def _is_there(shelf: Shelf, there: Mapping[str, int], file: SentFile) -> bool:
 
 
 def _send(shelf: Shelf, data: Sequence[SentFile], texts: Sequence[SentFile],
-          told: Callable[[Progress], None]) -> None:
+          told: Callable[[TransferProgress], None]) -> None:
     total, done, begun = sum(file.size for file in (*data, *texts)), 0, monotonic()
     with ThreadPoolExecutor(STREAMS) as pool:
         sending = {pool.submit(shelf.put, file.name, file.path): file for file in data}
@@ -86,13 +86,13 @@ def _send(shelf: Shelf, data: Sequence[SentFile], texts: Sequence[SentFile],
             for future, file in sending.items():
                 future.result()
                 done += file.size
-                told(Progress(done=done, total=total, moved=done, seconds=monotonic() - begun))
+                told(TransferProgress(done=done, total=total, moved=done, seconds=monotonic() - begun))
         finally:
             pool.shutdown(cancel_futures=True)
     for file in texts:
         shelf.put(file.name, file.path)
         done += file.size
-        told(Progress(done=done, total=total, moved=done, seconds=monotonic() - begun))
+        told(TransferProgress(done=done, total=total, moved=done, seconds=monotonic() - begun))
 
 
 def _read_back(address: str | Path, origin: Origin, files: Sequence[SentFile], there: Mapping[str, int]) -> None:

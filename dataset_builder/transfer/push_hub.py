@@ -18,7 +18,7 @@ from dataset_builder.extras import missing_named
 from dataset_builder.remote.address import require_sound, scrubbed
 from dataset_builder.shards.folder import MANIFEST, MOST_BYTES
 from dataset_builder.shards.manifest import Manifest, from_json
-from dataset_builder.transfer.fetching import Progress
+from dataset_builder.transfer.fetching import TransferProgress
 from dataset_builder.transfer.origin import Origin
 from dataset_builder.transfer.outgoing import Pushed, SentFile, left_over_there, other_content, require_room
 
@@ -30,7 +30,7 @@ SAID = 200
 
 
 def push_to_hub(origin: Origin, files: Sequence[SentFile], address: str, *, replace: bool, prune: bool,
-                told: Callable[[Progress], None], api: "HfApi | None" = None) -> Pushed:
+                told: Callable[[TransferProgress], None], api: "HfApi | None" = None) -> Pushed:
     """Send a release to `hf://datasets/USER/NAME[@BRANCH]`; see `push.push`. A repository that is not there is made,
     for its owner alone to see. Nothing of the release appears before its one commit, and then all of it does."""
     require_sound(address, "hf")
@@ -59,7 +59,7 @@ def push_to_hub(origin: Origin, files: Sequence[SentFile], address: str, *, repl
             # What the hub takes into the commit itself is passed over
             api.preupload_lfs_files(additions=[operation], **where)
             done += file.size
-            told(Progress(done=done, total=total, moved=done, seconds=monotonic() - begun))
+            told(TransferProgress(done=done, total=total, moved=done, seconds=monotonic() - begun))
         gone = [hub.CommitOperationDelete(path_in_repo=one) for one in left] if prune else []
         if added or gone:
             api.create_commit(operations=[*added, *gone], parent_commit=head, **where,

@@ -116,11 +116,12 @@ def test_more_than_is_stated_is_not_fetched(origin: CountingPlace, tmp_path: Pat
 
 def test_what_is_there_stays(home: Path, origin: CountingPlace, tmp_path: Path) -> None:
     pull(home, tmp_path / "here")
-    before = {path: path.read_bytes() for path in (tmp_path / "here").rglob("*") if path.is_file()}
+    before, kept = contents(tmp_path / "here"), sorted(path.name for path in (tmp_path / "here/.build").iterdir())
     forge(origin.folder, LIES["payload in the next file"])
     with pytest.raises(ShardError, match="one after the other"):
         pull(origin, tmp_path / "here")
-    assert before == {path: path.read_bytes() for path in (tmp_path / "here").rglob("*") if path.is_file()}
+    assert before == contents(tmp_path / "here")
+    assert kept == sorted(path.name for path in (tmp_path / "here/.build").iterdir())
 
 
 @pytest.mark.parametrize("where", ["shards", ".build", ".build/pull", ".build/next"])

@@ -10,7 +10,7 @@ from dataset_builder.errors import OutputError, ShardError, UserError
 from dataset_builder.shards.reader import open_dataset
 from dataset_builder.shards.verify import verify
 from dataset_builder.transfer.choice import ExampleChoice
-from dataset_builder.transfer.fetching import Progress
+from dataset_builder.transfer.fetching import TransferProgress
 from dataset_builder.transfer.pull import pull
 from tests.shards.tiny_dataset import contents, make_example
 from tests.transfer.conftest import CountingPlace, examples, made
@@ -19,7 +19,7 @@ CHUNK = 4096
 
 
 def test_files_are_equal_and_come_once(place: CountingPlace, home: Path, tmp_path: Path) -> None:
-    news = list[Progress]()
+    news = list[TransferProgress]()
     pulled = pull(place, tmp_path / "here", told=news.append, chunk_size=CHUNK)
     assert contents(tmp_path / "here") == contents(home)
     assert not (tmp_path / "here/.build/pull").exists()
