@@ -52,10 +52,10 @@ class Plan:
     after: int = 0
     """Requests that are answered rightly first."""
     seed: int = 0
-    served: list[Served] = field(default_factory=list)
-    """What was asked for, in the order of the answers."""
+    _served: list[Served] = field(default_factory=list)
     _asked: Counter[str] = field(default_factory=Counter)
-    _lock: threading.Lock = field(default_factory=threading.Lock)
+    _open: int = 0
+    _lock: threading.Condition = field(default_factory=threading.Condition)
 
     def fault(self, path: str, wanted: str) -> Fault | None:
         """What becomes of a request."""
@@ -68,6 +68,27 @@ class Plan:
             if early or number >= self.in_a_row or draws.uniform() >= self.rate or not re.search(self.only, path):
                 return None
             return self.faults[int(draws.integers(len(self.faults)))]
+
+    @contextmanager
+    def serving(self) -> Iterator[list[Served]]:
+        """While a request is answered; what is put into the list is kept."""
+        found = list[Served]()
+        with self._lock:
+            self._open += 1
+        try:
+            yield found
+        finally:
+            with self._lock:
+                self._open -= 1
+                self._served += found
+                self._lock.notify_all()
+
+    @property
+    def served(self) -> list[Served]:
+        """What was asked for, in the order of the answers, of which readers may know the last before their server."""
+        with self._lock:
+            self._lock.wait_for(lambda: not self._open, timeout=10)
+            return list(self._served)
 
     @property
     def sent(self) -> int:
@@ -120,6 +141,10 @@ class _Proxy(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """Pass a request on, and answer it rightly or wrongly."""
+        with self.plan.serving() as served:
+            served.append(self._serve())
+
+    def _serve(self) -> Served:
         wanted = self.headers.get("Range", "")
         fault = self.plan.fault(self.path, wanted)
         status, headers, body = self._upstream({"Range": wanted} if wanted and fault != "whole" else {})
@@ -127,7 +152,7 @@ class _Proxy(BaseHTTPRequestHandler):
             # The piece that follows by a byte
             status, headers, body = self._upstream({"Range": _moved(wanted)})
         sent = getattr(self, f"_{fault}")(status, headers, body) if fault else self._answer(status, headers, body)
-        self.plan.served.append(Served(path=self.path, range=wanted, fault=fault, status=status, sent=sent))
+        return Served(path=self.path, range=wanted, fault=fault, status=status, sent=sent)
 
     def _upstream(self, headers: dict[str, str]) -> tuple[int, dict[str, str], bytes]:
         connection = http.client.HTTPConnection(self.upstream, timeout=30)

@@ -11,13 +11,13 @@ LONGEST = 1 << 24
 
 
 def joined(wanted: Sequence[ByteRange], *, gap: int = GAP) -> list[ByteRange]:
-    """Stretches that hold all pieces, sorted: pieces of a file up to `gap` bytes apart are one.
+    """Stretches that hold all pieces that are not empty, sorted: pieces of a file up to `gap` bytes apart are one.
 
     >>> joined([ByteRange("a", 600, 10), ByteRange("a", 0, 88)], gap=512)
     [ByteRange(name='a', start=0, size=610)]
     """
     found = list[ByteRange]()
-    for piece in sorted(set(wanted)):
+    for piece in sorted({piece for piece in wanted if piece.size}):
         last = found[-1] if found else None
         if last and last.name == piece.name and piece.start <= last.start + last.size + gap:
             size = max(last.size, piece.start + piece.size - last.start)
@@ -34,13 +34,18 @@ def pieces(place: Place, wanted: Sequence[ByteRange], *, gap: int = GAP) -> list
     stretches = joined(wanted, gap=gap)
     data = dict(zip(stretches, place.ranges(stretches), strict=True))
     homes = {piece: home for piece, home in _homes(wanted, stretches)}
-    return [data[homes[piece]][piece.start - homes[piece].start:][:piece.size] for piece in wanted]
+    return [_cut(data[homes[piece]], piece.start - homes[piece].start, piece.size) if piece.size else b""
+            for piece in wanted]
+
+
+def _cut(data: bytes, start: int, size: int) -> bytes:
+    return data if (start, size) == (0, len(data)) else data[start:start + size]
 
 
 def _homes(wanted: Sequence[ByteRange], stretches: Sequence[ByteRange]) -> Iterator[tuple[ByteRange, ByteRange]]:
     """Each piece with the stretch that holds it."""
     place = 0
-    for piece in sorted(set(wanted)):
+    for piece in sorted({piece for piece in wanted if piece.size}):
         while not (stretches[place].name == piece.name
                    and stretches[place].start + stretches[place].size >= piece.start + piece.size):
             place += 1

@@ -2,7 +2,9 @@
 
 import os
 import pickle
+import signal
 import socket
+import threading
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -196,3 +198,17 @@ def test_s3(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
             there.ranges([ByteRange("shards/a.tar", SIZE - 5, 10)])
         with pytest.raises(FileNotFoundError, match="no such file: 's3://bucket/none'"):
             there.read("none", most=1)
+
+
+def test_ctrl_c_ends_a_request_at_once(folder: Path) -> None:
+    plan = Plan(faults=["stall"], in_a_row=99)
+    with range_server(folder) as upstream, fault_proxy(upstream, plan) as address:
+        place, begin = place_of(address), monotonic()
+        timer = threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT))
+        timer.start()
+        with pytest.raises(KeyboardInterrupt):
+            place.read("shards/a.tar", most=SIZE)
+        timer.join()
+        assert monotonic() - begin < 15
+        plan.rate = 0.0
+        assert place.read("b c.txt", most=3) == b"abc"
