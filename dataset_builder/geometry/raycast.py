@@ -12,14 +12,15 @@ import numpy as np
 from dataset_builder.errors import UserError
 from dataset_builder.geometry.edges import unit
 
-LIBRARY = "libusb-1.0"
-PACKAGE = "libusb-1.0-0"
+PACKAGES = {"libusb-1.0": "libusb-1.0-0", "libGL": "libgl1", "libEGL": "libegl1", "libX11": "libx11-6",
+            "libidn2": "libidn2-0"}
+"""Of the system libraries that Open3D is linked with, those of Debian and Ubuntu."""
 NOTHING = 0
 """Id of a ray that meets no surface."""
 
 
 def open3d() -> ModuleType:
-    """The module `open3d`. Raises UserError with the command that mends it where it or libusb-1.0 is missing."""
+    """The module `open3d`. Raises UserError with the command that mends it where it or a system library is missing."""
     try:
         return importlib.import_module("open3d")
     except (ImportError, OSError) as error:
@@ -28,9 +29,10 @@ def open3d() -> ModuleType:
 
 def missing(error: Exception) -> UserError:
     """What to do about a failed import of Open3D."""
-    if LIBRARY in str(error):
-        return UserError(f"Open3D: expected the system library {LIBRARY}, got: {error}; on Debian or Ubuntu: "
-                         f"apt-get install {PACKAGE}")
+    for library, package in PACKAGES.items():
+        if f"{library}." in str(error):
+            return UserError(f"Open3D: expected the system library {library}, got: {error}; on Debian or Ubuntu: "
+                             f"apt-get install {package}")
     return UserError(f"Open3D: expected it to import, got: {error}; install the locked dependencies again")
 
 

@@ -68,6 +68,7 @@ def test_closest_points_and_their_normals(two_boxes):
 
 @pytest.mark.parametrize(("error", "message"), [
     (OSError("libusb-1.0.so.0: cannot open shared object file"), "apt-get install libusb-1.0-0"),
+    (OSError("libGL.so.1: cannot open shared object file"), "apt-get install libgl1"),
     (ImportError("No module named 'open3d'"), "install the locked dependencies"),
 ])
 def test_a_missing_library_says_what_to_type(monkeypatch, error, message):
