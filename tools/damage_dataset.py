@@ -17,14 +17,16 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from dataset_builder.digest import sha256_bytes, sha256_file
+from dataset_builder.digest import pixel_digest, sha256_bytes, sha256_file
+from dataset_builder.errors import ShardError
 from dataset_builder.remote.place import FolderPlace
+from dataset_builder.shards import exr
 from dataset_builder.shards.folder import CARD, CROISSANT, MANIFEST, SUMS, WORK
 from dataset_builder.shards.publish import listed_files, sums_of
 from dataset_builder.shards.reader import load_manifest
 from dataset_builder.shards.segment import BLOCK
-from dataset_builder.shards.shard_index import ShardRecord
-from dataset_builder.shards.structure import members_of
+from dataset_builder.shards.shard_index import MemberRecord, ShardRecord
+from dataset_builder.shards.structure import members_of, read_member
 from dataset_builder.shards.verify import verify
 from dataset_builder.shards.verify_shard import Depth
 from dataset_builder.shards.writer import index_path, shard_path
@@ -147,7 +149,10 @@ def _flip_and_renew(copy: Path, shard: ShardRecord, chance: random.Random, *, in
     that of the layer as well: what a faulty writer leaves."""
     member = chance.choice([one for one in members_of(index_of(copy, shard.stem)) if one.name.endswith(".exr")])
     tar = shard_path(copy, shard.stem)
-    flip(tar, member.offset + member.size - 1 - chance.randrange(LAST), chance.randrange(8))
+    pixels = _decoded(tar, member)
+    while _decoded(tar, member) == pixels:
+        # A few bits at the end of compressed data mean nothing
+        flip(tar, member.offset + member.size - 1 - chance.randrange(LAST), chance.randrange(8))
     new = {shard.sha256: sha256_file(tar)}
     if index:
         new[member.sha256] = sha256_bytes(tar.read_bytes()[member.offset:member.offset + member.size])
@@ -159,6 +164,14 @@ def _flip_and_renew(copy: Path, shard: ShardRecord, chance: random.Random, *, in
     manifest = load_manifest(copy)
     known = {name: sha256_file(copy / name) for name in listed_files(manifest)}
     (copy / SUMS).write_bytes(sums_of(known, manifest))
+
+
+def _decoded(tar: Path, member: MemberRecord) -> str:
+    """Digest of a layer's pixels; empty where they do not decode."""
+    try:
+        return pixel_digest(exr.read(read_member(tar, member), where=member.name).pixels)
+    except ShardError:
+        return ""
 
 
 def _swap(one: Path, other: Path) -> None:
