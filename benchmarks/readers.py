@@ -128,7 +128,12 @@ def mds(source: Source, layers: Layers) -> Dataset:
     from streaming import LocalDataset
 
     rows = LocalDataset(str(source.made / "mds"), SPLIT)
-    return Items(range(len(rows)), lambda index: {layer: pixels(rows[index][layer]) for layer in layers})
+
+    def read(index: int) -> Arrays:
+        row = rows[index]
+        return {layer: pixels(row[layer]) for layer in layers}
+
+    return Items(range(len(rows)), read)
 
 
 def parquet(source: Source, layers: Layers) -> IterableDataset:
