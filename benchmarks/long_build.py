@@ -174,7 +174,8 @@ def main() -> int:
                 if args.rows:
                     args.rows.write_text("".join(json.dumps(asdict(row)) + "\n" for row in rows), encoding="utf-8")
     if args.figure:
-        draw({"this build": rows, **{path.stem: read(path) for path in args.beside}}, args.figure)
+        name = args.read.stem if args.read else "this build"
+        draw({name: rows, **{path.stem: read(path) for path in args.beside}}, args.figure)
     return 0 if told(rows) else 1
 
 

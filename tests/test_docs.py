@@ -157,7 +157,7 @@ def test_every_public_name_is_explained() -> None:
 
 @pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "sh")], ids=lambda page: page.stem)
 def test_shell_blocks_run(page: Path, site: Path) -> None:
-    targets = re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    targets = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
     for line in filter(None, "\n".join(blocks(page, "sh")).splitlines()):
         tool, *arguments = shlex.split(line)
         if tool == "make":
@@ -226,7 +226,7 @@ def test_files_in_running_text_exist(page: Path) -> None:
 
 @pytest.mark.parametrize("page", [*PAGES, *OTHERS], ids=lambda page: page.stem)
 def test_commands_in_running_text_exist(page: Path) -> None:
-    known, targets = verbs(), re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    known, targets = verbs(), re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
     options = options_of(parser())
     for code in inline(page):
         words = code.removeprefix(".venv/bin/").split()

@@ -1,10 +1,13 @@
-"""Two renderings of the same plans with other random numbers: how far apart they are, in standard errors."""
+"""Replicas of two renderings of the same plans: how far apart their means are, in standard errors.
+
+The error is that of replicas, not of pixels: these err together where they share light paths.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import norm
+from scipy.stats import norm, t
 
 ERROR_RATE = 1e-3
 """Chance that a correct renderer fails a whole run, shared among all of its Z-tests (Bonferroni)."""
@@ -30,21 +33,18 @@ def limit(tests: int) -> float:
     return float(norm.isf(ERROR_RATE / 2 / max(tests, 1)))
 
 
-def deviations(pairs: tuple[np.ndarray, np.ndarray], errors: tuple[np.ndarray, np.ndarray], *,
-               together: bool = False) -> Iterator[Deviation]:
-    """Of the means of (H, W, C) images with standard errors of each pixel, by part and channel.
-
-    Pixels are independent, or may err `together`, where they share light paths: then the error of a mean is at most the
-    mean of errors.
-    """
-    first, second = (image.astype(np.float64) for image in pairs)
-    variance = sum(error.astype(np.float64) ** 2 for error in errors)
-    for name, rows, columns in parts(first.shape[0], first.shape[1]):
-        for channel in range(first.shape[2]):
-            a, b, spread = (image[rows, columns, channel] for image in (first, second, variance))
-            error = float(np.sqrt(spread).mean()) if together else float(np.sqrt(spread.sum()) / spread.size)
+def deviations(first: np.ndarray, second: np.ndarray) -> Iterator[Deviation]:
+    """Of the means of (R, H, W, C) replicas, by part and channel: Student's t of as many replicas on both sides, as the
+    normal deviate of the same probability."""
+    replicas = len(first)
+    for name, rows, columns in parts(first.shape[1], first.shape[2]):
+        for channel in range(first.shape[3]):
+            a, b = (side[:, rows, columns, channel].mean(axis=(1, 2), dtype=np.float64) for side in (first, second))
+            error = float(np.sqrt((a.var(ddof=1) + b.var(ddof=1)) / replicas))
             off, scale = float(b.mean() - a.mean()), max(abs(float(a.mean())), abs(float(b.mean())))
-            z = 0.0 if abs(off) <= ROUNDING * scale else off / error if error else np.inf
+            z = 0.0 if abs(off) <= ROUNDING * scale else np.inf
+            if z and error:
+                z = float(np.sign(off) * norm.isf(t.sf(abs(off) / error, 2 * (replicas - 1))))
             yield Deviation(where=f"{name}, channel {channel}", z=z, ratio=float(b.mean()) / (float(a.mean()) or 1e-30))
 
 

@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -19,17 +20,20 @@ STAND_IN = "TEST_GPU_BACKEND"
 EFFECTS, MINI = ROOT / "scene_specs/3df-lighting-effects.yaml", ROOT / "scene_specs/3df-lighting-mini.yaml"
 FREE = ("d", "r", "mask", "normal", "depth", "instance", "mask_rough", "normal_rough")
 NOISY = ("i_s", "i_t", "s", "s_prime", "spec", "air", "i_t_empty", "i_pbr")
-SMALL = ("image.width=24", "image.height=24", "storage.standard_errors=true", "render.effects=all",
+SMALL = ("image.width=24", "image.height=24", "render.effects=all",
          *(f"layers.{name}=frame" for name in (*FREE, *NOISY)))
-JOINED = ("image.width=24", "image.height=24", "storage.standard_errors=true", "render.transport=joined",
+JOINED = ("image.width=24", "image.height=24", "render.transport=joined",
           "layers.s=frame", "layers.spec=frame")
+REPLICAS = 8
+"""Renderings with other random numbers on each side, whose spread is the error."""
 ASKED: dict[str, dict[str, Any]] = {
-    "effects": {"spec": EFFECTS, "overrides": [*SMALL, "render.spp=64"], "examples": [0, 2, 4, 5], "layers": NOISY},
+    "effects": {"spec": EFFECTS, "overrides": [*SMALL, "render.spp=16"], "examples": [0, 2, 4, 5], "layers": NOISY,
+                "repeat": REPLICAS},
     "free": {"spec": EFFECTS, "overrides": [*SMALL, "render.spp=16"], "examples": [0, 2, 4, 5], "layers": FREE,
              "word": {"cpu": "", "device": ""}},
-    "joined": {"spec": MINI, "overrides": [*JOINED, "render.spp=64"], "examples": [0]},
+    "joined": {"spec": MINI, "overrides": [*JOINED, "render.spp=16"], "examples": [0], "repeat": REPLICAS},
     "goal": {"spec": MINI, "overrides": ["image.width=24", "image.height=24", "storage.standard_errors=true",
-                                         "render.accuracy.i_t={error: 0.05, cap: 1024}"], "examples": [1]},
+                                         "render.accuracy.i_t={error: 0.2, cap: 256}"], "examples": [1], "repeat": REPLICAS},
     "denoised": {"spec": MINI, "overrides": ["image.width=24", "image.height=24", "storage.standard_errors=true",
                                              "render.denoise.layers=[i_t, s_prime]", "render.denoise.keep_raw=true"],
                  "examples": [2]},
@@ -64,10 +68,13 @@ class Side:
             self.figures: dict[str, Any] = json.loads(str(found["figures"]))
 
     def layers(self, request: str) -> dict[str, dict[str, np.ndarray]]:
-        """Layers by example."""
-        keys = sorted({name.split("/")[1] for name in self.images if name.startswith(f"{request}/")})
-        return {key: {name.split("/")[2]: image for name, image in self.images.items()
-                      if name.startswith(f"{request}/{key}/")} for key in keys}
+        """Layers by example: (R, H, W, C), replica by replica."""
+        found = defaultdict[str, dict[str, list[np.ndarray]]](lambda: defaultdict(list))
+        for name, image in self.images.items():
+            asked, key, layer, _ = name.split("/")
+            if asked == request:
+                found[key][layer].append(image)
+        return {key: {layer: np.stack(images) for layer, images in layers.items()} for key, layers in found.items()}
 
 
 def run_module(module: str, *words: str, fault: bool = False) -> str:

@@ -28,13 +28,13 @@ FAULT = "TEST_GPU_FAULT"
 """A layer and a factor that the second side multiplies it by, such as `i_t 1.05`: to see that tests can fail."""
 
 
-def planned(request: dict[str, Any]) -> tuple[list[ExamplePlan], Path]:
+def planned(request: dict[str, Any], replica: int) -> tuple[list[ExamplePlan], Path]:
     """The plans of a request, with its seeds and layers."""
     loaded = load_dataset(Path(request["spec"]), request["overrides"])
     planner, found = Planner(loaded), []
     for index in request["examples"]:
         plan = planner.example(planner.examples[index])
-        seed = str(derive_seed(int(plan.render.seed), request["word"])) if request["word"] else plan.render.seed
+        seed = str(derive_seed(int(plan.render.seed), request["word"], replica)) if request["word"] else plan.render.seed
         layers = tuple(pair for pair in plan.render.layers if not request["layers"] or pair[0] in request["layers"])
         found.append(plan.model_copy(update={"render": plan.render.model_copy(update={"seed": seed,
                                                                                       "layers": layers})}))
@@ -52,14 +52,14 @@ def faulty(rendered: Rendered) -> dict[str, np.ndarray]:
 
 def rendered(asked: dict[str, Any], found: dict[str, np.ndarray], name: str) -> dict[str, Any]:
     """Render the examples of one request; layers go to `found`."""
-    plans, root = planned(asked)
     figures: dict[str, Any] = {"used": [], "broken": [], "titles": {}}
     tolerances = {rule: tolerance for rule, _, tolerance in identity_table("float32", True)}
-    for _ in range(asked["repeat"]):
+    for replica in range(asked["repeat"]):
+        plans, root = planned(asked, replica)
         for plan in plans:
             example = next(render_view([plan], root))
             layers = faulty(example)
-            found |= {f"{name}/{plan.key}/{layer}": image for layer, image in layers.items()}
+            found |= {f"{name}/{plan.key}/{layer}/{replica}": image for layer, image in layers.items()}
             figures["titles"][plan.key] = f"{plan.target.object.name} in {plan.room.name}"
             masks = {layer: image for layer, image in example.evidence.items() if layer.startswith("mask")}
             figures["broken"] += [f"{plan.key}: {item.identity}: {item.reason}" for item in

@@ -17,15 +17,13 @@ of 16 samples shows one that does."""
 Sides = tuple[Side, Side]
 
 
-def compared(sides: Sides, request: str, layer: str, tests: int, together: bool = False) -> None:
+def compared(sides: Sides, request: str, layer: str, tests: int) -> None:
     """Fail with the examples in which a layer is off."""
     cpu, device = (side.layers(request) for side in sides)
     assert cpu.keys() == device.keys() and cpu
     bound, wrong = limit(tests), []
     for key in cpu:
-        a, b = cpu[key], device[key]
-        worst = max(deviations((a[layer], b[layer]), (a[f"{layer}_se"], b[f"{layer}_se"]), together=together),
-                    key=lambda found: abs(found.z))
+        worst = max(deviations(cpu[key][layer], device[key][layer]), key=lambda found: abs(found.z))
         if abs(worst.z) > bound:
             title = sides[0].figures[request]["titles"][key]
             wrong.append(f"{title}: {worst.where} is {worst.ratio:.4f} times the CPU's, z {worst.z:.1f}")
@@ -40,7 +38,7 @@ def test_layers_with_noise_agree(sides: Sides, layer: str) -> None:
 
 @pytest.mark.parametrize("layer", ["i_t", "s", "spec", "s_prime"])
 def test_joined_paths_agree(sides: Sides, layer: str) -> None:
-    compared(sides, "joined", layer, tests=4 * 15, together=True)
+    compared(sides, "joined", layer, tests=4 * 15)
 
 
 @pytest.mark.parametrize("layer", ["i_t", "s_prime"])
