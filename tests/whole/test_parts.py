@@ -3,7 +3,8 @@
 import json
 import re
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from itertools import zip_longest
 from pathlib import Path
 
 import pytest
@@ -12,19 +13,45 @@ from dataset_builder.builder import Event, build
 from dataset_builder.cli.main import main
 from dataset_builder.digest import sealed, unsealed
 from dataset_builder.engine.dataset_part import Part, read_record
-from dataset_builder.errors import OutputError
+from dataset_builder.errors import OutputError, UserError
 from dataset_builder.merge import merge
 from dataset_builder.planning.plan import Planner
+from dataset_builder.rendering import oidn
+from dataset_builder.shards.folder import WORK
+from dataset_builder.shards.reader import load_manifest
 from dataset_builder.shards.verify import verify
 from dataset_builder.spec.load import load_dataset
 from tests.small_specs import contents, outcomes_of, run_build, write_spec
 
-QUICK = ("rough.sigma=[0.0, 0.004]", "splits.train.lights=1", "render.spp=4")
-"""Six examples of three views, one view a part."""
+QUICK = ("rough.sigma=[0.0, 0.002, 0.08]", "gates.mask_overlap=0.8", "splits.train.lights=1", "render.spp=4")
+"""Nine examples of three views, one view a part; the last of each view is rejected."""
+SEEN = ("layers={i_s: object, i_t: frame, s_prime: object, mask: object, mask_field: object}", "rough.sigma=0.0",
+        "splits.test.source={kind: field, views: 8, held_out: 2, size: 16, spp: 4, resolution: 32, steps: 10, "
+        "gates: {psnr: 1, opacity_iou: 0}}", "splits.train.lights=1", "splits.test.views=3", "render.spp=4",
+        "render.denoise={layers: [i_t], examples: 1}")
+"""Five examples; those of the test split are seen through one field, and all are denoised."""
+
+try:
+    oidn.require()
+    MISSING = ""
+except UserError as error:
+    MISSING = str(error)
+needs_oidn = pytest.mark.skipif(bool(MISSING), reason=f"Open Image Denoise: {MISSING}")
+
+
+def part_events(spec: Path, folder: Path, text: str, *overrides: str) -> Iterator[Event]:
+    return build(load_dataset(spec, overrides), folder, backend="llvm", workers=1, part=Part.parse(text))
 
 
 def build_part(spec: Path, folder: Path, text: str, *overrides: str) -> list[Event]:
-    return list(build(load_dataset(spec, overrides), folder, backend="llvm", workers=1, part=Part.parse(text)))
+    return list(part_events(spec, folder, text, *overrides))
+
+
+def build_at_once(spec: Path, folder: Path, count: int, *overrides: str) -> list[Path]:
+    """Parts in one folder, each a step further in turn."""
+    parts = [folder / str(number) for number in range(1, count + 1)]
+    list(zip_longest(*(part_events(spec, part, f"{part.name}/{count}", *overrides) for part in parts)))
+    return parts
 
 
 def merge_all(spec: Path, parts: Sequence[Path], folder: Path, *overrides: str) -> list[Event]:
@@ -37,10 +64,7 @@ def three(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, list[Pa
     folder = tmp_path_factory.mktemp("three")
     spec = write_spec(folder / "spec")
     run_build(spec, folder / "one", *QUICK)
-    parts = [folder / "parts" / str(number) for number in (1, 2, 3)]
-    for number, part in enumerate(parts, 1):
-        build_part(spec, part, f"{number}/3", *QUICK)
-    return spec, folder / "one", parts
+    return spec, folder / "one", build_at_once(spec, folder / "parts", 3, *QUICK)
 
 
 def test_parts_in_any_order_are_one_build(three: tuple[Path, Path, list[Path]], tmp_path: Path,
@@ -55,11 +79,29 @@ def test_parts_in_any_order_are_one_build(three: tuple[Path, Path, list[Path]], 
         return [line.split(",")[:2] for line in (folder / "seconds.csv").read_text().splitlines()]
 
     assert steps(tmp_path / "out") == steps(one)
+    assert tree(tmp_path / "out" / WORK / "rejected") == tree(one / WORK / "rejected") != {}
     # Again, with parts that are there, and with the dataset alone that a build finds
     events = merge_all(spec, parts, tmp_path / "out", *QUICK)
-    assert events[0].wanted == 0 and contents(tmp_path / "out") == contents(one)
+    assert not any(event.shard for event in events) and contents(tmp_path / "out") == contents(one)
     monkeypatch.undo()
-    assert outcomes_of(run_build(spec, tmp_path / "out", *QUICK)) == {}
+    assert all(outcome.kept for outcome in outcomes_of(run_build(spec, tmp_path / "out", *QUICK)).values())
+
+
+def tree(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
+@needs_oidn
+def test_parts_measure_the_denoiser_and_make_fields_each(tmp_path: Path) -> None:
+    """The field is needed by two parts of the three."""
+    spec = write_spec(tmp_path / "spec")
+    run_build(spec, tmp_path / "one", *SEEN)
+    parts = build_at_once(spec, tmp_path / "parts", 3, *SEEN)
+    assert sum(len(list((part / WORK / "fields").glob("*.npz"))) for part in parts) == 2
+    merge_all(spec, parts, tmp_path / "out", *SEEN)
+    assert contents(tmp_path / "out") == contents(tmp_path / "one")
+    manifest = load_manifest(tmp_path / "out")
+    assert manifest.fields and manifest.denoised
 
 
 def test_a_part_that_is_whole_is_not_planned_again(three: tuple[Path, Path, list[Path]], tmp_path: Path,
@@ -68,7 +110,7 @@ def test_a_part_that_is_whole_is_not_planned_again(three: tuple[Path, Path, list
     shutil.copytree(parts[1], tmp_path / "2")
     monkeypatch.setattr("dataset_builder.builder.run_unit", lambda *_: pytest.fail("made again"))
     events = build_part(spec, tmp_path / "2", "2/3", *QUICK)
-    assert all(outcome.kept for outcome in outcomes_of(events).values()) and len(outcomes_of(events)) == 2
+    assert all(outcome.kept for outcome in outcomes_of(events).values()) and len(outcomes_of(events)) == 3
     assert events[-1].part == read_record(parts[1])
 
 
