@@ -11,7 +11,7 @@ from dataset_builder.byte_store import CACHE_SIZE, require_store
 from dataset_builder.digest import digest
 from dataset_builder.engine import local
 from dataset_builder.engine.calibration import calibrate
-from dataset_builder.engine.dataset_part import Part, PartRecord, known_outcomes, parts_of, write_record
+from dataset_builder.engine.dataset_part import DatasetPart, PartRecord, known_outcomes, parts_of, write_record
 from dataset_builder.engine.field_tasks import FieldNews, make_fields
 from dataset_builder.engine.finishing import Progress, finish, let_go, publish_task, require_examples
 from dataset_builder.engine.made_by import versions
@@ -31,8 +31,9 @@ from dataset_builder.processes import cores
 from dataset_builder.rendering import oidn
 from dataset_builder.rendering.backend import choose
 from dataset_builder.rendering.scene.image_check import check_images
-from dataset_builder.shards.folder import Claim, build_lock, require_ours
+from dataset_builder.shards.folder import Claim, require_ours
 from dataset_builder.shards.manifest import Manifest, Rejected
+from dataset_builder.shards.one_writer import build_lock
 from dataset_builder.shards.publish import Again, whole_shards
 from dataset_builder.shards.shard_index import ShardIndex
 from dataset_builder.spec.dataset import DatasetSpec
@@ -62,8 +63,8 @@ class Event:
 
 
 def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: int | None = None,
-          only: Sequence[int] = (), part: Part | None = None, replace_other: bool = False, cache: Path | None = None,
-          cache_size: int = CACHE_SIZE, told: Callable[[FieldNews], None] = lambda news: None,
+          only: Sequence[int] = (), part: DatasetPart | None = None, replace_other: bool = False,
+          cache: Path | None = None, cache_size: int = CACHE_SIZE, told: Callable[[FieldNews], None] = lambda news: None,
           run: Run = local.run, staging_url: str = "", unit_limit: float | None = None,
           again: Again | None = None) -> Iterator[Event]:
     """Build `loaded` into `folder`, yielding news, first of all how many examples there are to make.
@@ -164,7 +165,7 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
                                           [item for key, item in progress.rejected.items() if key in keys]))
 
 
-def _chosen(planner: Planner, only: Sequence[int], part: Part | None) -> frozenset[ExampleRef]:
+def _chosen(planner: Planner, only: Sequence[int], part: DatasetPart | None) -> frozenset[ExampleRef]:
     """The examples of these indices, of a part, or all. Raises PlanError for every index that is none."""
     examples = planner.examples
     if part:

@@ -16,7 +16,8 @@ from dataset_builder.files import exhaustion_errors, require_space
 from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.planning.cost import expected_bytes
 from dataset_builder.planning.plan import Planner
-from dataset_builder.shards.folder import Claim, build_lock, require_ours
+from dataset_builder.shards.folder import Claim, require_ours
+from dataset_builder.shards.one_writer import build_lock
 from dataset_builder.shards.publish import whole_shards
 from dataset_builder.spec.resolve import LoadedSpec
 

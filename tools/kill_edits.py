@@ -15,7 +15,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dataset_builder.seeding import rng
-from dataset_builder.shards.folder import SUMS, WORK, left_over, next_of
+from dataset_builder.shards.folder import SUMS, WORK, next_of
+from dataset_builder.shards.one_writer import left_over
 from dataset_builder.shards.reader import load_manifest, open_dataset
 from dataset_builder.shards.verify import verify
 from dataset_builder.spec.load import load_dataset

@@ -18,8 +18,9 @@ from dataset_builder.errors import UserError
 from dataset_builder.layers import LAYERS
 from dataset_builder.seeding import rng
 from dataset_builder.shards.example import Example, encode_members, preview
-from dataset_builder.shards.folder import Claim, build_lock
+from dataset_builder.shards.folder import Claim
 from dataset_builder.shards.manifest import Manifest, from_json, with_shards
+from dataset_builder.shards.one_writer import build_lock
 from dataset_builder.shards.publish import publish_dataset
 from dataset_builder.shards.reader import Dataset, open_dataset
 from dataset_builder.shards.segment import segment

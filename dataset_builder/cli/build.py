@@ -109,7 +109,7 @@ def _plan(options: argparse.Namespace) -> int:
 
 def _build(options: argparse.Namespace) -> int:
     from dataset_builder.builder import build
-    from dataset_builder.engine.dataset_part import Part
+    from dataset_builder.engine.dataset_part import DatasetPart
     from dataset_builder.engine.outcomes import Tally
     from dataset_builder.engine.unit import BuildJob
     from dataset_builder.report.against_table import runs_line
@@ -118,7 +118,7 @@ def _build(options: argparse.Namespace) -> int:
     from dataset_builder.spec.load import load_dataset
 
     console, start = plain_console(), perf_counter()
-    part = Part.parse(options.part) if options.part is not None else None
+    part = DatasetPart.parse(options.part) if options.part is not None else None
     loaded = load_dataset(options.spec, options.overrides)
     folder = options.out or DATASETS / (loaded.dataset.name + (f"-part-{part.number}-of-{part.of}" if part else ""))
     shown = Following(console)

@@ -30,7 +30,7 @@ Digest = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 
 
 @dataclass(frozen=True, order=True)
-class Part:
+class DatasetPart:
     """Part `number` of `of`, from 1 on."""
 
     number: int
@@ -40,7 +40,7 @@ class Part:
         return f"{self.number}/{self.of}"
 
     @classmethod
-    def parse(cls, text: str) -> "Part":
+    def parse(cls, text: str) -> "DatasetPart":
         """`2/3`. Raises UserError where it is something else."""
         first, slash, last = text.partition("/")
         if slash and all(part.isascii() and part.isdigit() and len(part) < 7 for part in (first, last)) and \
@@ -70,12 +70,12 @@ class PartRecord(Model):
     rejected: tuple[Rejected, ...]
 
     @property
-    def part(self) -> Part:
+    def part(self) -> DatasetPart:
         """Which one it is."""
-        return Part(self.number, self.of)
+        return DatasetPart(self.number, self.of)
 
 
-def parts_of(spec: DatasetSpec, examples: Iterable[ExampleRef], count: int) -> Iterator[tuple[Part, ViewUnit]]:
+def parts_of(spec: DatasetSpec, examples: Iterable[ExampleRef], count: int) -> Iterator[tuple[DatasetPart, ViewUnit]]:
     """Every view, with the part that it is in. All views are put in order of split, object, scene and camera, and that
     row is cut into `count` pieces of equal cost, so that a part sees few objects.
 
@@ -97,7 +97,7 @@ def parts_of(spec: DatasetSpec, examples: Iterable[ExampleRef], count: int) -> I
     for unit in row:
         cost = costs[unit.view.pair.split]
         # By the middle of each
-        yield Part((2 * before + cost) * count // (2 * total) + 1, count), unit
+        yield DatasetPart((2 * before + cost) * count // (2 * total) + 1, count), unit
         before += cost
 
 
@@ -110,8 +110,8 @@ def read_record(folder: Path) -> PartRecord | None:
         return None
 
 
-def write_record(folder: Path, part: Part, spec_digest: str, made_by: Mapping[str, str], denoised: Sequence[Denoised],
-                 digests: Mapping[str, str], rejected: Iterable[Rejected]) -> PartRecord:
+def write_record(folder: Path, part: DatasetPart, spec_digest: str, made_by: Mapping[str, str],
+                 denoised: Sequence[Denoised], digests: Mapping[str, str], rejected: Iterable[Rejected]) -> PartRecord:
     """Say that a part is whole. digests: of its staged examples, by key. Raises OutputError, and ShardError where one
     of them is not staged."""
     staging = Staging(folder)
@@ -124,7 +124,7 @@ def write_record(folder: Path, part: Part, spec_digest: str, made_by: Mapping[st
     return record
 
 
-def known_outcomes(folder: Path, part: Part, spec_digest: str, made_by: Mapping[str, str],
+def known_outcomes(folder: Path, part: DatasetPart, spec_digest: str, made_by: Mapping[str, str],
                    refs: Iterable[ExampleRef]) -> list[Outcome]:
     """Those of some examples that are staged, as the record of this very part in the folder says: nothing is planned
     for them. The record of another part, spec or version is removed. Raises OutputError."""

@@ -7,7 +7,7 @@ from itertools import islice
 from pathlib import Path
 from shlex import join
 
-from dataset_builder.engine.dataset_part import Part, PartRecord, parts_of, read_record
+from dataset_builder.engine.dataset_part import DatasetPart, PartRecord, parts_of, read_record
 from dataset_builder.engine.made_by import own_versions
 from dataset_builder.errors import OutputError, Problem
 from dataset_builder.planning.catalogue import ExampleRef
@@ -124,12 +124,12 @@ def _gaps(loaded: LoadedSpec, examples: Sequence[ExampleRef], records: Mapping[P
         elif (records[before].examples, records[before].rejected) != (record.examples, record.rejected):
             yield _wrong(folder, f"expected one part {record.part}, got another in {before}", "leave one of them out")
     for number in sorted(wanted.keys() - there.keys()):
-        part = Part(number, count)
+        part = DatasetPart(number, count)
         yield Problem(where="", path="", rule=f"expected part {part}, found none",
                       hint=f"make it: {_command(loaded, part, Path('DIR'))}")
 
 
-def _command(loaded: LoadedSpec, part: Part | str, folder: Path) -> str:
+def _command(loaded: LoadedSpec, part: DatasetPart | str, folder: Path) -> str:
     sets = [text for override in loaded.overrides for text in ("--set", override)]
     return join(["dataset-builder", "build", str(loaded.path), *sets, "--part", str(part), "--out", str(folder)])
 

@@ -1,14 +1,11 @@
-"""The output folder: whose it is, what in it is ours, and how one set of files takes the place of another.
+"""The output folder: whose it is, and what in it is ours.
 
 `.build/claim.json` says it before there is a `dataset.json`: which dataset is built here, and which files outside
-`.build` builds put there. Everything is written below `.build/next` first; `swap` lets it take its place.
+`.build` builds put there.
 """
 
 import errno
-import os
-import shutil
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
@@ -16,8 +13,7 @@ from pydantic import Field, ValidationError
 
 from dataset_builder.digest import canonical_json, read_regular
 from dataset_builder.errors import OutputError, Problem
-from dataset_builder.files import flush_folder, output_errors, partial_of, write_atomic
-from dataset_builder.lease import held, require
+from dataset_builder.files import output_errors, partial_of, write_atomic
 from dataset_builder.spec.model import Model
 
 WORK = ".build"
@@ -97,111 +93,20 @@ def require_ours(folder: Path, wanted: Claim, *, replace: bool = False) -> Claim
     `replace`, another dataset or another major version.
     """
     if folder.exists() and not folder.is_dir():
-        raise _refused(folder, "expected a folder, got a file", "choose another output folder")
+        raise refused(folder, "expected a folder, got a file", "choose another output folder")
     with output_errors(folder):
-        found = [claim for claim in (_published(folder), read_claim(folder)) if claim]
+        found = [claim for claim in (published_claim(folder), read_claim(folder)) if claim]
         ours = {file for claim in found for file in claim.files}
         strange = list(_strange(folder, ours, known=bool(found))) if folder.is_dir() else []
     if strange:
         more = f" and {len(strange) - NAMED} more" if len(strange) > NAMED else ""
-        raise _refused(folder, "expected a new or empty folder, or a dataset of this builder, got other files: "
+        raise refused(folder, "expected a new or empty folder, or a dataset of this builder, got other files: "
                        f"{', '.join(strange[:NAMED])}{more}",
                        "move them away, or choose another output folder; no file was changed")
     if found and not replace and found[0].title != wanted.title:
-        raise _refused(folder, f"expected a new or empty folder, or {wanted.title}, got the dataset {found[0].title}",
+        raise refused(folder, f"expected a new or empty folder, or {wanted.title}, got the dataset {found[0].title}",
                        "choose another output folder, or say --replace; no file was changed")
     return wanted.model_copy(update={"files": tuple(sorted(ours))})
-
-
-@contextmanager
-def build_lock(folder: Path, wanted: Claim, *, replace: bool = False) -> Iterator[None]:
-    """Claim `folder` for a dataset and keep every other build out of it meanwhile, on whatever machine it runs.
-
-    Raises OutputError as `require_ours` does, and, naming the process, where another build is at work in it.
-    """
-    require_ours(folder, wanted, replace=replace)
-    with one_writer(folder):
-        # Again, since another build may have been at work
-        write_claim(folder, require_ours(folder, wanted, replace=replace))
-        yield
-
-
-@contextmanager
-def one_writer(folder: Path, work: str = "build") -> Iterator[None]:
-    """Keep every other build or repair out of `folder` meanwhile. Raises OutputError where one is at work in it."""
-    # A dataset of somebody else's may lead elsewhere, where files would be written and removed
-    for name in (WORK, SHARDS, INDEX, *(f"{WORK}/{inner}" for inner in (LEASE, NEXT, STAGING, MENDING, ASIDE))):
-        if (folder / name).is_symlink():
-            raise _refused(folder, f"expected a folder {name}, got a link", "remove it, or choose another folder")
-    with output_errors(folder):
-        (folder / WORK).mkdir(parents=True, exist_ok=True)
-    with held(folder / WORK / LEASE, folder=folder, work=work):
-        finish_swap(folder)
-        yield
-
-
-def still_writer(folder: Path) -> None:
-    """Make sure, before something takes its place for others to see, that no other writer took over meanwhile. Raises
-    OutputError where one did, since this process stood still."""
-    require(folder / WORK / LEASE)
-
-
-def swap(folder: Path) -> None:
-    """Let the whole set below `.build/next` take the place of the old one. `dataset.json` goes by one rename, after
-    all that it lists is there; until then the old set is whole. Raises OutputError where the disk refuses.
-
-    Killed at any moment, one of both sets can be read and verified, and `finish_swap` does the rest.
-    """
-    claim, coming = read_claim(folder), _published(next_of(folder))
-    if claim is None or coming is None:
-        raise _refused(folder, f"expected {WORK}/{CLAIM} and a new {MANIFEST}, found none", "run the build again")
-    both = tuple(sorted({*claim.files, *coming.files}))
-    still_writer(folder)
-    write_claim(folder, claim.model_copy(update={"files": both, "publishing": True}))
-    finish_swap(folder)
-
-
-def finish_swap(folder: Path) -> None:
-    """Go on with a `swap` to its end, wherever it was cut short; nothing where there was none. Raises OutputError."""
-    claim, source = read_claim(folder), next_of(folder)
-    if claim is None or not claim.publishing:
-        return
-    # `dataset.json` is the only file whose going says that the new set is there
-    kept = _published(source if (source / MANIFEST).exists() else folder)
-    if kept is not None:
-        with output_errors(folder):
-            members = [name for name in kept.files if "/" in name]
-            for names in (members, [MANIFEST], [CARD, CROISSANT, SUMS, SECONDS]):
-                still_writer(folder)
-                _move(source, folder, names)
-            for name in sorted({*claim.files} - {*kept.files}):
-                (folder / name).unlink(missing_ok=True)
-        claim = claim.model_copy(update={"files": kept.files})
-    write_claim(folder, claim.model_copy(update={"publishing": False}))
-    shutil.rmtree(source, ignore_errors=True)
-
-
-def left_over(folder: Path) -> frozenset[str]:
-    """Files of an old or a coming set that may lie beside the published one, because a `swap` was cut short."""
-    claim = read_claim(folder)
-    return frozenset(claim.files) if claim and claim.publishing else frozenset()
-
-
-def placed(folder: Path, name: str) -> Path:
-    """Where a file of the published set lies: in its place, or, where a `swap` was cut short, still in `.build`."""
-    source = next_of(folder)
-    late = (source / name).is_file() and not (source / MANIFEST).exists() and left_over(folder)
-    return (source if late else folder) / name
-
-
-def _move(source: Path, folder: Path, names: Iterable[str]) -> None:
-    """Rename those of the files that are in `source`, and flush the folders that they are in now."""
-    moved = [name for name in names if (source / name).is_file()]
-    for name in moved:
-        (folder / name).parent.mkdir(exist_ok=True)
-        os.replace(source / name, folder / name)
-    for parent in {(folder / name).parent for name in moved}:
-        flush_folder(parent)
 
 
 def _strange(folder: Path, ours: set[str], *, known: bool) -> Iterator[str]:
@@ -228,7 +133,7 @@ def _entry(path: Path, folder: Path) -> str:
     return f"{name}/" if path.is_dir() and not path.is_symlink() else name
 
 
-def _published(folder: Path) -> Claim | None:
+def published_claim(folder: Path) -> Claim | None:
     """What `dataset.json` says, as a claim; None where there is none of this builder."""
     found = _read(_Published, folder / MANIFEST)
     if found is None:
@@ -252,8 +157,10 @@ def _read(model: type[M], path: Path) -> M | None:
 
 
 def write_claim(folder: Path, claim: Claim) -> None:
+    """Say in the folder whose it is. Raises OutputError."""
     write_atomic(folder / WORK / CLAIM, canonical_json(claim.model_dump(mode="json")))
 
 
-def _refused(folder: Path, rule: str, hint: str) -> OutputError:
+def refused(folder: Path, rule: str, hint: str) -> OutputError:
+    """That a folder cannot be written as it is."""
     return OutputError([Problem(where=str(folder), path="", rule=rule, hint=hint)])

@@ -9,9 +9,10 @@ from dataset_builder.digest import sha256_bytes
 from dataset_builder.errors import Problem, ShardError
 from dataset_builder.remote.open_place import place_of
 from dataset_builder.remote.place import FolderPlace, Place
-from dataset_builder.shards.folder import MANIFEST, MOST_BYTES, SUMS, placed
+from dataset_builder.shards.folder import MANIFEST, MOST_BYTES, SUMS
 from dataset_builder.shards.manifest import Manifest, from_json
 from dataset_builder.shards.member_bytes import SHA256
+from dataset_builder.shards.one_writer import placed
 from dataset_builder.shards.publish import sums_in
 from dataset_builder.shards.shard_index import ShardIndex, ShardRecord
 from dataset_builder.shards.structure import members_of, misplaced, starts

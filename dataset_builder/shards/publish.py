@@ -11,8 +11,9 @@ from dataset_builder.files import output_errors, write_atomic
 from dataset_builder.label.example_label import Denoised
 from dataset_builder.shards.card import card
 from dataset_builder.shards.croissant import croissant
-from dataset_builder.shards.folder import CARD, CROISSANT, INDEX, MANIFEST, SUMS, files_of, next_of, read_claim, swap
+from dataset_builder.shards.folder import CARD, CROISSANT, INDEX, MANIFEST, SUMS, files_of, next_of, read_claim
 from dataset_builder.shards.manifest import Manifest, Rejected, from_json, to_json
+from dataset_builder.shards.one_writer import swap
 from dataset_builder.shards.shard_index import ShardIndex, tagged
 from dataset_builder.shards.structure import read_small, tar_problems
 from dataset_builder.shards.writer import index_path, shard_path

@@ -11,8 +11,9 @@ from typing import get_args
 
 from dataset_builder.errors import OutputError, Problem, ShardError, UserError
 from dataset_builder.processes import follow_the_parent
-from dataset_builder.shards.folder import CARD, CROISSANT, MANIFEST, SUMS, placed
+from dataset_builder.shards.folder import CARD, CROISSANT, MANIFEST, SUMS
 from dataset_builder.shards.manifest import Manifest
+from dataset_builder.shards.one_writer import placed
 from dataset_builder.shards.reader import load_manifest
 from dataset_builder.shards.shard_index import ShardRecord
 from dataset_builder.shards.verify_files import (

@@ -8,9 +8,10 @@ from pathlib import Path
 from dataset_builder.digest import open_regular, sha256_file
 from dataset_builder.errors import Problem, ShardError
 from dataset_builder.shards.croissant import split_rows
-from dataset_builder.shards.folder import CROISSANT, MANIFEST, PREVIEWS, SECONDS, SUMS, WORK, left_over, placed
+from dataset_builder.shards.folder import CROISSANT, MANIFEST, PREVIEWS, SECONDS, SUMS, WORK
 from dataset_builder.shards.identities import identity_table
 from dataset_builder.shards.manifest import Manifest
+from dataset_builder.shards.one_writer import left_over, placed
 from dataset_builder.shards.publish import listed_files, sums_in
 from dataset_builder.shards.structure import MOST_BYTES, read_small
 

@@ -13,8 +13,9 @@ from dataset_builder.errors import Problem, ShardError
 from dataset_builder.files import commit, output_errors, partial_of, write_atomic, write_partial
 from dataset_builder.shards import exr
 from dataset_builder.shards.example import Member
-from dataset_builder.shards.folder import INDEX, SHARDS, next_of, still_writer
+from dataset_builder.shards.folder import INDEX, SHARDS, next_of
 from dataset_builder.shards.manifest import to_json
+from dataset_builder.shards.one_writer import still_writer
 from dataset_builder.shards.segment import BLOCK, end_blocks, segment_size
 from dataset_builder.shards.shard_index import (
     ExampleFacts,

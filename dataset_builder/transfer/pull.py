@@ -13,8 +13,9 @@ from dataset_builder.errors import OutputError, Problem, ShardError, UserError
 from dataset_builder.files import output_errors, require_space, write_atomic
 from dataset_builder.remote.open_place import place_of
 from dataset_builder.remote.place import FolderPlace, Place
-from dataset_builder.shards.folder import MANIFEST, NEXT, SUMS, WORK, Claim, build_lock, next_of, require_ours, swap
+from dataset_builder.shards.folder import MANIFEST, NEXT, SUMS, WORK, Claim, next_of, require_ours
 from dataset_builder.shards.manifest import Manifest, from_json
+from dataset_builder.shards.one_writer import build_lock, swap
 from dataset_builder.shards.publish import listed_files, publish_dataset, published, sums_in
 from dataset_builder.shards.shard_index import ShardRecord
 from dataset_builder.shards.structure import read_small

@@ -11,8 +11,9 @@ from dataset_builder.digest import sha256_bytes
 from dataset_builder.errors import ShardError
 from dataset_builder.files import commit, output_errors, partial_of, write_atomic, write_partial
 from dataset_builder.remote.place import ByteRange, Place
-from dataset_builder.shards.folder import MANIFEST, MENDING, SUMS, WORK, one_writer, still_writer
+from dataset_builder.shards.folder import MANIFEST, MENDING, SUMS, WORK
 from dataset_builder.shards.manifest import Manifest, from_json
+from dataset_builder.shards.one_writer import one_writer, still_writer
 from dataset_builder.shards.publish import listed_files, sums_in
 from dataset_builder.shards.segment import end_blocks, header, padding
 from dataset_builder.shards.shard_index import MemberRecord, ShardIndex, ShardRecord

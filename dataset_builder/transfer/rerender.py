@@ -10,7 +10,8 @@ from dataset_builder.engine.made_by import versions
 from dataset_builder.engine.shard_tasks import split_digests
 from dataset_builder.files import write_atomic
 from dataset_builder.planning.plan import Planner
-from dataset_builder.shards.folder import MANIFEST, SUMS, Claim, next_of, one_writer, write_claim
+from dataset_builder.shards.folder import MANIFEST, SUMS, Claim, next_of, write_claim
+from dataset_builder.shards.one_writer import one_writer
 from dataset_builder.shards.publish import Again, published, sums_in
 from dataset_builder.shards.verify_files import hash_of
 from dataset_builder.shards.writer import index_path, shard_path

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from dataset_builder.engine.dataset_part import Part, PartRecord, parts_of, read_record
+from dataset_builder.engine.dataset_part import DatasetPart, PartRecord, parts_of, read_record
 from dataset_builder.errors import UserError
 from dataset_builder.planning.catalogue import ViewUnit, examples, units
 from dataset_builder.planning.unit_cost import unit_seconds
@@ -53,8 +53,8 @@ def test_a_view_with_more_examples_costs_more(spec: DatasetSpec) -> None:
                                   "\u0661/\u0662"])
 def test_what_is_no_part_is_refused(text: str) -> None:
     with pytest.raises(UserError, match=r"--part: expected k/n with k from 1 to n"):
-        Part.parse(text)
-    assert Part.parse("2/3") == Part(2, 3) and str(Part.parse("03/10")) == "3/10"
+        DatasetPart.parse(text)
+    assert DatasetPart.parse("2/3") == DatasetPart(2, 3) and str(DatasetPart.parse("03/10")) == "3/10"
 
 
 def test_a_damaged_record_is_none(tmp_path: Path) -> None:

@@ -17,8 +17,9 @@ from dataset_builder.label.field_plan import FieldPlan
 from dataset_builder.label.scene_plan import CameraPlan
 from dataset_builder.seeding import rng
 from dataset_builder.shards.example import Example, encode_members, preview
-from dataset_builder.shards.folder import Claim, build_lock
+from dataset_builder.shards.folder import Claim
 from dataset_builder.shards.manifest import make_manifest, shard_slot
+from dataset_builder.shards.one_writer import build_lock
 from dataset_builder.shards.publish import publish_dataset
 from dataset_builder.shards.segment import segment
 from dataset_builder.shards.shard_index import ExampleFacts, ShardIndex

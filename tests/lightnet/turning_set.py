@@ -9,8 +9,9 @@ from dataset_builder.label.scene_plan import CameraPlan
 from dataset_builder.label.sequence_plan import SequencePlan
 from dataset_builder.seeding import rng
 from dataset_builder.shards.example import Example
-from dataset_builder.shards.folder import Claim, build_lock
+from dataset_builder.shards.folder import Claim
 from dataset_builder.shards.manifest import make_manifest
+from dataset_builder.shards.one_writer import build_lock
 from dataset_builder.shards.publish import publish_dataset
 from dataset_builder.shards.staging import Staging
 from dataset_builder.spec.dataset import DatasetSpec

@@ -7,8 +7,9 @@ import numpy as np
 
 from dataset_builder.shards import exr
 from dataset_builder.shards.example import Member
-from dataset_builder.shards.folder import Claim, build_lock
+from dataset_builder.shards.folder import Claim
 from dataset_builder.shards.manifest import from_json, with_shards
+from dataset_builder.shards.one_writer import build_lock
 from dataset_builder.shards.publish import publish_dataset
 from dataset_builder.shards.reader import load_manifest
 from dataset_builder.shards.segment import segment

@@ -10,12 +10,14 @@ import pytest
 from dataset_builder import lease
 from dataset_builder.errors import OutputError
 from dataset_builder.files import require_space, write_atomic
-from dataset_builder.shards.folder import Claim, build_lock, require_ours
+from dataset_builder.shards.folder import Claim, require_ours
+from dataset_builder.shards.one_writer import build_lock
 from dataset_builder.shards.verify import verify
 from tests.shards.tiny_dataset import build
 
 TINY = Claim(name="tiny", version="1.0.0")
-HOLD = ("import sys, time; from pathlib import Path; from dataset_builder.shards.folder import Claim, build_lock\n"
+HOLD = ("import sys, time; from pathlib import Path; from dataset_builder.shards.folder import Claim\n"
+        "from dataset_builder.shards.one_writer import build_lock\n"
         "with build_lock(Path(sys.argv[1]), Claim(name='tiny', version='1.0.0')):\n"
         "    print('held', flush=True)\n    time.sleep(60)\n")
 

@@ -9,8 +9,9 @@ from dataset_builder.digest import digest
 from dataset_builder.seeding import rng
 from dataset_builder.shards import exr
 from dataset_builder.shards.example import Example, encode_members, preview
-from dataset_builder.shards.folder import Claim, build_lock
+from dataset_builder.shards.folder import Claim
 from dataset_builder.shards.manifest import Manifest, make_manifest, shard_slot
+from dataset_builder.shards.one_writer import build_lock
 from dataset_builder.shards.publish import publish_dataset, whole_shards
 from dataset_builder.shards.segment import segment
 from dataset_builder.shards.shard_index import ExampleFacts, ShardIndex

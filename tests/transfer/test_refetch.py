@@ -10,8 +10,8 @@ import pytest
 from dataset_builder.cli.main import main
 from dataset_builder.errors import OutputError, ShardError
 from dataset_builder.remote.place import ByteRange, FolderPlace
-from dataset_builder.shards.folder import one_writer
 from dataset_builder.shards.manifest import from_json
+from dataset_builder.shards.one_writer import one_writer
 from dataset_builder.shards.shard_index import ShardIndex
 from dataset_builder.shards.verify import verify
 from dataset_builder.transfer.refetch import repair_from

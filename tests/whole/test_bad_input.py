@@ -12,7 +12,8 @@ from typing import Any, NoReturn
 import pytest
 
 from dataset_builder.cli.main import main
-from dataset_builder.shards.folder import Claim, build_lock
+from dataset_builder.shards.folder import Claim
+from dataset_builder.shards.one_writer import build_lock
 from tests.shards.tiny_dataset import shard_path
 from tests.small_specs import FILES, contents, write_spec
 

@@ -12,7 +12,7 @@ import pytest
 from dataset_builder.builder import Event, build
 from dataset_builder.cli.main import main
 from dataset_builder.digest import sealed, unsealed
-from dataset_builder.engine.dataset_part import Part, read_record
+from dataset_builder.engine.dataset_part import DatasetPart, read_record
 from dataset_builder.errors import OutputError, UserError
 from dataset_builder.merge import merge
 from dataset_builder.planning.plan import Planner
@@ -40,7 +40,7 @@ needs_oidn = pytest.mark.skipif(bool(MISSING), reason=f"Open Image Denoise: {MIS
 
 
 def part_events(spec: Path, folder: Path, text: str, *overrides: str) -> Iterator[Event]:
-    return build(load_dataset(spec, overrides), folder, backend="llvm", workers=1, part=Part.parse(text))
+    return build(load_dataset(spec, overrides), folder, backend="llvm", workers=1, part=DatasetPart.parse(text))
 
 
 def build_part(spec: Path, folder: Path, text: str, *overrides: str) -> list[Event]:
