@@ -11,24 +11,32 @@ from typing import Any
 
 import pytest
 
-from dataset_builder.engine import local
+from dataset_builder.engine import local, ray_cluster
 from dataset_builder.errors import OutputError, SpecError
 from dataset_builder.processes import cores
 from dataset_builder.spec.load import load_dataset
+from tests.engine.ray_machines import cluster_of
 
 Run = Callable[..., Iterator[Any]]
-ENGINES = (local.run,)
+ENGINES = (local.run, ray_cluster.run)
+# Ray leaves what it opened for its processes to the collector
+pytestmark = [pytest.mark.filterwarnings("ignore::ResourceWarning"),
+              pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")]
 
 
-@pytest.fixture(params=ENGINES, ids=lambda run: run.__module__)
-def run(request: pytest.FixtureRequest) -> Run:
-    """Every way to run units."""
-    return request.param
+@pytest.fixture(scope="module", params=ENGINES, ids=lambda run: run.__module__)
+def run(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
+    """Every way to run units; on Ray, one cluster for all tests."""
+    if request.param is local.run:
+        yield request.param
+        return
+    with cluster_of(1, tmp_path_factory.mktemp("machine"), cpus=2):
+        yield request.param
 
 
-def test_one_worker_is_this_process_and_keeps_the_order(run: Run) -> None:
+def test_one_worker_is_this_process_and_keeps_the_order() -> None:
     started: list[int] = []
-    results = run(lambda unit: started.append(unit) or -unit, [3, 1, 2], workers=1)
+    results = local.run(lambda unit: started.append(unit) or -unit, [3, 1, 2], workers=1)
     assert next(results) == -3 and started == [3]
     assert list(results) == [-1, -2]
 
