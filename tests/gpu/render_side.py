@@ -34,7 +34,8 @@ def planned(request: dict[str, Any], replica: int) -> tuple[list[ExamplePlan], P
     planner, found = Planner(loaded), []
     for index in request["examples"]:
         plan = planner.example(planner.examples[index])
-        seed = str(derive_seed(int(plan.render.seed), request["word"], replica)) if request["word"] else plan.render.seed
+        seed, word = plan.render.seed, request["word"]
+        seed = str(derive_seed(int(seed), word, replica)) if word else seed
         layers = tuple(pair for pair in plan.render.layers if not request["layers"] or pair[0] in request["layers"])
         found.append(plan.model_copy(update={"render": plan.render.model_copy(update={"seed": seed,
                                                                                       "layers": layers})}))
