@@ -64,9 +64,9 @@ class Event:
 
 def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: int | None = None,
           only: Sequence[int] = (), part: DatasetPart | None = None, replace_other: bool = False,
-          cache: Path | None = None, cache_size: int = CACHE_SIZE, told: Callable[[FieldNews], None] = lambda news: None,
-          run: Run = local.run, staging_url: str = "", unit_limit: float | None = None,
-          again: Again | None = None) -> Iterator[Event]:
+          cache: Path | None = None, cache_size: int = CACHE_SIZE,
+          told: Callable[[FieldNews], None] = lambda news: None, run: Run = local.run, staging_url: str = "",
+          unit_limit: float | None = None, again: Again | None = None) -> Iterator[Event]:
     """Build `loaded` into `folder`, yielding news, first of all how many examples there are to make.
 
     backend: auto | cuda | llvm. workers: processes that render, None for one per core, or a single one on a GPU.
