@@ -63,15 +63,23 @@ class Lease:
             descriptor = os.open(name, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o644)
         except FileExistsError:
             return False
-        if _numbers(self._path)[-1:] != [self.number]:
-            # The number is an old one that was free again
-            os.close(descriptor)
-            name.unlink(missing_ok=True)
+        try:
+            # Where a higher one is there, this one is an old number that was free again
+            mine = _numbers(self._path)[-1:] == [self.number]
+            if mine:
+                self._write(descriptor)
+        except BaseException:
+            mine = False
+            raise
+        finally:
+            if not mine:
+                os.close(descriptor)
+                name.unlink(missing_ok=True)
+        if not mine:
             return False
         if self._descriptor >= 0:
             os.close(self._descriptor)
         self._descriptor = descriptor
-        self._write()
         for number in _numbers(self._path):
             if number <= self.number - KEPT:
                 (self._path / f"{number:08d}").unlink(missing_ok=True)
@@ -93,24 +101,26 @@ class Lease:
             # A disk that does not answer may answer again; others watch what they see
             with self._guard, suppress(OSError):
                 if not self._ended.is_set():
-                    self._write()
+                    self._write(self._descriptor)
 
     def end(self) -> None:
         """Let others have the lease."""
         with self._guard:
             lost = self._ended.is_set()
             self._ended.set()
+            if self._descriptor < 0:
+                return
             if not lost:
                 with suppress(OSError):
-                    self._write(released=True)
+                    self._write(self._descriptor, released=True)
             os.close(self._descriptor)
 
-    def _write(self, *, released: bool = False) -> None:
+    def _write(self, descriptor: int, *, released: bool = False) -> None:
         self._beat += 1
         owner = {**_here(), "pid": os.getpid(), "started": _started(os.getpid()), "nonce": self._nonce,
                  "beat": self._beat, "released": released}
-        os.pwrite(self._descriptor, json.dumps(owner).ljust(SIZE - 1).encode() + b"\n", 0)
-        os.fsync(self._descriptor)
+        os.pwrite(descriptor, json.dumps(owner).ljust(SIZE - 1).encode() + b"\n", 0)
+        os.fsync(descriptor)
 
 
 @contextmanager
@@ -146,8 +156,12 @@ def _next(path: Path, folder: Path, work: str, wait: bool, told: Told) -> Lease 
     number = (_numbers(path) or [0])[-1]
     why = _vacant(path / f"{number:08d}", folder, work, wait, told) if number else ""
     lease = Lease(path, number + 1, folder, work)
-    if why is None or not lease.take():
-        return None
+    try:
+        if why is None or not lease.take():
+            return None
+    except BaseException:
+        lease.end()
+        raise
     if why:
         told(f"note: took over {folder} from {why}")
     return lease
