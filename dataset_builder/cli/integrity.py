@@ -39,7 +39,8 @@ def add(verbs: common.Verbs) -> None:
     common.add_folder(repair)
     source = repair.add_mutually_exclusive_group(required=True)
     source.add_argument("--spec", type=Path, help="render what is broken again, from the spec that it was built from")
-    source.add_argument("--from", dest="place", metavar="PLACE", help="fetch what is broken from a whole copy")
+    source.add_argument("--from", dest="place", metavar="PLACE",
+                        help="fetch what is broken from a whole copy: a folder, or an address as `pull` takes")
     common.add_overrides(repair, "the spec")
     repair.add_argument("--workers", type=common.positive, help="processes that render (default: one per core)")
     common.add_backend(repair)
@@ -69,7 +70,7 @@ def _verify(options: argparse.Namespace) -> int:
 
 
 def _repair(options: argparse.Namespace) -> int:
-    from dataset_builder.remote.place import FolderPlace
+    from dataset_builder.remote.open_place import place_of
     from dataset_builder.shards.folder import ASIDE, WORK
     from dataset_builder.transfer.refetch import repair_from
 
@@ -81,7 +82,7 @@ def _repair(options: argparse.Namespace) -> int:
         done = repair_with(load_dataset(options.spec, options.overrides), options.folder, backend=options.backend,
                            workers=options.workers, events=Following(common.plain_console()).events)
     else:
-        done = repair_from(options.folder, FolderPlace(Path(options.place)))
+        done = repair_from(options.folder, place_of(options.place))
     for name in done.aside:
         print(f"not of the dataset, moved to {options.folder / WORK / ASIDE}: {name}")
     for name in done.mended:

@@ -89,10 +89,7 @@ def _mend_shard(folder: Path, place: Place, shard: ShardRecord, target: Path) ->
         chunks = place.stream(name)
     else:
         chunks = _joined(place, tar, name, index, broken)
-    try:
-        size, sha256 = write_partial(target, chunks)
-    except OSError as error:
-        raise refused(place.title, f"cannot read {name} ({error})", "name another place") from error
+    size, sha256 = write_partial(target, _readable(place, name, chunks))
     if sha256 != shard.sha256:
         partial_of(target).unlink()
         raise refused(place.title, f"expected SHA-256 {shard.sha256} of {name}, got {sha256}", "name another place")
@@ -113,6 +110,19 @@ def _joined(place: Place, tar: Path, name: str, index: ShardIndex, broken: set[s
             yield next(there) if member.name in broken else _own(tar, member) or b""
             yield padding(member.size)
     yield end_blocks(starts(index)[-1])
+
+
+def _readable(place: Place, name: str, chunks: Iterator[bytes]) -> Iterator[bytes]:
+    """The same chunks. Raises ShardError where the place does not give them: it is not the disk here that refuses."""
+    try:
+        yield from chunks
+    except (OSError, EOFError) as error:
+        raise _unread(place, name, error) from error
+
+
+def _unread(place: Place, name: str, error: OSError | EOFError) -> ShardError:
+    reason = getattr(error, "strerror", None) or error
+    return refused(place.title, f"cannot read {name} ({reason})", "name another place")
 
 
 def _own(tar: Path, member: MemberRecord) -> bytes | None:
@@ -146,5 +156,5 @@ def _checked(place: Place, name: str, sha256: str) -> bytes:
 def _fetch(place: Place, name: str) -> bytes:
     try:
         return place.read(name, most=MOST_BYTES)
-    except OSError as error:
-        raise refused(place.title, f"cannot read {name} ({error.strerror or error})", "name another place") from error
+    except (OSError, EOFError) as error:
+        raise _unread(place, name, error) from error
