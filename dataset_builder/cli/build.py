@@ -12,6 +12,7 @@ from dataset_builder.cli.common import (
     add_cache,
     add_spec,
     add_verb,
+    folder_here,
     plain_console,
     positive,
     positive_number,
@@ -40,7 +41,7 @@ def add(verbs: Verbs) -> None:
     add_backend(plan)
     build = add_verb(verbs, "build", _build, "build a dataset, or resume an interrupted build")
     add_spec(build)
-    build.add_argument("--out", type=Path, help=f"output folder (default: {DATASETS}/NAME)")
+    build.add_argument("--out", type=folder_here, help=f"output folder (default: {DATASETS}/NAME)")
     build.add_argument("--replace", action="store_true",
                        help="let the other dataset or major version go that the output folder holds, or the examples "
                             "that another backend made")
@@ -57,7 +58,7 @@ def add(verbs: Verbs) -> None:
     merge = add_verb(verbs, "merge", _merge, "publish the dataset whose parts `build --part` staged")
     add_spec(merge)
     merge.add_argument("parts", type=Path, nargs="+", metavar="DIR", help="folders of all parts, in any order")
-    merge.add_argument("--out", type=Path, help=f"output folder (default: {DATASETS}/NAME)")
+    merge.add_argument("--out", type=folder_here, help=f"output folder (default: {DATASETS}/NAME)")
     merge.add_argument("--replace", action="store_true", help="as in `build`")
 
 

@@ -84,7 +84,7 @@ def lightnet(config: Path | None, overrides: list[str], steps: int | None) -> "T
 
 def add_cache(verb: argparse.ArgumentParser) -> None:
     """Where results of passes are kept, and how much of them."""
-    verb.add_argument("--cache", type=_folder, metavar="DIR",
+    verb.add_argument("--cache", type=folder_here, metavar="DIR",
                       help="folder for results of passes, which datasets may share (default: in the output folder)")
     verb.add_argument("--cache-size", type=gigabytes, default=CACHE_SIZE, metavar="GB",
                       help=f"most that is kept there; 0 keeps nothing (default: {CACHE_SIZE / GB:g})")
@@ -111,11 +111,14 @@ def _dataset(text: str) -> Path | str:
     return local_path(text) if text.lower().startswith("file:") else text
 
 
-def _folder(text: str) -> Path:
-    """A folder that has a name."""
+def folder_here(text: str) -> Path:
+    """A folder of this machine to write into, which has a name."""
     if not text.strip():
         raise argparse.ArgumentTypeError("expected a folder, got an empty name")
-    return Path(text)
+    found = _dataset(text)
+    if isinstance(found, str):
+        raise argparse.ArgumentTypeError(f"expected a folder on this machine, got the address {shown(found)}")
+    return found
 
 
 def gigabytes(text: str) -> int:
