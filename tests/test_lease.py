@@ -19,6 +19,7 @@ from dataset_builder.lease import Lease, held
 from dataset_builder.lock import locked
 
 ROOT = Path(__file__).parent.parent
+IGNORED = list[str]()
 QUICK = "from dataset_builder import lease\nlease.RENEW, lease.LAPSE, lease.LOOK = 0.1, 1.5, 0.05\n"
 ELSEWHERE = QUICK + "lease._here = lambda: {{'host': '{host}', 'boot': 'x', 'pids': 'y'}}\n"
 HOLD = """
@@ -91,7 +92,7 @@ def test_a_process_of_the_same_number_is_not_taken_for_the_owner(tmp_path: Path,
     with monkeypatch.context() as patch:
         patch.setattr(lease, "_started", lambda pid: "some other time")
         assert mine.take()
-    with held(tmp_path, folder=tmp_path, work="build", told=str) as other:
+    with held(tmp_path, folder=tmp_path, work="build", told=IGNORED.append) as other:
         assert other.number == 2
     mine.end()
 
@@ -127,7 +128,7 @@ def test_an_owner_that_was_stopped_sees_that_it_lost(tmp_path: Path, quick: None
     with process(ELSEWHERE.format(host="laptop") + HOLD, tmp_path) as holder:
         assert line(holder) == "held 1"
         holder.send_signal(signal.SIGSTOP)
-        with held(tmp_path, folder=tmp_path, work="build", told=str) as mine:
+        with held(tmp_path, folder=tmp_path, work="build", told=IGNORED.append) as mine:
             holder.send_signal(signal.SIGCONT)
             go(holder)
             assert "stood still for over 1.5 s and another took its place" in line(holder)
@@ -149,7 +150,7 @@ def test_an_owner_goes_on_to_other_numbers_and_leaves_few_files(tmp_path: Path) 
 
 def test_a_number_whose_owner_died_before_it_wrote_is_taken_over(tmp_path: Path, quick: None) -> None:
     (tmp_path / "00000005").touch()
-    with held(tmp_path, folder=tmp_path, work="build", told=str) as mine:
+    with held(tmp_path, folder=tmp_path, work="build", told=IGNORED.append) as mine:
         assert mine.number == 6
 
 
