@@ -69,7 +69,7 @@ def _verify(options: argparse.Namespace) -> int:
 
 
 def _repair(options: argparse.Namespace) -> int:
-    from dataset_builder.remote.place import FolderPlace
+    from dataset_builder.remote.open_place import place_of
     from dataset_builder.shards.folder import ASIDE, WORK
     from dataset_builder.transfer.refetch import repair_from
 
@@ -81,7 +81,7 @@ def _repair(options: argparse.Namespace) -> int:
         done = repair_with(load_dataset(options.spec, options.overrides), options.folder, backend=options.backend,
                            workers=options.workers, events=Following(common.plain_console()).events)
     else:
-        done = repair_from(options.folder, FolderPlace(Path(options.place)))
+        done = repair_from(options.folder, place_of(options.place))
     for name in done.aside:
         print(f"not of the dataset, moved to {options.folder / WORK / ASIDE}: {name}")
     for name in done.mended:
