@@ -24,12 +24,8 @@ from dataset_builder.errors import OutputError, Problem
 from dataset_builder.files import output_errors
 from dataset_builder.processes import machine, started
 
-RENEW = 10.0
-"""Seconds between signs of life."""
-LAPSE = 120.0
-"""Seconds without any after which an owner on another machine counts as dead."""
-LOOK = 0.5
-"""Seconds between looks at an owner on another machine."""
+RENEW, LAPSE, LOOK = 10.0, 120.0, 0.5
+"""Seconds between signs of life; without any, after which an owner on another machine counts as dead; between looks."""
 SIZE = 512
 """Bytes of a file: it is written over in place, so that a full disk does not end a lease."""
 KEPT = 4

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from dataset_builder.errors import OutputError, PlanError, Problem
+from dataset_builder.errors import PlanError, Problem
 from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.planning.catalogue import ViewUnit
 from dataset_builder.planning.cost import Cost, view_cost
@@ -73,9 +73,9 @@ def grouped(units: Sequence[Any], costs: Mapping[str, Cost], workers: int) -> li
     return found
 
 
-def after_death(dead: HandOut, reason: str) -> list[HandOut]:
-    """What is tried where a process died: each unit by itself, with more memory, then each of its examples. Raises
-    OutputError, naming the unit, where nothing is left to try."""
+def after_death(dead: HandOut, reason: str) -> list[HandOut] | Problem:
+    """What is tried where a process died: each unit by itself, with more memory, then each of its examples; where
+    nothing is left to try, what to say of the unit."""
     each = [replace(dead, units=(unit,), tries=dead.tries + 1, seconds=dead.seconds / len(dead.units),
                     bytes=dead.bytes / len(dead.units)) for unit in dead.units]
     if dead.tries + 1 < TRIES - 1:
@@ -87,11 +87,9 @@ def after_death(dead: HandOut, reason: str) -> list[HandOut]:
         count = len(unit.examples)
         return [replace(each[0], units=(replace(unit, examples=(ref,)),), seconds=dead.seconds / count,
                         bytes=dead.bytes / count) for ref in unit.examples]
-    name = f"view {unit.view.name}" if isinstance(unit, ViewUnit) else ""
-    keys = f", example {', '.join(ref.key for ref in unit.examples)}" if isinstance(unit, ViewUnit) else ""
-    rule = f"a worker process died, possibly out of memory; finished examples are kept: {reason}, {TRIES} times{keys}"
-    raise OutputError([Problem(where=name, path="", rule=rule,
-                               hint="ask for smaller images, or add a machine with more memory, and build again")])
+    return Problem(where=str(unit), path="", rule=f"{reason}, {TRIES} times",
+                   hint="what was finished is kept: ask for smaller images, or add a machine with more memory, and run "
+                        "the same command again")
 
 
 def reserved(tries: int, share: int, largest: int) -> int:

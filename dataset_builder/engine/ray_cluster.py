@@ -10,8 +10,9 @@ from types import TracebackType
 from typing import Any
 from uuid import uuid4
 
+from dataset_builder.engine.local import Limit, Told
 from dataset_builder.engine.parcel import forget
-from dataset_builder.engine.ray_running import Machine, RayRunning, Told, workers_on
+from dataset_builder.engine.ray_running import Machine, RayRunning, workers_on
 from dataset_builder.errors import OutputError, UserError
 from dataset_builder.extras import missing_named
 from dataset_builder.processes import cores
@@ -102,7 +103,7 @@ class RayCluster:
         return f"engine: Ray {where}, {count} machine{'s' * (count != 1)}, {able} workers, {backend} on all{idle}"
 
     def run(self, work: Callable[..., Any], units: Iterable[Any], *, workers: int,
-            told: Told | None = None) -> Iterator[Any]:
+            told: Told | None = None, limit: Limit | None = None) -> Iterator[Any]:
         """As `local.run`, but that no worker is this process. A unit of examples may come back in parts.
 
         Raises what `work` raises, OutputError where a unit's process dies as often as it is tried and where there is no
@@ -110,7 +111,7 @@ class RayCluster:
         """
         if left := list(units):
             with self if not _connected() else nullcontext():
-                yield from RayRunning(self, self._build, work, told).results(left, workers)
+                yield from RayRunning(self, self._build, work, told, limit).results(left, workers)
 
     def look(self, *, now: bool = False) -> None:
         """See which machines there are, where the last look was a while ago, or `now`; say where some came or went.
@@ -165,6 +166,7 @@ def _shown(address: str) -> str:
     return f"at {address.rpartition('@')[2]}"
 
 
-def run(work: Callable[..., Any], units: Iterable[Any], *, workers: int, told: Told | None = None) -> Iterator[Any]:
+def run(work: Callable[..., Any], units: Iterable[Any], *, workers: int, told: Told | None = None,
+        limit: Limit | None = None) -> Iterator[Any]:
     """`RayCluster.run` on the cluster that this process is connected to, else on this machine alone."""
-    return RayCluster(cpus=workers).run(work, units, workers=workers, told=told)
+    return RayCluster(cpus=workers).run(work, units, workers=workers, told=told, limit=limit)

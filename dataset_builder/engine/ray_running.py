@@ -6,14 +6,18 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from math import inf
 from pathlib import Path
 from typing import Any, Protocol
 
 from dataset_builder.engine.hand_outs import HandOut, after_death, grouped, reserved, unit_costs
+from dataset_builder.engine.local import Limit, Told
 from dataset_builder.engine.made_by import versions
-from dataset_builder.engine.node import Delivery, Hands, Shipment, here, keep, lost
+from dataset_builder.engine.node import Delivery, Shipment, here, keep, lost
 from dataset_builder.engine.parcel import Parcel
+from dataset_builder.engine.ray_process import News, do
 from dataset_builder.engine.unit import BuildJob, planner_of, run_unit
+from dataset_builder.errors import OutputError, Problem
 from dataset_builder.files import require_space
 from dataset_builder.remote.address import local_path
 from dataset_builder.shards.published_examples import published_in
@@ -29,8 +33,6 @@ WAIT = 2.0
 
 MARGIN = 0.95
 """Of a machine's memory that is shared out."""
-
-Told = Callable[[Any], None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,16 +67,17 @@ def workers_on(machines: Sequence[Machine], backend: str) -> int:
 class RayRunning:
     """One call of `RayCluster.run`."""
 
-    def __init__(self, cluster: Cluster, build: str, work: Callable[..., Any], told: Told | None):
+    def __init__(self, cluster: Cluster, build: str, work: Callable[..., Any], told: Told | None,
+                 limit: Limit | None = None):
         import ray
 
-        self._cluster, self._told = cluster, told
+        self._cluster, self._told, self._limit = cluster, told, limit or (lambda _: inf)
         self._job: BuildJob | None = None
         self._work, self._shipment = work, None
         if isinstance(work, partial) and work.args and isinstance(work.args[0], BuildJob):
             self._job, self._work = work.args[0], work.func
             self._shipment = ray.put(shipment_of(work.args[0], build))
-        self._news = None if told is None else ray.remote(num_cpus=0)(_News).remote()
+        self._news = None if told is None else ray.remote(num_cpus=0)(News).remote()
         self._pending = dict[Any, HandOut]()
         self._distrusted = frozenset[str]()
         self._staged = self._job.staging.known() if self._job and self._work is run_unit else {}
@@ -85,8 +88,8 @@ class RayRunning:
         import ray
 
         # Reused by all hand-outs: Ray would start a process for each function that is new to it
-        task = ray.remote(max_retries=0, max_calls=0)(_do)
-        queue = deque(self._hand_outs(units, workers))
+        task = ray.remote(max_retries=0, max_calls=0)(do)
+        queue, failed = deque(self._hand_outs(units, workers)), list[Problem]()
         try:
             while queue or self._pending:
                 self._cluster.look()
@@ -104,10 +107,18 @@ class RayRunning:
                         self._cluster.look(now=True)
                     except (ray.exceptions.WorkerCrashedError, ray.exceptions.OutOfMemoryError) as error:
                         short = isinstance(error, ray.exceptions.OutOfMemoryError)
-                        queue.extendleft(reversed(after_death(
-                            hand_out, "its machine ran out of memory" if short else "its process was killed")))
+                        most = max(map(self._limit, hand_out.units))
+                        late = "" if most == inf else f", or took longer than {most:.0f} s"
+                        again = after_death(
+                            hand_out, "its machine ran out of memory" if short else f"its process was killed{late}")
+                        if isinstance(again, Problem):
+                            failed.append(again)
+                        else:
+                            queue.extendleft(reversed(again))
                     else:
                         yield from self._received(hand_out, deliveries, queue)
+            if failed:
+                raise OutputError(failed)
         finally:
             for ref in self._pending:
                 with suppress(ray.exceptions.RayError, ConnectionError):
@@ -131,7 +142,8 @@ class RayRunning:
                       - self._distrusted if self._staged else frozenset() for unit in one.units]
             ref = task.options(num_cpus=1, num_gpus=int(backend == "cuda"),
                                memory=reserved(one.tries, share, largest) or None).remote(
-                [self._shipment], self._work, one.units, staged, self._distrusted, self._news)
+                [self._shipment], self._work, one.units, staged, self._distrusted, self._news,
+                [self._limit(unit) for unit in one.units])
             self._pending[ref] = one
 
     def _room(self, coming: HandOut) -> bool:
@@ -197,41 +209,3 @@ def shipment_of(job: BuildJob, build: str) -> Shipment:
     return Shipment(build=build, job=job, made_by=versions(job.backend, loaded.dataset), parcel=parcel,
                     contents=tuple(ray.put(path.read_bytes()) for path in paths), fields=fields,
                     published=published_in(job.folder, job.replaces).digests)
-
-
-class _News:
-    """What processes tell, until it is asked for."""
-
-    def __init__(self) -> None:
-        self._told = list[Any]()
-
-    def put(self, news: Any) -> None:
-        self._told.append(news)
-
-    def take(self) -> list[Any]:
-        told, self._told = self._told, []
-        return told
-
-
-_hands: dict[Any, Hands] = {}
-"""Of this process: for what it is ready, by what stands for the shipment."""
-
-
-def _do(shipment: list[Any], work: Callable[..., Any], units: Sequence[Any], staged: Sequence[frozenset[str]],
-        distrusted: frozenset[str], news: Any) -> list[Delivery]:
-    """In a process of a machine: do units, up to the first that fails."""
-    import ray
-
-    told = () if news is None else (lambda each: news.put.remote(each),)
-    found = list[Delivery]()
-    try:
-        if shipment[0] is not None and shipment[0] not in _hands:
-            _hands.clear()
-            _hands[shipment[0]] = Hands.ready(ray.get(shipment[0]), ray.get)
-        for unit, there in zip(units, staged, strict=True):
-            found.append(Delivery(result=work(unit, *told)) if shipment[0] is None else
-                         _hands[shipment[0]].work(work, unit, there, told, distrusted))
-    except Exception as error:  # noqa: BLE001
-        # As `local` hands on whatever a worker raises
-        found.append(Delivery(error=error))
-    return found

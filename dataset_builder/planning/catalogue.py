@@ -143,7 +143,7 @@ class ViewUnit:
     examples: tuple[ExampleRef, ...]
 
     def __str__(self) -> str:
-        return f"view {self.view.name}"
+        return f"view {self.view.name}" if len(self.examples) > 1 else str(self.examples[0])
 
     @property
     def lights(self) -> tuple[int, ...]:

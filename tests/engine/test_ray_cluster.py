@@ -136,7 +136,7 @@ def test_a_process_that_dies_is_tried_again_and_not_for_ever(machines: Any, clus
     assert sorted(cluster.run(partial(dies, tmp_path, 2), [1, 2, 3], workers=3)) == [-3, -2, -1]
     found: list[int] = []
     (tmp_path / "again").mkdir()
-    with pytest.raises(OutputError, match=r"a worker process died.* its process was killed, 3 times"):
+    with pytest.raises(OutputError, match=r"its process was killed.*, 3 times"):
         found += cluster.run(partial(dies, tmp_path / "again", 9), [1, 2, 3], workers=3)
     assert len(list((tmp_path / "again").glob("1.*"))) == 3
 
