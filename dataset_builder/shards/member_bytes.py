@@ -10,7 +10,7 @@ from itertools import count
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
-from dataset_builder.byte_store import ByteStore
+from dataset_builder.byte_store import ByteStore, user_cache
 from dataset_builder.digest import sha256_bytes
 from dataset_builder.errors import OutputError, Problem, ShardError
 from dataset_builder.files import require_writable
@@ -23,7 +23,8 @@ AGAIN = 2
 """How often bytes of another digest are fetched again."""
 TOGETHER = 256
 """Members that are fetched side by side, and held at a time."""
-CACHE_VARIABLE, CACHE_NAME = "XDG_CACHE_HOME", "3df-lighting"
+CACHE = "members"
+"""Folder of what was fetched, among the user's caches."""
 LOCK = ".lock"
 SHA256 = re.compile("[0-9a-f]{64}")
 
@@ -46,12 +47,6 @@ class MemberBytes(Protocol):
 
     def read(self, wanted: Wanted) -> list[bytes]:
         """Payloads of members, in order. Raises ShardError where they cannot be had, or are not what they were."""
-
-
-def default_cache() -> Path:
-    """Where what was fetched is kept: below the user's folder for caches. https://specifications.freedesktop.org/basedir"""
-    asked = os.environ.get(CACHE_VARIABLE, "")
-    return (Path(asked) if os.path.isabs(asked) else Path.home() / ".cache") / CACHE_NAME / "members"
 
 
 def span_of(member: MemberRecord) -> MemberSpan:
@@ -160,7 +155,7 @@ def members_at(place: Place, verify: str, cache: Path | str | None, limit: int) 
     """The members of shards at a place. Raises OutputError where `cache` is needed and cannot be written."""
     if isinstance(place, FolderPlace):
         return FolderMembers(place, verify)
-    folder = Path(cache) if cache else default_cache()
+    folder = Path(cache) if cache else user_cache(CACHE)
     if limit:
         require_writable(folder)
     return FetchedMembers(place, folder, limit)
