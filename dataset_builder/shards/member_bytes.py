@@ -16,7 +16,6 @@ from dataset_builder.errors import OutputError, Problem, ShardError
 from dataset_builder.files import require_writable
 from dataset_builder.remote.coalesce import pieces
 from dataset_builder.remote.place import ByteRange, EndedError, FolderPlace, Place
-from dataset_builder.shards.folder import SHARDS
 from dataset_builder.shards.shard_index import MemberRecord, ShardRecord
 
 AGAIN = 2
@@ -78,7 +77,7 @@ class FolderMembers:
         if shard.name not in self._checked:
             hasher = sha256()
             with _told([], shard):
-                for chunk in self._place.stream(f"{SHARDS}/{shard.name}"):
+                for chunk in self._place.stream(shard.tar_file):
                     hasher.update(chunk)
             if hasher.hexdigest() != shard.sha256:
                 raise _wrong(shard, "", f"expected SHA-256 {shard.sha256}, its bytes differ")
@@ -162,7 +161,7 @@ def members_at(place: Place, verify: str, cache: Path | str | None, limit: int) 
 
 
 def _range(shard: ShardRecord, span: MemberSpan) -> ByteRange:
-    return ByteRange(f"{SHARDS}/{shard.name}", span.offset, span.size)
+    return ByteRange(shard.tar_file, span.offset, span.size)
 
 
 @contextmanager

@@ -77,7 +77,7 @@ def _broken(folder: Path, anchor: Anchor) -> list[str]:
     """Files that are not what they were, or of which the folder does not tell."""
     stated = anchor.sums | {MANIFEST: anchor.sha256}
     if anchor.manifest:
-        stated |= {shard_path(Path(), shard.stem).as_posix(): shard.sha256 for shard in anchor.manifest.shards}
+        stated |= {shard.tar_file: shard.sha256 for shard in anchor.manifest.shards}
     found = [name for name in anchor.files if hash_of(folder / name, most=None) != stated.get(name, "")]
     lines = sorted(filter(None, sums_in(anchor.listed)))
     whole = [(name, stated.get(name)) for name in anchor.files] == lines and len(sums_in(anchor.listed)) == len(lines)
