@@ -2,12 +2,11 @@
 
 import argparse
 import sys
-from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING
 
 from dataset_builder.byte_store import GB
-from dataset_builder.cli.common import Verbs, add_verb, gigabytes, positive
+from dataset_builder.cli.common import Verbs, add_verb, gigabytes, local_folder, out_folder, positive
 
 if TYPE_CHECKING:
     from dataset_builder.transfer.fetching import TransferProgress
@@ -24,7 +23,7 @@ def add(verbs: Verbs) -> None:
     """Add both verbs."""
     pull = add_verb(verbs, "pull", _pull, "fetch a dataset, or chosen examples of one, or resume an interrupted pull")
     pull.add_argument("address", help=f"where a finished dataset lies: {ADDRESS}")
-    pull.add_argument("folder", type=Path, help="where to")
+    pull.add_argument("folder", type=out_folder, help="where to")
     for name, chosen in PATTERNS:
         pull.add_argument(f"--{name}", action="append", default=[], metavar="PATTERN",
                           help=f"only these {chosen}; repeat for more")
@@ -36,7 +35,7 @@ def add(verbs: Verbs) -> None:
     pull.add_argument("--replace", action="store_true",
                       help="let the other dataset, major version or choice go that the folder holds")
     push = add_verb(verbs, "push", _push, "send a finished dataset to where others pull it, or resume a push")
-    push.add_argument("folder", type=Path, help="finished dataset")
+    push.add_argument("folder", type=local_folder, help="finished dataset")
     push.add_argument("address", help="where to: path, s3://, gs:// or hf://datasets/USER/NAME")
     push.add_argument("--replace", action="store_true", help="let another dataset or version there make room")
     push.add_argument("--prune", action="store_true", help="remove shards there that are not listed any more")
