@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from dataset_builder.byte_store import CACHE_SIZE, GB
 from dataset_builder.errors import UserError, printable
-from dataset_builder.remote.address import is_address, local_path, shown
+from dataset_builder.remote.address import bare, is_address, local_path, shown
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -94,9 +94,19 @@ def local_folder(text: str) -> Path:
     """The folder of a dataset, where an address would not do."""
     found = _dataset(text)
     if isinstance(found, str):
-        rule = f"expected a folder on this machine, got the address {shown(found)}"
+        rule = f"expected a folder on this machine, got the address {bare(found)}"
         raise argparse.ArgumentTypeError(f"{rule}: fetch it first, with dataset-builder pull")
     return found
+
+
+def out_folder(text: str) -> Path:
+    """A path to write to, where an address would not do."""
+    if not is_address(text):
+        return Path(text)
+    if text.lower().startswith("file:"):
+        return local_path(text)
+    rule = f"expected a path on this machine, got the address {bare(text)}"
+    raise argparse.ArgumentTypeError(f"{rule}: write here first, then send it there, as dataset-builder push does")
 
 
 def name_of(folder: Path | str) -> str:
