@@ -12,12 +12,8 @@ from dataset_builder.cli.common import (
     add_cache,
     add_spec,
     add_verb,
-<<<<<<< HEAD
-    folder_here,
-=======
     local_folder,
     out_folder,
->>>>>>> d1f6c62a459c944d8987f0b3231f44e025833feb
     plain_console,
     positive,
     positive_number,
@@ -46,11 +42,7 @@ def add(verbs: Verbs) -> None:
     add_backend(plan)
     build = add_verb(verbs, "build", _build, "build a dataset, or resume an interrupted build")
     add_spec(build)
-<<<<<<< HEAD
-    build.add_argument("--out", type=folder_here, help=f"output folder (default: {DATASETS}/NAME)")
-=======
     build.add_argument("--out", type=out_folder, help=f"output folder (default: {DATASETS}/NAME)")
->>>>>>> d1f6c62a459c944d8987f0b3231f44e025833feb
     build.add_argument("--replace", action="store_true",
                        help="let the other dataset or major version go that the output folder holds, or the examples "
                             "that another backend made")
@@ -66,13 +58,8 @@ def add(verbs: Verbs) -> None:
     build.add_argument("--part", metavar="K/N", help="only stage part K of N, for `merge`")
     merge = add_verb(verbs, "merge", _merge, "publish the dataset whose parts `build --part` staged")
     add_spec(merge)
-<<<<<<< HEAD
-    merge.add_argument("parts", type=Path, nargs="+", metavar="DIR", help="folders of all parts, in any order")
-    merge.add_argument("--out", type=folder_here, help=f"output folder (default: {DATASETS}/NAME)")
-=======
     merge.add_argument("parts", type=local_folder, nargs="+", metavar="DIR", help="folders of all parts, in any order")
     merge.add_argument("--out", type=out_folder, help=f"output folder (default: {DATASETS}/NAME)")
->>>>>>> d1f6c62a459c944d8987f0b3231f44e025833feb
     merge.add_argument("--replace", action="store_true", help="as in `build`")
 
 

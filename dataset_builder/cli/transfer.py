@@ -1,21 +1,12 @@
 """The verbs `pull` and `push`: datasets from and to other machines."""
 
 import argparse
-<<<<<<< HEAD
 from collections.abc import Callable
 from contextlib import closing
 from typing import TYPE_CHECKING
 
-from dataset_builder.cli.common import Verbs, add_folder, add_verb, folder_here, gigabytes, positive
+from dataset_builder.cli.common import Verbs, add_folder, add_verb, gigabytes, out_folder, positive
 from dataset_builder.cli.rate_line import RateLine
-=======
-import sys
-from time import monotonic
-from typing import TYPE_CHECKING
-
-from dataset_builder.byte_store import GB
-from dataset_builder.cli.common import Verbs, add_verb, gigabytes, local_folder, out_folder, positive
->>>>>>> d1f6c62a459c944d8987f0b3231f44e025833feb
 
 if TYPE_CHECKING:
     from dataset_builder.transfer.fetching import TransferProgress
@@ -30,11 +21,7 @@ def add(verbs: Verbs) -> None:
     """Add both verbs."""
     pull = add_verb(verbs, "pull", _pull, "fetch a dataset, or chosen examples of one, or resume an interrupted pull")
     pull.add_argument("address", help=f"where a finished dataset lies: {ADDRESS}")
-<<<<<<< HEAD
-    pull.add_argument("folder", type=folder_here, help="where to")
-=======
     pull.add_argument("folder", type=out_folder, help="where to")
->>>>>>> d1f6c62a459c944d8987f0b3231f44e025833feb
     for name, chosen in PATTERNS:
         pull.add_argument(f"--{name}", action="append", default=[], metavar="PATTERN",
                           help=f"only these {chosen}; repeat for more")
@@ -46,11 +33,7 @@ def add(verbs: Verbs) -> None:
     pull.add_argument("--replace", action="store_true",
                       help="let the other dataset, major version or choice go that the folder holds")
     push = add_verb(verbs, "push", _push, "send a finished dataset to where others pull it, or resume a push")
-<<<<<<< HEAD
     add_folder(push)
-=======
-    push.add_argument("folder", type=local_folder, help="finished dataset")
->>>>>>> d1f6c62a459c944d8987f0b3231f44e025833feb
     push.add_argument("address", help="where to: path, s3://, gs:// or hf://datasets/USER/NAME")
     push.add_argument("--replace", action="store_true", help="let another dataset or version there make room")
     push.add_argument("--prune", action="store_true", help="remove shards there that are not listed any more")
