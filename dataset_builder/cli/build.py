@@ -12,7 +12,8 @@ from dataset_builder.cli.common import (
     add_cache,
     add_spec,
     add_verb,
-    folder_here,
+    local_folder,
+    out_folder,
     plain_console,
     positive,
     positive_number,
@@ -35,13 +36,13 @@ def add(verbs: Verbs) -> None:
     plan.add_argument("--price", type=positive_number, default=0.0, metavar="X", help="of a worker for an hour")
     plan.add_argument("--egress", type=positive_number, default=0.0, metavar="X",
                       help="price of a GB that leaves the place where it was made")
-    plan.add_argument("--against", type=Path, metavar="DIR",
+    plan.add_argument("--against", type=local_folder, metavar="DIR",
                       help="compare with the dataset in DIR: what would run again, and what changed")
     add_cache(plan)
     add_backend(plan)
     build = add_verb(verbs, "build", _build, "build a dataset, or resume an interrupted build")
     add_spec(build)
-    build.add_argument("--out", type=folder_here, help=f"output folder (default: {DATASETS}/NAME)")
+    build.add_argument("--out", type=out_folder, help=f"output folder (default: {DATASETS}/NAME)")
     build.add_argument("--replace", action="store_true",
                        help="let the other dataset or major version go that the output folder holds, or the examples "
                             "that another backend made")
@@ -57,8 +58,8 @@ def add(verbs: Verbs) -> None:
     build.add_argument("--part", metavar="K/N", help="only stage part K of N, for `merge`")
     merge = add_verb(verbs, "merge", _merge, "publish the dataset whose parts `build --part` staged")
     add_spec(merge)
-    merge.add_argument("parts", type=Path, nargs="+", metavar="DIR", help="folders of all parts, in any order")
-    merge.add_argument("--out", type=folder_here, help=f"output folder (default: {DATASETS}/NAME)")
+    merge.add_argument("parts", type=local_folder, nargs="+", metavar="DIR", help="folders of all parts, in any order")
+    merge.add_argument("--out", type=out_folder, help=f"output folder (default: {DATASETS}/NAME)")
     merge.add_argument("--replace", action="store_true", help="as in `build`")
 
 

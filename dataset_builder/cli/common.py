@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from dataset_builder.byte_store import CACHE_SIZE, GB
 from dataset_builder.errors import UserError, printable
-from dataset_builder.remote.address import is_address, local_path, shown
+from dataset_builder.remote.address import bare, is_address, local_path, shown
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -84,7 +84,7 @@ def lightnet(config: Path | None, overrides: list[str], steps: int | None) -> "T
 
 def add_cache(verb: argparse.ArgumentParser) -> None:
     """Where results of passes are kept, and how much of them."""
-    verb.add_argument("--cache", type=folder_here, metavar="DIR",
+    verb.add_argument("--cache", type=out_folder, metavar="DIR",
                       help="folder for results of passes, which datasets may share (default: in the output folder)")
     verb.add_argument("--cache-size", type=gigabytes, default=CACHE_SIZE, metavar="GB",
                       help=f"most that is kept there; 0 keeps nothing (default: {CACHE_SIZE / GB:g})")
@@ -94,8 +94,19 @@ def local_folder(text: str) -> Path:
     """The folder of a dataset, where an address would not do."""
     found = _dataset(text)
     if isinstance(found, str):
-        rule = f"expected a folder on this machine, got the address {shown(found)}"
+        rule = f"expected a folder on this machine, got the address {bare(found)}"
         raise argparse.ArgumentTypeError(f"{rule}: fetch it first, with dataset-builder pull")
+    return found
+
+
+def out_folder(text: str) -> Path:
+    """A path to write to, which has a name, where an address would not do."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError("expected a folder, got an empty name")
+    found = _dataset(text)
+    if isinstance(found, str):
+        rule = f"expected a path on this machine, got the address {bare(found)}"
+        raise argparse.ArgumentTypeError(f"{rule}: write here first, then send it there, as dataset-builder push does")
     return found
 
 
@@ -109,16 +120,6 @@ def _dataset(text: str) -> Path | str:
     if not is_address(text):
         return Path(text)
     return local_path(text) if text.lower().startswith("file:") else text
-
-
-def folder_here(text: str) -> Path:
-    """A folder of this machine to write into, which has a name."""
-    if not text.strip():
-        raise argparse.ArgumentTypeError("expected a folder, got an empty name")
-    found = _dataset(text)
-    if isinstance(found, str):
-        raise argparse.ArgumentTypeError(f"expected a folder on this machine, got the address {shown(found)}")
-    return found
 
 
 def gigabytes(text: str) -> int:

@@ -27,7 +27,8 @@ def add(verbs: common.Verbs) -> None:
     common.add_dataset(train)
     train.add_argument("--config", type=Path, help="how to train, a YAML file (default: LighTNet at its small size)")
     common.add_overrides(train, "the configuration")
-    train.add_argument("--out", type=Path, help=f"folder for checkpoints (default: {common.TRAININGS}/DATASET-METHOD)")
+    train.add_argument("--out", type=common.out_folder,
+                       help=f"folder for checkpoints (default: {common.TRAININGS}/DATASET-METHOD)")
     common.add_networks(train)
     text = "measure checkpoints on held-out examples and compare them with three untrained baselines"
     verb = common.add_verb(verbs, "evaluate", _evaluate, text)
@@ -37,7 +38,8 @@ def add(verbs: common.Verbs) -> None:
     verb.add_argument("--examples", type=common.positive, help="spread evenly over the split (default: all)")
     verb.add_argument("--sequence", action="store_true", help="measure views that follow each other: their deviations, "
                       "and the flicker between neighbours")
-    verb.add_argument("--out", type=Path, help="folder for the results (default: evaluation, beside the checkpoint)")
+    verb.add_argument("--out", type=common.out_folder,
+                      help="folder for the results (default: evaluation, beside the checkpoint)")
     common.add_networks(verb, trains=False)
     text = "put a predicted object back into a frame of its scene, for an example of a dataset or your own EXR files"
     verb = common.add_verb(verbs, "compose", _compose, text)
@@ -50,7 +52,8 @@ def add(verbs: common.Verbs) -> None:
     for name, option in OPTIONS.items():
         verb.add_argument(option, type=Path, metavar="FILE", dest=name, help=HELP[name])
     verb.add_argument("--no-shadow", action="store_true", help="put it into the scene without the object, as it is")
-    verb.add_argument("--out", type=Path, help="folder for the results (default: composite, beside the checkpoint)")
+    verb.add_argument("--out", type=common.out_folder,
+                      help="folder for the results (default: composite, beside the checkpoint)")
     common.add_networks(verb, trains=False)
 
 

@@ -12,7 +12,7 @@ def add(verbs: common.Verbs) -> None:
     verb = common.add_verb(verbs, "export-usd", _export, "write an example of a dataset as a USD stage")
     common.add_folder(verb)
     verb.add_argument("key", metavar="KEY", help="key of the example, such as 00000012")
-    verb.add_argument("--out", type=Path, metavar="DIR",
+    verb.add_argument("--out", type=common.out_folder, metavar="DIR",
                       help="folder for the stage, its textures and its layers (default: DATASET-KEY-usd, here)")
     verb.add_argument("--meshes", type=Path, default=Path(), metavar="DIR",
                       help="folder of the dataset's spec, where mesh files and images are looked for (default: here)")

@@ -11,7 +11,7 @@ def add(verbs: common.Verbs) -> None:
     """Add the verb."""
     verb = common.add_verb(verbs, "export", _export, "write a dataset in a format of others")
     common.add_folder(verb)
-    verb.add_argument("out", type=common.folder_here, metavar="OUT",
+    verb.add_argument("out", type=common.out_folder, metavar="OUT",
                       help="folder to make, or where the same export was stopped")
     verb.add_argument("--format", required=True, choices=FORMATS, dest="kind",
                       help="mds (MosaicML streaming), parquet (Hugging Face, DuckDB), exr (a file of all layers for "

@@ -10,7 +10,8 @@ def add(verbs: common.Verbs) -> None:
     """Add the verb."""
     verb = common.add_verb(verbs, "export-field", _export, "write a field as Gaussian splats, or as its mesh")
     verb.add_argument("field", type=Path, metavar="FIELD", help="file of a field, such as captures/chair.npz")
-    verb.add_argument("out", type=Path, metavar="OUT", help="file to write: .ply, .glb, .usda, .usdc or .usd")
+    verb.add_argument("out", type=common.out_folder, metavar="OUT",
+                      help="file to write: .ply, .glb, .usda, .usdc or .usd")
     kind = verb.add_mutually_exclusive_group()
     kind.add_argument("--splats", action="store_const", dest="content", const="splats",
                       help="Gaussian splats (the default, but for .glb)")

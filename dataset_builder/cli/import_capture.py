@@ -43,7 +43,7 @@ def add(verbs: common.Verbs) -> None:
                       help="folder of COLMAP, transforms.json or ActorsHQ, with its photographs; or a file of Gaussian "
                            "splats: .ply, .spz, .glb, .gltf, .usd")
     verb.add_argument("--licence", required=True, metavar="SPDX", help="licence of the photographs")
-    verb.add_argument("--out", type=Path, default=Path("captures"), metavar="DIR",
+    verb.add_argument("--out", type=common.out_folder, default=Path("captures"), metavar="DIR",
                       help="folder for field, spec and contact sheet (default: captures)")
     verb.add_argument("--name", default="", help="of the object and its files (default: the folder's)")
     verb.add_argument("--category", default="", metavar="NAME", help="what the object is (default: its name)")

@@ -53,7 +53,7 @@ def add(verbs: common.Verbs) -> None:
     verb.add_argument("--textures", type=Path, metavar="DIR", help="folder of the 3D-FRONT textures")
     verb.add_argument("--model-info", type=Path, metavar="FILE",
                       help="categories of the models (default: model_info.json in their folder)")
-    verb.add_argument("--out", type=Path, default=Path("front3d-specs"), metavar="DIR",
+    verb.add_argument("--out", type=common.out_folder, default=Path("front3d-specs"), metavar="DIR",
                       help="folder for the index, the report and the specs (default: front3d-specs)")
     verb.add_argument("--index", type=Path, metavar="FILE",
                       help="what was read of scenes, to go on with or to use again (default: index.jsonl in --out)")

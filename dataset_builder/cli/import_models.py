@@ -18,7 +18,7 @@ def add(verbs: common.Verbs) -> None:
     verb = common.add_verb(verbs, "import", _import, "write specs for a folder of models, and a dataset of them")
     verb.add_argument("paths", type=Path, nargs="+", metavar="FILES_OR_FOLDERS",
                       help="model files, or folders to look for them in")
-    verb.add_argument("--out", type=Path, metavar="DIR",
+    verb.add_argument("--out", type=common.out_folder, metavar="DIR",
                       help="folder for the specs (default: the first name with -specs, here)")
     verb.add_argument("--licence", default="", metavar="SPDX",
                       help="licence of the models that name none in their files or beside them")

@@ -18,7 +18,7 @@ PARTS = ("files", "consistency", "loader", "training")
 def add(verbs: common.Verbs) -> None:
     """Add `doctor`, `inspect`, `families`, `schema` and `validate`."""
     doctor = common.add_verb(verbs, "doctor", _doctor, "check this machine, and say how to install what is missing")
-    doctor.add_argument("--out", type=Path, default=DATASETS, help="where datasets will be written")
+    doctor.add_argument("--out", type=common.out_folder, default=DATASETS, help="where datasets will be written")
     inspect = common.add_verb(verbs, "inspect", _inspect, "summary and contact sheet of a dataset")
     common.add_dataset(inspect)
     inspect.add_argument("--sheet", type=Path,
@@ -41,7 +41,8 @@ def add(verbs: common.Verbs) -> None:
     verb.add_argument("--margin", type=float, help="required lead of LighTNet over each baseline, in dB (default: 0.5)")
     verb.add_argument("--copy-margin", type=float, help="required lead over the copy of I_s, in dB (default: 3)")
     common.add_networks(verb)
-    verb.add_argument("--out", type=Path, help=f"folder for the report (default: {common.STUDIES}/DATASET-validate)")
+    verb.add_argument("--out", type=common.out_folder,
+                      help=f"folder for the report (default: {common.STUDIES}/DATASET-validate)")
 
 
 def _doctor(options: argparse.Namespace) -> int:

@@ -49,7 +49,8 @@ def _study(kinds: common.Verbs, name: str, run: Callable[[argparse.Namespace], i
            text: str) -> argparse.ArgumentParser:
     study = common.add_verb(kinds, name, run, text)
     common.add_spec(study)
-    study.add_argument("--out", type=Path, help=f"folder for the results (default: {common.STUDIES}/NAME-{name})")
+    study.add_argument("--out", type=common.out_folder,
+                       help=f"folder for the results (default: {common.STUDIES}/NAME-{name})")
     common.add_backend(study)
     return study
 

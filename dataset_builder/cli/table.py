@@ -39,7 +39,7 @@ def _options(table: argparse.ArgumentParser, name: str) -> None:
     common.add_overrides(table, "the configuration")
     table.add_argument("--steps", type=common.positive, help="batches to train every row on; short for --set steps=N")
     table.add_argument("--seeds", type=common.positive, default=1, help="trainings of every row (default: 1)")
-    table.add_argument("--out", type=Path,
+    table.add_argument("--out", type=common.out_folder,
                        help=f"folder for the results (default: {common.STUDIES}/DATASET-table-{name})")
     common.add_networks(table)
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from contextlib import closing
 from typing import TYPE_CHECKING
 
-from dataset_builder.cli.common import Verbs, add_folder, add_verb, folder_here, gigabytes, positive
+from dataset_builder.cli.common import Verbs, add_folder, add_verb, gigabytes, out_folder, positive
 from dataset_builder.cli.rate_line import RateLine
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ def add(verbs: Verbs) -> None:
     """Add both verbs."""
     pull = add_verb(verbs, "pull", _pull, "fetch a dataset, or chosen examples of one, or resume an interrupted pull")
     pull.add_argument("address", help=f"where a finished dataset lies: {ADDRESS}")
-    pull.add_argument("folder", type=folder_here, help="where to")
+    pull.add_argument("folder", type=out_folder, help="where to")
     for name, chosen in PATTERNS:
         pull.add_argument(f"--{name}", action="append", default=[], metavar="PATTERN",
                           help=f"only these {chosen}; repeat for more")

@@ -14,6 +14,7 @@ SAID = 200
 """Characters of a library's message."""
 SAFE = "/%:@!$&'()*+,;=~"
 """What may stay as it is in the path of an address."""
+PASSWORDS = "in a password / ? # @ are written %2F %3F %23 %40"
 
 
 def is_address(text: Path | str) -> bool:
@@ -27,8 +28,23 @@ def shown(address: str) -> str:
     >>> shown("https://me:secret@example.org/a b?key=1#part")
     'https://example.org/a b'
     """
-    scheme, netloc, path, _, _ = urlsplit(address)
-    return f"{scheme}://{netloc.rpartition('@')[2]}{path}".rstrip("/") if scheme != "hf" else address.rstrip("/")
+    try:
+        scheme, netloc, path, _, _ = urlsplit(address)
+    except ValueError:
+        return bare(address)
+    return f"{scheme}://{netloc.rpartition('@')[2]}{path}".rstrip("/")
+
+
+def bare(text: str) -> str:
+    """What may be shown of what somebody took for an address: a password in it that was not encoded may look like
+    part of path, query or port.
+
+    >>> bare("https://me:sec/ret@example.org/a")
+    'https://example.org/a'
+    """
+    scheme, _, rest = text.partition("://")
+    public = scheme.lower() == "file" or (scheme.lower() == "hf" and rest.startswith("datasets/"))
+    return f"{scheme}://{re.split('[?#]', rest if public else rest.rpartition('@')[2])[0]}".rstrip("/")
 
 
 def title_of(folder: Path | str) -> str:
@@ -65,6 +81,8 @@ def local_path(address: str) -> Path:
     parts = urlsplit(address)
     if parts.netloc not in ("", "localhost") or not parts.path:
         raise refused(address, "expected file:///PATH, without a host", "write the path alone")
+    if parts.query or parts.fragment:
+        raise refused(address, "expected file:///PATH, got ? or # after it", "write the path alone, or %3F and %23")
     return Path(unquote(parts.path))
 
 
@@ -76,15 +94,17 @@ def require_sound(address: str, scheme: str) -> None:
     except ValueError:
         sound = False
     if not sound or re.search(r"[\x00-\x1f\x7f]", address):
-        raise refused(address, f"expected {scheme}://HOST/PATH")
+        raise refused(address, f"expected {scheme}://HOST/PATH", PASSWORDS * ("@" in address))
+    if scheme in ("http", "https") and parts.fragment:
+        raise refused(address, "expected nothing after a #", f"a name with # has %23 in its place; {PASSWORDS}")
+    if scheme in ("s3", "gs") and "@" in parts.netloc:
+        raise refused(address, f"expected {scheme}://BUCKET/PATH, got more before the bucket",
+                      "keys are set in the environment")
     if scheme == "hf" and not HUB.fullmatch(address.partition("://")[2].rstrip("/")):
-        raise refused(address, "expected hf://datasets/USER/NAME or hf://datasets/USER/NAME@REVISION")
+        raise refused(address, "expected hf://datasets/USER/NAME or hf://datasets/USER/NAME@REVISION, nothing "
+                      "before or after it", "keys are set in the environment")
 
 
 def refused(address: str, rule: str, hint: str = "") -> UserError:
     """What is said of an address that cannot be used."""
-    try:
-        where = shown(address)
-    except ValueError:
-        where = "address"
-    return UserError([Problem(where=where, path="", rule=rule, hint=hint)])
+    return UserError([Problem(where=bare(address), path="", rule=rule, hint=hint)])

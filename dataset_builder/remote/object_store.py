@@ -80,6 +80,8 @@ class ObjectStore:
             raise TransientError(f"no answer within {limit:.0f} seconds") from error
         except Exception as error:
             # What these libraries raise has no common class
+            if type(error).__name__ == "ParamValidationError":
+                raise OSError(errno.EINVAL, "the library takes it for no bucket and path", fetch.name) from error
             if "credentials" in type(error).__name__.lower():
                 raise PermissionError(errno.EACCES, "no credentials: it wants a key", fetch.name) from error
             raise TransientError(said(error)) from error

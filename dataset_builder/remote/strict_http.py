@@ -155,6 +155,8 @@ def _require_status(fetch: Fetch, answer: aiohttp.ClientResponse) -> None:
         fetch.total = int(match[3]) if match and match[3] != "*" else None
         if fetch.total is not None and fetch.total > fetch.next:
             raise TransientError(f"the server refuses bytes from {fetch.next}, though the file has {fetch.total}")
+        if fetch.size is None and fetch.data:
+            raise OSError(errno.EPROTO, f"the server announced more than the {len(fetch.data)} bytes that there are")
         raise EndedError(fetch.piece, len(fetch.data))
     if status in BUSY:
         raise TransientError(f"HTTP status {status}", _asked_wait(answer.headers.get("Retry-After", "")))

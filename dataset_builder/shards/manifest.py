@@ -231,6 +231,11 @@ def from_json(model: type[M], data: bytes, *, where: str, extra: Literal["forbid
     try:
         return model.model_validate_json(data, extra=extra)
     except ValidationError as error:
+        if not data.lstrip().startswith(b"{"):
+            start = data[:LONGEST_VALUE].decode(errors="replace").strip()
+            page = "a page of a server, such as a login or a listing, in its place" if start.startswith("<") else ""
+            rule = f"expected JSON, got {f'text that begins with {start!r}' if start else 'an empty file'}"
+            raise ShardError([Problem(where=where, path="", rule=rule, hint=page)]) from error
         issues = error.errors(include_url=False, include_context=False, include_input=False)[:MOST_PROBLEMS]
         problems = [Problem(where=where, rule=issue["msg"],
                             path=".".join(str(part)[:LONGEST_VALUE] for part in issue["loc"])) for issue in issues]

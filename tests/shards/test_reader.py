@@ -25,6 +25,15 @@ def flip_a_bit(folder: Path, key: str, layer: str) -> None:
     path.write_bytes(data[:at] + b"9" + data[at + 1:])
 
 
+@pytest.mark.parametrize(("text", "reason"), [
+    (b"", "an empty file"), (b" <!DOCTYPE html><title>Log in", "begins with '<!DOCTYPE html>.*a page of a server"),
+    (b"[1]", r"begins with '\[1\]'")])
+def test_what_lies_in_place_of_a_dataset_is_named(dataset: Path, text: bytes, reason: str) -> None:
+    (dataset / "dataset.json").write_bytes(text)
+    with pytest.raises(ShardError, match=f"dataset.json: expected JSON, got .*{reason}"):
+        open_dataset(dataset)
+
+
 @pytest.mark.parametrize("verify", ["off", "size", "shard", "member"])
 def test_every_example_comes_back(dataset: Path, verify: Verify) -> None:
     data, examples = open_dataset(dataset, verify=verify), default_examples()
