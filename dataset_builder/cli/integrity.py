@@ -102,26 +102,26 @@ def _state(folder: Path, depth: str) -> Iterator["Known | None"]:
     from dataset_builder.shards.writer import writer_versions
 
     cache = user_cache(STATE)
-    place = cache / digest(str(folder.resolve()))[:16]
-    if depth not in ("member", "pixels") or not (folder / MANIFEST).is_file() or not _writable(place):
+    state = cache / digest(str(folder.resolve()))[:16]
+    if depth not in ("member", "pixels") or not (folder / MANIFEST).is_file() or not _writable(state):
         yield None
         return
-    if any(place.iterdir()):
+    if any(state.iterdir()):
         print("going on with what an interrupted run found out", file=sys.stderr)
     code = ":".join([source_digest("shards.verify"), *map(str, writer_versions().items())])
-    yield Known(store=ByteStore(place, STATE_SIZE), code=code)
-    shutil.rmtree(place, ignore_errors=True)
+    yield Known(store=ByteStore(state, STATE_SIZE), code=code)
+    shutil.rmtree(state, ignore_errors=True)
     with suppress(OSError):
         cache.rmdir()
         cache.parent.rmdir()
 
 
-def _writable(place: Path) -> bool:
+def _writable(folder: Path) -> bool:
     from dataset_builder.errors import OutputError
     from dataset_builder.files import require_writable
 
     try:
-        require_writable(place)
+        require_writable(folder)
     except OutputError:
         return False
     return True

@@ -26,9 +26,9 @@ from dataset_builder.shards.verify_files import (
 from dataset_builder.shards.verify_shard import AcrossShards, Depth, Known, Look, ShardFacts
 
 NOT_LOOKED_AT: Mapping[Depth, str] = {
-    "size": f"the bytes of all files but {MANIFEST}: a flipped bit, or another file of the same size",
-    "shard": "whether indexes fit their shards, and what is in them: a file that was written wrong and then summed",
-    "member": "pixels and labels: values out of range, layers that contradict each other, files that do not decode",
+    "size": f"the bytes of all files but {MANIFEST} (a flipped bit, another file of the same size)",
+    "shard": "whether indexes fit their shards, and what is in these (a file that was wrong before it was summed)",
+    "member": "pixels and labels (values out of range, layers that contradict each other, files that do not decode)",
     "pixels": "",
 }
 """What each depth leaves out; in the order of depth, each looks at all that the one before does."""

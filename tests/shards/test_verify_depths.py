@@ -73,7 +73,7 @@ def test_a_split_alone(dataset: Path, capsys: pytest.CaptureFixture[str]) -> Non
     assert verify(dataset, splits=["test"]) == [] and verify(dataset, splits=["test", "train"]) == verify(dataset)
     assert main(["verify", str(dataset), "--split", "test", "--depth", "member", "--workers", "1"]) == 0
     said = capsys.readouterr().out
-    assert "not looked at: shards of train" in said and "not looked at, with --depth member: pixels" in said
+    assert "not looked at: shards of train" in said and "not looked at, with --depth member: pixels and" in said
     assert main(["verify", str(dataset), "--split", "train", "--workers", "1"]) == 1
     assert main(["verify", str(dataset), "--split", "tset"]) == 2
     with pytest.raises(UserError, match="expected one of size"):
