@@ -102,7 +102,7 @@ def local_folder(text: str) -> Path:
 def out_folder(text: str) -> Path:
     """A path to write to, where an address would not do."""
     if not is_address(text):
-        return Path(text)
+        return _folder(text)
     if text.lower().startswith("file:"):
         return local_path(text)
     rule = f"expected a path on this machine, got the address {bare(text)}"
@@ -124,7 +124,7 @@ def _dataset(text: str) -> Path | str:
 def _folder(text: str) -> Path:
     """A folder that has a name."""
     if not text.strip():
-        raise argparse.ArgumentTypeError("expected a folder, got an empty name")
+        raise argparse.ArgumentTypeError("expected a folder, got an empty name: write . for the current one")
     return Path(text)
 
 

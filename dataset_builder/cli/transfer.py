@@ -1,6 +1,7 @@
 """The verbs `pull` and `push`: datasets from and to other machines."""
 
 import argparse
+import re
 import sys
 from time import monotonic
 from typing import TYPE_CHECKING
@@ -30,7 +31,7 @@ def add(verbs: Verbs) -> None:
     pull.add_argument("--layers", action="append", default=[], metavar="A,B",
                       help="only these layers; labels and previews always come with them")
     pull.add_argument("--count", type=positive, metavar="N", help="the first N examples of every split that match")
-    pull.add_argument("--pin", default="", metavar="HEX", help="SHA-256 that dataset.json at the address must have")
+    pull.add_argument("--pin", type=_sha256, metavar="HEX", help="SHA-256 that dataset.json at the address must have")
     pull.add_argument("--most", type=gigabytes, metavar="GB", help="refuse to fetch more")
     pull.add_argument("--replace", action="store_true",
                       help="let the other dataset, major version or choice go that the folder holds")
@@ -58,11 +59,11 @@ def _pull(options: argparse.Namespace) -> int:
     from dataset_builder.transfer.choice import ExampleChoice
     from dataset_builder.transfer.pull import pull
 
-    layers = tuple(name for text in options.layers for name in text.split(",") if name)
+    layers = tuple(name for text in options.layers for name in text.split(","))
     patterns = {name: tuple(getattr(options, name)) for name, _ in PATTERNS}
     choice = ExampleChoice(**patterns, layers=layers, count=options.count)
     line = _Line()
-    pulled = pull(options.address, options.folder, choice=choice, sha256=options.pin, most=options.most,
+    pulled = pull(options.address, options.folder, choice=choice, sha256=options.pin or "", most=options.most,
                   replace=options.replace, told=line.told)
     line.end()
     totals = pulled.manifest.totals
@@ -71,6 +72,13 @@ def _pull(options: argparse.Namespace) -> int:
     print(f"{totals.examples} examples, {totals.bytes} bytes; {pulled.wanted} bytes wanted, {pulled.moved} fetched\n"
           f"dataset: {options.folder}")
     return 0
+
+
+def _sha256(text: str) -> str:
+    """A digest as argparse wants it."""
+    if not re.fullmatch("[0-9a-fA-F]{64}", text):
+        raise argparse.ArgumentTypeError(f"expected 64 hexadecimal digits, got {text or 'none'}")
+    return text
 
 
 class _Line:
@@ -86,6 +94,9 @@ class _Line:
         self._next, self._shown = monotonic() + OFTEN, True
         left = f"{progress.left:.0f} s left" if progress.left < float("inf") else ""
         text = f"{progress.done / GB:.3f} of {progress.total / GB:.3f} GB, {progress.rate / 1e6:.1f} MB/s, {left}"
+        if not progress.total:
+            # What is wanted is known when the indexes are there
+            text = f"{progress.moved / 1e6:.1f} MB of indexes"
         print(f"\r{text:60}" if sys.stderr.isatty() else text, end="" if sys.stderr.isatty() else "\n",
               file=sys.stderr, flush=True)
 
