@@ -102,7 +102,7 @@ def local_folder(text: str) -> Path:
 def out_folder(text: str) -> Path:
     """A path to write to, which has a name, where an address would not do."""
     if not text.strip():
-        raise argparse.ArgumentTypeError("expected a folder, got an empty name")
+        raise argparse.ArgumentTypeError("expected a folder, got an empty name: write . for the current one")
     found = _dataset(text)
     if isinstance(found, str):
         rule = f"expected a path on this machine, got the address {bare(found)}"
