@@ -35,6 +35,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for problem in error.problems:
             print(f"error: {problem}", file=sys.stderr)
         return 2
+    except MemoryError:
+        print("error: no memory is left; finished examples are kept (fewer --workers, smaller images, or a machine "
+              "with more memory)", file=sys.stderr)
+        return 1
     except BrokenPipeError:
         return 0
 

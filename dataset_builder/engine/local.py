@@ -118,7 +118,7 @@ class _Crew(Generic[Unit, Result]):
         """Note the unit that a process is lost with; those that it had not begun. Raises OutputError where it could not
         even begin."""
         why = worker.ended() if not worker.alive else \
-            f"was killed since it took longer than {self._limit(worker.units[0]):.0f} s"
+            f"was killed since it took longer than {self._limit(worker.units[0]):,.6g} s"
         worker.kill()
         if worker.failed_to_start:
             raise OutputError(f"a worker process {why} before it began anything: see what it wrote above")

@@ -108,7 +108,7 @@ class RayRunning:
                     except (ray.exceptions.WorkerCrashedError, ray.exceptions.OutOfMemoryError) as error:
                         short = isinstance(error, ray.exceptions.OutOfMemoryError)
                         most = max(map(self._limit, hand_out.units))
-                        late = "" if most == inf else f", or took longer than {most:.0f} s"
+                        late = "" if most == inf else f", or took longer than {most:,.6g} s"
                         again = after_death(
                             hand_out, "its machine ran out of memory" if short else f"its process was killed{late}")
                         if isinstance(again, Problem):

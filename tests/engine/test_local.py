@@ -115,7 +115,7 @@ def test_how_a_process_of_this_machine_ended_is_said(tmp_path: Path) -> None:
 def test_a_unit_that_hangs_is_killed_and_named(run: Run, tmp_path: Path) -> None:
     units = [Unit("stuck", tmp_path, "hang", 99), Unit("slow once", tmp_path, "hang", 1), Unit("fine", tmp_path)]
     done = list[str]()
-    with pytest.raises(OutputError, match=r"stuck: its process was killed.* took longer than 0 s, 3 times"):
+    with pytest.raises(OutputError, match=r"stuck: its process was killed.* took longer than 0.3 s, 3 times"):
         for each in run(do, units, workers=1, limit=lambda unit: 0.3 if unit.end else 60.0):
             done.append(each)
     assert sorted(done) == ["fine", "slow once"] and units[0].tries() == 3

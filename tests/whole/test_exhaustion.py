@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from dataset_builder import builder
+from dataset_builder.cli.main import main
 from dataset_builder.engine import finishing
 from dataset_builder.errors import OutputError, UserError
 from dataset_builder.shards import staging
@@ -174,3 +175,15 @@ def test_a_clock_that_jumps_a_day(whole: tuple[Path, dict[str, bytes]], tmp_path
     again = outcomes_of(run_build(spec, tmp_path / "out", *QUICK))
     assert [again[index].kept for index in range(3)] == [True, True, False]
     assert contents(tmp_path / "out") == files
+
+
+def test_no_memory_left_is_one_line(whole: tuple[Path, dict[str, bytes]], tmp_path: Path,
+                                    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def exhausted(*parts: object) -> object:
+        raise MemoryError
+
+    monkeypatch.setattr(builder, "versions", exhausted)
+    assert main(["build", str(whole[0]), "--out", str(tmp_path / "out"), "--workers", "1", "--backend", "llvm"]) == 1
+    said = capsys.readouterr().err
+    assert said.startswith("error: no memory is left; finished examples are kept") and said.count("\n") == 1
+    assert not (tmp_path / "out").exists()
