@@ -56,8 +56,8 @@ def add_dataset(verb: argparse.ArgumentParser) -> None:
 
 
 def names(texts: Iterable[str]) -> tuple[str, ...]:
-    """Names that were given one by one, or with commas between."""
-    return tuple(name for text in texts for name in text.split(",") if name)
+    """Names that were given one by one, or with commas between; an empty one is left to be refused."""
+    return tuple(name for text in texts for name in text.split(","))
 
 
 def add_overrides(verb: argparse.ArgumentParser, of: str, option: str = "--set", dest: str = "overrides") -> None:
@@ -107,7 +107,7 @@ def local_folder(text: str) -> Path:
 def out_folder(text: str) -> Path:
     """A path to write to, which has a name, where an address would not do."""
     if not text.strip():
-        raise argparse.ArgumentTypeError("expected a folder, got an empty name")
+        raise argparse.ArgumentTypeError("expected a folder, got an empty name: write . for the current one")
     found = _dataset(text)
     if isinstance(found, str):
         rule = f"expected a path on this machine, got the address {bare(found)}"

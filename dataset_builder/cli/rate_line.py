@@ -34,10 +34,12 @@ class RateLine:
 
 
 def rate_text(done: int, of: int, rate: float) -> str:
-    """Bytes, bytes per second, and time left at that rate.
+    """Bytes, bytes per second, and time left at that rate; where nobody knows yet how many there will be, only that.
 
     >>> rate_text(250_000_000, 1_000_000_000, 50e6)
     '250 of 1000 MB, 50.0 MB/s, 0:00:15 left'
     """
+    if not of:
+        return "looking at indexes"
     left = f"{timedelta(seconds=round((of - done) / rate))} left" if rate else "looking"
     return f"{done / 1e6:.0f} of {of / 1e6:.0f} MB, {rate / 1e6:.1f} MB/s, {left}"

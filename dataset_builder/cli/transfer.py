@@ -1,6 +1,7 @@
 """The verbs `pull` and `push`: datasets from and to other machines."""
 
 import argparse
+import re
 from collections.abc import Callable
 from contextlib import closing
 from typing import TYPE_CHECKING
@@ -28,7 +29,7 @@ def add(verbs: Verbs) -> None:
     pull.add_argument("--layers", action="append", default=[], metavar="A,B",
                       help="only these layers; labels and previews always come with them")
     pull.add_argument("--count", type=positive, metavar="N", help="the first N examples of every split that match")
-    pull.add_argument("--pin", default="", metavar="HEX", help="SHA-256 that dataset.json at the address must have")
+    pull.add_argument("--pin", type=_sha256, metavar="HEX", help="SHA-256 that dataset.json at the address must have")
     pull.add_argument("--most", type=gigabytes, metavar="GB", help="refuse to fetch more")
     pull.add_argument("--replace", action="store_true",
                       help="replace another dataset, major version or choice in the folder")
@@ -58,7 +59,7 @@ def _pull(options: argparse.Namespace) -> int:
     patterns = {name: tuple(getattr(options, name)) for name, _ in PATTERNS}
     choice = ExampleChoice(**patterns, layers=names(options.layers), count=options.count)
     with closing(RateLine()) as line:
-        pulled = pull(options.address, options.folder, choice=choice, sha256=options.pin, most=options.most,
+        pulled = pull(options.address, options.folder, choice=choice, sha256=options.pin or "", most=options.most,
                       replace=options.replace, told=_on(line))
     totals = pulled.manifest.totals
     for split in pulled.manifest.splits:
@@ -70,3 +71,10 @@ def _pull(options: argparse.Namespace) -> int:
 
 def _on(line: RateLine) -> Callable[["TransferProgress"], None]:
     return lambda progress: line.told(progress.done, progress.total, progress.rate)
+
+
+def _sha256(text: str) -> str:
+    """A digest as argparse wants it."""
+    if not re.fullmatch("[0-9a-fA-F]{64}", text):
+        raise argparse.ArgumentTypeError(f"expected 64 hexadecimal digits, got {text or 'none'}")
+    return text

@@ -231,7 +231,7 @@ def from_json(model: type[M], data: bytes, *, where: str, extra: Literal["forbid
     try:
         return model.model_validate_json(data, extra=extra)
     except ValidationError as error:
-        if not data.lstrip().startswith(b"{"):
+        if not data.lstrip().startswith((b"{", b"[")):
             start = data[:LONGEST_VALUE].decode(errors="replace").strip()
             page = "a page of a server, such as a login or a listing, in its place" if start.startswith("<") else ""
             rule = f"expected JSON, got {f'text that begins with {start!r}' if start else 'an empty file'}"

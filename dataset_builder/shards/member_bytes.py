@@ -5,6 +5,7 @@ import os
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from hashlib import sha256
 from itertools import count
 from pathlib import Path
@@ -156,7 +157,12 @@ def members_at(place: Place, verify: str, cache: Path | str | None, limit: int) 
         return FolderMembers(place, verify)
     folder = Path(cache) if cache else user_cache(CACHE)
     if limit:
-        require_writable(folder)
+        try:
+            require_writable(folder)
+        except OutputError as error:
+            hint = "it is to keep what is fetched: name another by cache, data.cache or XDG_CACHE_HOME, or keep " \
+                   "nothing by a cache_size or data.cache_gb of 0"
+            raise OutputError(replace(problem, hint=hint) for problem in error.problems) from error
     return FetchedMembers(place, folder, limit)
 
 

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -10,7 +11,7 @@ import numpy as np
 
 from dataset_builder.byte_store import ByteStore
 from dataset_builder.digest import digest, sealed, sha256_bytes, unsealed
-from dataset_builder.errors import Problem, ShardError
+from dataset_builder.errors import OutputError, Problem, ShardError
 from dataset_builder.shards.folder import MANIFEST
 from dataset_builder.shards.identities import SHARED, SHARED_LAYERS
 from dataset_builder.shards.label_text import differences
@@ -78,7 +79,9 @@ class Look:
             return kept
         found = self._inside(shard, found, problems)
         if self.known and key:
-            self.known.store.put(key, sealed(asdict(found)))
+            # Where the disk is full an interrupted run looks again
+            with suppress(OutputError):
+                self.known.store.put(key, sealed(asdict(found)))
         return found
 
     def _key(self, shard: ShardRecord, found: ShardFacts) -> str:

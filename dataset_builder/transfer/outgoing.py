@@ -56,6 +56,12 @@ def outgoing(folder: Path) -> tuple[Origin, list[SentFile]]:
     return origin, [SentFile(name=name, path=folder / name, size=(folder / name).stat().st_size) for name in names]
 
 
+def require_outside(target: Path, dataset: Path, rule: str) -> None:
+    """Raise OutputError where a folder is that of a dataset, or inside it, so that it would hold files too many."""
+    if dataset.resolve() in (inside := target.resolve(), *inside.parents):
+        raise OutputError([Problem(where=str(target), path="", rule=rule, hint="choose another folder")])
+
+
 def require_room(title: str, before: Manifest | None, origin: Origin, *, replace: bool) -> None:
     """Raise OutputError where another release is there and must not make room."""
     if before and before != origin.manifest and not replace:

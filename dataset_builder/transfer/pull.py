@@ -24,6 +24,7 @@ from dataset_builder.transfer.choice import ChosenShard, ExampleChoice, choose, 
 from dataset_builder.transfer.chunked_file import CHUNK_SIZE
 from dataset_builder.transfer.fetching import PULL, Fetching, TransferProgress
 from dataset_builder.transfer.origin import TEXTS, Origin, open_origin
+from dataset_builder.transfer.outgoing import require_outside
 from dataset_builder.transfer.subset_manifest import subset_manifest, subset_record
 from dataset_builder.transfer.subset_shards import Assembly, batches
 
@@ -198,6 +199,5 @@ def _remove_empty(folder: Path) -> None:
 
 
 def _require_elsewhere(place: Place, folder: Path) -> None:
-    if isinstance(place, FolderPlace) and place.folder.resolve() == folder.resolve():
-        rule = "expected another folder than the one to pull from"
-        raise OutputError([Problem(where=str(folder), path="", rule=rule)])
+    if isinstance(place, FolderPlace):
+        require_outside(folder, place.folder, "expected a folder outside of the dataset to pull from")

@@ -12,13 +12,21 @@ from dataset_builder.digest import sha256_bytes
 from dataset_builder.errors import Problem, ShardError
 from dataset_builder.remote.open_place import place_of
 from dataset_builder.remote.place import ByteRange
-from dataset_builder.remote.upload import Shelf, shelf_of
+from dataset_builder.remote.upload import FolderShelf, Shelf, shelf_of
 from dataset_builder.shards.example import LABEL
 from dataset_builder.shards.folder import MANIFEST, MOST_BYTES
 from dataset_builder.shards.manifest import Manifest, from_json
 from dataset_builder.transfer.fetching import TransferProgress
 from dataset_builder.transfer.origin import TEXTS, Origin, open_origin
-from dataset_builder.transfer.outgoing import Pushed, SentFile, left_over_there, other_content, outgoing, require_room
+from dataset_builder.transfer.outgoing import (
+    Pushed,
+    SentFile,
+    left_over_there,
+    other_content,
+    outgoing,
+    require_outside,
+    require_room,
+)
 from dataset_builder.transfer.push_hub import push_to_hub
 
 SMALL = 2**20
@@ -42,6 +50,8 @@ def push(folder: Path, address: str | Path, *, replace: bool = False, prune: boo
     if str(address).lower().startswith("hf://"):
         return push_to_hub(origin, files, str(address), replace=replace, prune=prune, told=told)
     shelf = shelf_of(address)
+    if isinstance(shelf, FolderShelf):
+        require_outside(shelf.folder, folder, "expected a folder outside of the dataset to push")
     there = shelf.sizes()
     before = _manifest_there(shelf, there)
     require_room(shelf.title, before, origin, replace=replace)

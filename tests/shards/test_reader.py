@@ -26,8 +26,7 @@ def flip_a_bit(folder: Path, key: str, layer: str) -> None:
 
 
 @pytest.mark.parametrize(("text", "reason"), [
-    (b"", "an empty file"), (b" <!DOCTYPE html><title>Log in", "begins with '<!DOCTYPE html>.*a page of a server"),
-    (b"[1]", r"begins with '\[1\]'")])
+    (b"", "an empty file"), (b" <!DOCTYPE html><title>Log in", "begins with '<!DOCTYPE html>.*a page of a server")])
 def test_what_lies_in_place_of_a_dataset_is_named(dataset: Path, text: bytes, reason: str) -> None:
     (dataset / "dataset.json").write_bytes(text)
     with pytest.raises(ShardError, match=f"dataset.json: expected JSON, got .*{reason}"):

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from dataset_builder.digest import sha256_file
-from dataset_builder.errors import ShardError
+from dataset_builder.errors import OutputError, ShardError
 from dataset_builder.remote.patience import Patience
 from dataset_builder.shards.folder import SUMS
 from dataset_builder.shards.reader import Dataset, load_manifest, open_dataset
@@ -102,6 +102,14 @@ def test_what_never_gets_better_is_an_error_that_names_the_shard(tiny: Path, fau
             plan.faults = [fault]
             with pytest.raises(ShardError, match=rf"{STEM}-\w+\.tar: {reason}" if fault == "flipped" else reason):
                 data.label("00000000")
+
+
+def test_a_cache_that_cannot_be_written_is_named_with_what_to_do(tiny: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with range_server(tiny) as address:
+        with pytest.raises(OutputError, match=r"file: cannot .*XDG_CACHE_HOME, or keep nothing by a cache_size"):
+            open_dataset(address, cache=tmp_path / "file")
+        assert_equal(open_dataset(address, cache=tmp_path / "file", cache_size=0), tiny)
 
 
 def test_the_cache_is_shared_and_hands_out_nothing_damaged(tiny: Path, tmp_path: Path) -> None:

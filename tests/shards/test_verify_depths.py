@@ -11,7 +11,7 @@ import pytest
 from dataset_builder.byte_store import ByteStore
 from dataset_builder.cli.main import main
 from dataset_builder.cli.rate_line import RateLine, rate_text
-from dataset_builder.errors import UserError
+from dataset_builder.errors import OutputError, UserError
 from dataset_builder.shards import verify_shard
 from dataset_builder.shards.reader import load_manifest
 from dataset_builder.shards.verify import Depth, verify
@@ -53,6 +53,15 @@ def test_each_depth_sees_what_the_one_before_does_not(tmp_path: Path) -> None:
     shutil.copytree(tmp_path / "good", tmp_path / "nan")
     replace_members(tmp_path / "nan", {"00000002.i_t.exr": bad})
     assert seen(tmp_path / "nan") == [False, False, False, True]
+
+
+def test_a_full_disk_costs_what_is_known_and_no_more(dataset: Path, tmp_path: Path,
+                                                    monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(store: ByteStore, key: str, value: bytes) -> None:
+        raise OutputError("the disk is full")
+
+    monkeypatch.setattr(ByteStore, "put", full)
+    assert verify(dataset, known=Known(store=ByteStore(tmp_path / "state", 2**20), code="a"), workers=1) == []
 
 
 def test_any_number_of_processes_says_the_same_in_the_same_order(tmp_path: Path) -> None:
