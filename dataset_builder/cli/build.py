@@ -44,14 +44,14 @@ def add(verbs: Verbs) -> None:
     add_spec(build)
     build.add_argument("--out", type=out_folder, help=f"output folder (default: {DATASETS}/NAME)")
     build.add_argument("--replace", action="store_true",
-                       help="let the other dataset or major version go that the output folder holds, or the examples "
-                            "that another backend made")
+                       help="replace another dataset or major version in the output folder, or examples that another "
+                            "backend made")
     add_cache(build)
     build.add_argument("--workers", type=positive, help="processes (default: one per core, one with a GPU)")
     add_backend(build)
     build.add_argument("--unit-limit", type=_seconds, metavar="SECONDS",
-                       help="most that a view may take, 0 for any (default: many times what is expected); with one "
-                            "worker, which works in a process of its own then")
+                       help="most that a view may take, 0 for no limit (default: 20 times what is expected, 20 minutes "
+                            "at least; none for a single worker, which is this process unless a limit is given)")
     add_engine(build)
     build.add_argument("--example", type=int, action="append", default=[],
                        help="only stage example N; repeat for more")

@@ -1,7 +1,7 @@
 """What the options of several verbs have in common, and the terminal that they print to."""
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -53,6 +53,11 @@ def add_folder(verb: argparse.ArgumentParser) -> None:
 def add_dataset(verb: argparse.ArgumentParser) -> None:
     """The folder of a finished dataset, or its address."""
     verb.add_argument("folder", type=_dataset, metavar="FOLDER", help="finished dataset, or its address")
+
+
+def names(texts: Iterable[str]) -> tuple[str, ...]:
+    """Names that were given one by one, or with commas between; an empty one is left to be refused."""
+    return tuple(name for text in texts for name in text.split(","))
 
 
 def add_overrides(verb: argparse.ArgumentParser, of: str, option: str = "--set", dest: str = "overrides") -> None:

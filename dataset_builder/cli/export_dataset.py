@@ -16,15 +16,16 @@ def add(verbs: common.Verbs) -> None:
     verb.add_argument("--format", required=True, choices=FORMATS, dest="kind",
                       help="mds (MosaicML streaming), parquet (Hugging Face, DuckDB), exr (a file of all layers for "
                            "each example, for compositors), dali (an index of each tar)")
-    verb.add_argument("--split", nargs="+", default=(), metavar="NAME", dest="splits", help="splits (default: all)")
-    verb.add_argument("--layers", nargs="+", default=(), metavar="LAYER", help="layers (default: all)")
+    verb.add_argument("--split", action="extend", nargs="+", default=[], metavar="NAME", dest="splits",
+                      help="only these splits")
+    verb.add_argument("--layers", action="extend", nargs="+", default=[], metavar="A,B", help="only these layers")
 
 
 def _export(options: argparse.Namespace) -> int:
     from dataset_builder.exporting.export_dataset import DatasetExport, export_dataset
 
     done = export_dataset(DatasetExport(dataset=options.folder, out=options.out, kind=options.kind,
-                                        splits=options.splits, layers=options.layers))
+                                        splits=common.names(options.splits), layers=common.names(options.layers)))
     again = f"; {done.kept} of {done.shards} shards were there already" if done.kept else ""
     print(f"{options.out}: {done.examples:,} examples in {done.files:,} files, {done.bytes:,} bytes{again}")
     return 0

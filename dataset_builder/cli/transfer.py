@@ -6,7 +6,7 @@ from collections.abc import Callable
 from contextlib import closing
 from typing import TYPE_CHECKING
 
-from dataset_builder.cli.common import Verbs, add_folder, add_verb, gigabytes, out_folder, positive
+from dataset_builder.cli.common import Verbs, add_folder, add_verb, gigabytes, names, out_folder, positive
 from dataset_builder.cli.rate_line import RateLine
 
 if TYPE_CHECKING:
@@ -32,11 +32,11 @@ def add(verbs: Verbs) -> None:
     pull.add_argument("--pin", type=_sha256, metavar="HEX", help="SHA-256 that dataset.json at the address must have")
     pull.add_argument("--most", type=gigabytes, metavar="GB", help="refuse to fetch more")
     pull.add_argument("--replace", action="store_true",
-                      help="let the other dataset, major version or choice go that the folder holds")
+                      help="replace another dataset, major version or choice in the folder")
     push = add_verb(verbs, "push", _push, "send a finished dataset to where others pull it, or resume a push")
     add_folder(push)
     push.add_argument("address", help="where to: path, s3://, gs:// or hf://datasets/USER/NAME")
-    push.add_argument("--replace", action="store_true", help="let another dataset or version there make room")
+    push.add_argument("--replace", action="store_true", help="replace another dataset or version at the address")
     push.add_argument("--prune", action="store_true", help="remove shards there that are not listed any more")
 
 
@@ -45,10 +45,10 @@ def _push(options: argparse.Namespace) -> int:
 
     with closing(RateLine()) as line:
         pushed = push(options.folder, options.address, replace=options.replace, prune=options.prune, told=_on(line))
-    print(f"{pushed.files} files sent, {pushed.sent} bytes; what is there reads back\n"
+    print(f"{pushed.files} files sent, {pushed.sent} bytes; the dataset there opens as others will see it\n"
           f"SHA-256 of dataset.json, for pull --pin: {pushed.sha256}")
     if pushed.left:
-        print(f"{len(pushed.left)} files there are of no release any more; --prune removes them")
+        print(f"{len(pushed.left)} shards and indexes there belong to no release any more; --prune removes them")
     return 0
 
 
@@ -56,9 +56,8 @@ def _pull(options: argparse.Namespace) -> int:
     from dataset_builder.transfer.choice import ExampleChoice
     from dataset_builder.transfer.pull import pull
 
-    layers = tuple(name for text in options.layers for name in text.split(","))
     patterns = {name: tuple(getattr(options, name)) for name, _ in PATTERNS}
-    choice = ExampleChoice(**patterns, layers=layers, count=options.count)
+    choice = ExampleChoice(**patterns, layers=names(options.layers), count=options.count)
     with closing(RateLine()) as line:
         pulled = pull(options.address, options.folder, choice=choice, sha256=options.pin or "", most=options.most,
                       replace=options.replace, told=_on(line))

@@ -21,7 +21,7 @@ PATIENCE = 5.0
 
 KILLED, SEGFAULT, BUS_ERROR = 9, 11, 7
 WORDS = {
-    KILLED: "was killed (signal 9), as the system does when memory runs out; fewer --workers",
+    KILLED: "was killed (signal 9), as the system does when memory runs out (fewer --workers need less)",
     SEGFAULT: "was ended by a segmentation fault (signal 11)",
     BUS_ERROR: "was ended by a bus error (signal 7), as where a disk is full under a file in memory",
 }

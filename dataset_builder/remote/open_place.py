@@ -23,10 +23,16 @@ def place_of(address: str | Path, *, patience: Patience | None = None) -> Place:
         return FolderPlace(local_path(address))
     if scheme not in DRIVERS:
         raise refused(address, f"expected an address that begins with file, {', '.join(DRIVERS)}, got {scheme}")
+    require_driver(address, scheme)
+    from dataset_builder.remote.remote_place import RemotePlace
+
+    return RemotePlace(address, patience or PATIENCE)
+
+
+def require_driver(address: str, scheme: str) -> None:
+    """Raise UserError where an address has not the form that its scheme wants, or the package for it is not installed.
+    """
     require_sound(address, scheme)
     with missing_named():
         for library in DRIVERS[scheme]:
             importlib.import_module(library)
-    from dataset_builder.remote.remote_place import RemotePlace
-
-    return RemotePlace(address, patience or PATIENCE)

@@ -1,6 +1,5 @@
 """Folders that files can be put into, here or at an address: what is put there is whole or not there."""
 
-import importlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -9,9 +8,9 @@ from typing import Any, Protocol
 
 from dataset_builder.digest import CHUNK_BYTES, open_regular, read_regular
 from dataset_builder.errors import Problem, UserError
-from dataset_builder.extras import missing_named
 from dataset_builder.files import commit, output_errors, require_space, write_partial
-from dataset_builder.remote.address import DRIVERS, is_address, local_path, refused, require_sound, said, shown
+from dataset_builder.remote.address import is_address, local_path, refused, said, shown
+from dataset_builder.remote.open_place import require_driver
 
 BUCKETS = ("s3", "gs")
 """Schemes whose files appear when they are whole, by themselves."""
@@ -48,10 +47,7 @@ def shelf_of(address: str | Path) -> Shelf:
     if scheme not in BUCKETS:
         raise refused(address, f"expected a place that can be written, got {scheme}",
                       f"push to a path or to file, {', '.join(BUCKETS)} or hf, and let a server of yours serve it")
-    require_sound(address, scheme)
-    with missing_named():
-        for library in DRIVERS[scheme]:
-            importlib.import_module(library)
+    require_driver(address, scheme)
     return BucketShelf(address)
 
 

@@ -119,8 +119,8 @@ def choose(manifest: Manifest, choice: ExampleChoice,
             found.append(_chosen(shard, index, matching, layers, len(manifest.layers)))
     search.require()
     if not found:
-        raise UserError("expected a choice that chooses something: every pattern matches some examples, but none "
-                        "matches all of them")
+        raise UserError("expected a choice that chooses something: every pattern matches some examples, but no "
+                        "example matches all that is asked")
     return found
 
 

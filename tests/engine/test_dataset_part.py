@@ -49,6 +49,14 @@ def test_a_view_with_more_examples_costs_more(spec: DatasetSpec) -> None:
     assert unit_seconds(spec, test) < unit_seconds(spec, train) < 2 * unit_seconds(spec, test)
 
 
+def test_the_row_is_cut_by_the_middle_of_each_view(spec: DatasetSpec) -> None:
+    """Three views of equal cost lie around 1/6, 1/2 and 5/6 of the row."""
+    three = [ref for ref in examples(spec) if ref.view.pair.split == "train"]
+    three = [ref for unit in units(three)[:3] for ref in unit.examples]
+    numbers = {count: [part.number for part, _ in parts_of(spec, three, count)] for count in (1, 2, 3, 6)}
+    assert numbers == {1: [1, 1, 1], 2: [1, 2, 2], 3: [1, 2, 3], 6: [2, 4, 6]}
+
+
 @pytest.mark.parametrize("text", ["", "2", "0/3", "4/3", "-1/3", "1/0", "a/b", "1/2/3", "1.0/2", " 1/2", "1/9999999",
                                   "\u0661/\u0662"])
 def test_what_is_no_part_is_refused(text: str) -> None:

@@ -108,7 +108,7 @@ def test_how_a_process_of_this_machine_ended_is_said(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"exits: its process ended by itself \(exit code 9\), 3 times"):
         list(local.run(do, [Unit("exits", tmp_path, "exit", 99)], workers=2))
     with pytest.raises(OutputError, match=r"^bad: its process was killed \(signal 9\), as the system does when memory "
-                                          r"runs out; fewer --workers, 3 times \(what was finished is kept"):
+                                          r"runs out \(fewer --workers need less\), 3 times \(what was finished is"):
         list(local.run(do, [Unit("bad", tmp_path, "SIGKILL", 99)], workers=2))
 
 

@@ -165,6 +165,6 @@ def test_a_full_disk_is_said_before(dataset: Path, monkeypatch: pytest.MonkeyPat
 def test_the_command(dataset: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["export", str(dataset), str(dataset.parent / "out"), "--format", "exr", "--split", "test", "--layers",
                  "i_t", "mask"]
-    assert main(arguments) == main(arguments) == 0
+    assert main(arguments) == main([*arguments[:-2], "i_t,mask"]) == 0
     first, second = capsys.readouterr().out.splitlines()
     assert "out: 1 examples in 2 files" in first and second.endswith("1 of 1 shards were there already")

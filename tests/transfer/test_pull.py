@@ -186,5 +186,5 @@ def test_an_address_is_no_folder_to_work_in(words: tuple[str, ...], tmp_path: Pa
     with pytest.raises(SystemExit) as ended:
         main([*words, "s3://me:secret@bucket/tiny", *more])
     said = capsys.readouterr().err
-    assert ended.value.code == 2 and "a folder on this machine, got the address s3://bucket/tiny" in said
+    assert ended.value.code == 2 and "on this machine, got the address s3://bucket/tiny" in said
     assert "secret" not in said and not list(tmp_path.iterdir())

@@ -1,5 +1,6 @@
 """A damaged dataset is mended from a whole copy to the same bytes, fetching no more than is broken, or not at all."""
 
+import os
 import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -141,6 +142,20 @@ def test_a_copy_that_lacks_what_is_wanted_is_named(whole: Path, broken: Path, tm
     with pytest.raises(ShardError, match=r"copy: (cannot read|expected SHA-256 .*) shards/tiny.*dataset is as"):
         repair_from(broken, FolderPlace(tmp_path / "copy"))
     assert contents(broken) == before
+
+
+def test_dataset_json_comes_last(whole: Path, broken: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("dataset.json", "README.md", "croissant.json"):
+        (broken / name).unlink()
+    order, move = list[str](), os.replace
+
+    def replace(source: Path, target: Path) -> None:
+        order.append(Path(target).relative_to(broken).as_posix())
+        move(source, target)
+
+    monkeypatch.setattr("dataset_builder.transfer.refetch.os.replace", replace)
+    repair_from(broken, FolderPlace(whole))
+    assert [name for name in order if not name.startswith(".build")] == ["README.md", "croissant.json", "dataset.json"]
 
 
 def test_a_copy_may_lie_at_an_address(whole: Path, broken: Path) -> None:

@@ -120,7 +120,7 @@ def test_what_is_said_of_a_subset(home: Path, tmp_path: Path) -> None:
     (ExampleChoice(level=("3",)), r"level: .*\(0 or fine, 1 or coarse\), got '3'"),
     (ExampleChoice(layers=("i_s", "depth")), r"layers: .*got 'depth'"),
     (ExampleChoice(object=("train-*",), split=("test",)), r"got 'train-\*'"),
-    (ExampleChoice(category=("chair",), scene=("train-room-01",)), "none matches all of them"),
+    (ExampleChoice(category=("chair",), scene=("train-room-01",)), "no example matches all that is asked"),
 ])
 def test_a_choice_of_nothing_is_refused(choice: ExampleChoice, message: str, home: Path, tmp_path: Path) -> None:
     with pytest.raises(UserError, match=message):
@@ -224,3 +224,15 @@ def test_sources_and_rejected_examples_are_those_of_what_is_there(home: Path, tm
         ("stool", ("train-chair-00",)), ("cabinet", ("train-cabinet-00",)), ("flat.usd", ("train-chair-00",))]
     assert [item.key for item in train.rejected] == ["00000100", "00000101"]
     assert [item.key for item in chair.rejected] == ["00000100"]
+
+
+def test_an_example_with_fewer_layers_is_known_by_another_digest(home: Path, tmp_path: Path) -> None:
+    """So that no build takes it for the whole one."""
+    pull(home, tmp_path / "here", choice=ExampleChoice(layers=("mask",)))
+
+    def digests(folder: Path) -> set[str]:
+        return {example["digest"] for path in (folder / "index").iterdir()
+                for example in json.loads(path.read_text())["examples"]}
+
+    assert len(digests(tmp_path / "here")) == len(digests(home)) == 12
+    assert not digests(tmp_path / "here") & digests(home)
