@@ -48,6 +48,12 @@ def require_store(store: Path, folder: Path) -> None:
         raise OutputError([Problem(where="--cache", path="", rule=rule, hint="name another folder")]) from error
 
 
+def user_cache(name: str) -> Path:
+    """Folder `name` of what this user's caches keep. https://specifications.freedesktop.org/basedir"""
+    asked = os.environ.get("XDG_CACHE_HOME", "")
+    return (Path(asked) if os.path.isabs(asked) else Path.home() / ".cache") / "3df-lighting" / name
+
+
 class ByteStore:
     """Values by key in a folder of at most about `limit` bytes; a limit of 0 keeps nothing.
 

@@ -11,7 +11,6 @@ import errno
 import json
 import os
 import re
-import socket
 import sys
 import threading
 from collections.abc import Callable, Iterator
@@ -23,6 +22,7 @@ from uuid import uuid4
 
 from dataset_builder.errors import OutputError, Problem
 from dataset_builder.files import output_errors
+from dataset_builder.processes import machine, started
 
 RENEW, LAPSE, LOOK = 10.0, 120.0, 0.5
 """Seconds between signs of life; without any, after which an owner on another machine counts as dead; between looks."""
@@ -113,7 +113,7 @@ class Lease:
 
     def _write(self, descriptor: int, *, released: bool = False) -> None:
         self._beat += 1
-        owner = {**_here(), "pid": os.getpid(), "started": _started(os.getpid()), "nonce": self._nonce,
+        owner = {**machine(), "pid": os.getpid(), "started": started(os.getpid()), "nonce": self._nonce,
                  "beat": self._beat, "released": released}
         os.pwrite(descriptor, json.dumps(owner).ljust(SIZE - 1).encode() + b"\n", 0)
         os.fsync(descriptor)
@@ -173,8 +173,8 @@ def _vacant(file: Path, folder: Path, work: str, wait: bool, told: Told) -> str 
             return None
         if owner.get("released"):
             return ""
-        here = owner and all(owner.get(key) == value for key, value in _here().items())
-        if here and _started(owner["pid"]) != owner["started"]:
+        here = owner and all(owner.get(key) == value for key, value in machine().items())
+        if here and started(owner["pid"]) != owner["started"]:
             return f"{name}, which is dead"
         name += "" if here else f" on {owner.get('host', 'an unknown machine')}"
         still = monotonic() - since
@@ -223,27 +223,3 @@ def _owner(data: bytes | None) -> dict[str, Any]:
     except ValueError:
         return {}
     return found if isinstance(found, dict) and isinstance(found.get("pid"), int) else {}
-
-
-def _here() -> dict[str, str]:
-    """What tells this machine since it started, and this container, from all others: where process numbers count."""
-    boot = pids = ""
-    with suppress(OSError):
-        boot = Path("/proc/sys/kernel/random/boot_id").read_text().strip()
-        pids = os.readlink("/proc/self/ns/pid")
-    return {"host": socket.gethostname(), "boot": boot, "pids": pids}
-
-
-def _started(pid: int) -> str:
-    """When a process started, so that another one of the same number is not taken for it; empty where there is none."""
-    try:
-        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-        return "" if fields[0] in "ZX" else fields[19]
-    except OSError:
-        if Path("/proc/self").exists():
-            return ""
-    try:
-        os.kill(pid, 0)
-    except OSError as error:
-        return "" if error.errno == errno.ESRCH else "unknown"
-    return "unknown"

@@ -70,7 +70,7 @@ def merge(loaded: LoadedSpec, parts: Sequence[Path], folder: Path, *, replace_ot
             raise found.lost(lost)
         rejections, timings = Rejections(folder, digest(digests), made_by), Timings(folder)
         for number, record in found.records.items():
-            rejections.add(record.rejected)
+            rejections.add([item for item in record.rejected if item.key not in rejections.known])
             for item in record.rejected:
                 take_pixels(folder, found.folders[number], item.key)
             timings.take(found.folders[number], record.examples.keys() | {item.key for item in record.rejected})

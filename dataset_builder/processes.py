@@ -1,10 +1,13 @@
-"""Cores and processor of the machine, and processes that end with their parent."""
+"""The machine, its cores and processes, and processes that end with their parent."""
 
+import errno
 import multiprocessing
 import os
 import platform
 import signal
+import socket
 import threading
+from contextlib import suppress
 from pathlib import Path
 
 
@@ -21,6 +24,30 @@ def processor() -> str:
         lines = []
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return names[0] if names else platform.processor() or platform.machine()
+
+
+def machine() -> dict[str, str]:
+    """What tells this machine since it started, and this container, from all others: where process numbers count."""
+    boot = pids = ""
+    with suppress(OSError):
+        boot = Path("/proc/sys/kernel/random/boot_id").read_text().strip()
+        pids = os.readlink("/proc/self/ns/pid")
+    return {"host": socket.gethostname(), "boot": boot, "pids": pids}
+
+
+def started(pid: int) -> str:
+    """When a process started, so that another one of the same number is not taken for it; empty where there is none."""
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+        return "" if fields[0] in "ZX" else fields[19]
+    except OSError:
+        if Path("/proc/self").exists():
+            return ""
+    try:
+        os.kill(pid, 0)
+    except OSError as error:
+        return "" if error.errno == errno.ESRCH else "unknown"
+    return "unknown"
 
 
 def follow_the_parent(number: int = 0) -> None:

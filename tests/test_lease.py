@@ -21,7 +21,7 @@ from dataset_builder.lock import locked
 ROOT = Path(__file__).parent.parent
 IGNORED = list[str]()
 QUICK = "from dataset_builder import lease\nlease.RENEW, lease.LAPSE, lease.LOOK = 0.1, 1.5, 0.05\n"
-ELSEWHERE = QUICK + "lease._here = lambda: {{'host': '{host}', 'boot': 'x', 'pids': 'y'}}\n"
+ELSEWHERE = QUICK + "lease.machine = lambda: {{'host': '{host}', 'boot': 'x', 'pids': 'y'}}\n"
 HOLD = """
 import sys
 from pathlib import Path
@@ -90,7 +90,7 @@ def test_a_process_of_the_same_number_is_not_taken_for_the_owner(tmp_path: Path,
                                                                  monkeypatch: pytest.MonkeyPatch) -> None:
     mine = Lease(tmp_path, 1, tmp_path, "build")
     with monkeypatch.context() as patch:
-        patch.setattr(lease, "_started", lambda pid: "some other time")
+        patch.setattr(lease, "started", lambda pid: "some other time")
         assert mine.take()
     with held(tmp_path, folder=tmp_path, work="build", told=IGNORED.append) as other:
         assert other.number == 2

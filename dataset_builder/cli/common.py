@@ -84,7 +84,7 @@ def lightnet(config: Path | None, overrides: list[str], steps: int | None) -> "T
 
 def add_cache(verb: argparse.ArgumentParser) -> None:
     """Where results of passes are kept, and how much of them."""
-    verb.add_argument("--cache", type=_folder, metavar="DIR",
+    verb.add_argument("--cache", type=out_folder, metavar="DIR",
                       help="folder for results of passes, which datasets may share (default: in the output folder)")
     verb.add_argument("--cache-size", type=gigabytes, default=CACHE_SIZE, metavar="GB",
                       help=f"most that is kept there; 0 keeps nothing (default: {CACHE_SIZE / GB:g})")
@@ -100,13 +100,14 @@ def local_folder(text: str) -> Path:
 
 
 def out_folder(text: str) -> Path:
-    """A path to write to, where an address would not do."""
-    if not is_address(text):
-        return _folder(text)
-    if text.lower().startswith("file:"):
-        return local_path(text)
-    rule = f"expected a path on this machine, got the address {bare(text)}"
-    raise argparse.ArgumentTypeError(f"{rule}: write here first, then send it there, as dataset-builder push does")
+    """A path to write to, which has a name, where an address would not do."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError("expected a folder, got an empty name: write . for the current one")
+    found = _dataset(text)
+    if isinstance(found, str):
+        rule = f"expected a path on this machine, got the address {bare(found)}"
+        raise argparse.ArgumentTypeError(f"{rule}: write here first, then send it there, as dataset-builder push does")
+    return found
 
 
 def name_of(folder: Path | str) -> str:
@@ -119,13 +120,6 @@ def _dataset(text: str) -> Path | str:
     if not is_address(text):
         return Path(text)
     return local_path(text) if text.lower().startswith("file:") else text
-
-
-def _folder(text: str) -> Path:
-    """A folder that has a name."""
-    if not text.strip():
-        raise argparse.ArgumentTypeError("expected a folder, got an empty name: write . for the current one")
-    return Path(text)
 
 
 def gigabytes(text: str) -> int:

@@ -4,9 +4,11 @@ import argparse
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dataset_builder.errors import UserError
+from dataset_builder.remote.address import is_address
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -30,8 +32,13 @@ def add_engine(verb: argparse.ArgumentParser) -> None:
                       help="what runs a build: this machine, or the machines of a Ray cluster (default: local)")
     verb.add_argument("--address", metavar="A", help="Ray cluster: auto, HOST:6379 or ray://HOST:10001 (default: a Ray "
                                                      "on this machine)")
-    verb.add_argument("--staging", default="", metavar="URL",
+    verb.add_argument("--staging", type=_staging, default="", metavar="URL",
                       help="where workers put finished examples, file:///..., s3://... (default: they travel here)")
+
+
+def _staging(text: str) -> str:
+    """An address; that of a path where one is given."""
+    return text if not text or is_address(text) else Path(text).absolute().as_uri()
 
 
 @contextmanager

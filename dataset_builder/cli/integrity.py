@@ -1,29 +1,24 @@
 """The verbs `verify` and `repair`: whether a dataset is what was published, and making it so again."""
 
 import argparse
-import os
 import shutil
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
-from datetime import timedelta
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
-from time import perf_counter
 from typing import TYPE_CHECKING
 
 from dataset_builder.cli import common
+from dataset_builder.cli.rate_line import RateLine
 from dataset_builder.processes import cores
 
 if TYPE_CHECKING:
-    from dataset_builder.shards.verify import Told
     from dataset_builder.shards.verify_shard import Known
 
 DEPTHS = ("size", "shard", "member", "pixels")
 STATE = "verified"
 """Folder of what an interrupted run found out."""
 STATE_SIZE = 2**30
-WIDTH = 70
-"""Of the line that tells how far it is."""
 
 
 def add(verbs: common.Verbs) -> None:
@@ -39,7 +34,8 @@ def add(verbs: common.Verbs) -> None:
     common.add_folder(repair)
     source = repair.add_mutually_exclusive_group(required=True)
     source.add_argument("--spec", type=Path, help="render what is broken again, from the spec that it was built from")
-    source.add_argument("--from", dest="place", metavar="PLACE", help="fetch what is broken from a whole copy")
+    source.add_argument("--from", dest="place", metavar="PLACE",
+                        help="fetch what is broken from a whole copy: a folder, or an address as `pull` takes")
     common.add_overrides(repair, "the spec")
     repair.add_argument("--workers", type=common.positive, help="processes that render (default: one per core)")
     common.add_backend(repair)
@@ -49,8 +45,8 @@ def _verify(options: argparse.Namespace) -> int:
     from dataset_builder.shards.reader import load_manifest
     from dataset_builder.shards.verify import NOT_LOOKED_AT, verify
 
-    with _progress() as told, _state(options.folder, options.depth) as known:
-        problems = verify(options.folder, depth=options.depth, splits=options.split, known=known, told=told,
+    with closing(RateLine()) as line, _state(options.folder, options.depth) as known:
+        problems = verify(options.folder, depth=options.depth, splits=options.split, known=known, told=line.told,
                           workers=options.workers or cores())
     for problem in problems:
         print(f"wrong: {problem}")
@@ -95,65 +91,37 @@ def _repair(options: argparse.Namespace) -> int:
 
 
 @contextmanager
-def _progress() -> Iterator["Told"]:
-    """A line with bytes per second and time left; nothing where there is no terminal. Who only reads datasets has no
-    library for bars."""
-    start = perf_counter()
-
-    def told(done: int, of: int) -> None:
-        print(f"\r{rate_line(done, of, perf_counter() - start):<{WIDTH}}", end="", file=sys.stderr, flush=True)
-
-    shown = sys.stderr.isatty()
-    try:
-        yield told if shown else lambda done, of: None
-    finally:
-        if shown:
-            print(f"\r{'':<{WIDTH}}\r", end="", file=sys.stderr, flush=True)
-
-
-def rate_line(done: int, of: int, seconds: float) -> str:
-    """How far something is: bytes, bytes per second, and time left at that rate.
-
-    >>> rate_line(250_000_000, 1_000_000_000, 5.0)
-    '250 of 1000 MB, 50.0 MB/s, 0:00:15 left'
-    """
-    rate = done / max(seconds, 1e-3)
-    left = f"{timedelta(seconds=round((of - done) / rate))} left" if done else "looking"
-    return f"{done / 1e6:.0f} of {of / 1e6:.0f} MB, {rate / 1e6:.1f} MB/s, {left}"
-
-
-@contextmanager
 def _state(folder: Path, depth: str) -> Iterator["Known | None"]:
     """Where a run that is interrupted leaves what it found out, for the next one: in the user's cache, since a dataset
     that somebody else made could bring findings of its own. It is gone after a run that came to its end."""
-    from dataset_builder.byte_store import ByteStore
+    from dataset_builder.byte_store import ByteStore, user_cache
     from dataset_builder.digest import digest
     from dataset_builder.engine.source import source_digest
     from dataset_builder.shards.folder import MANIFEST
     from dataset_builder.shards.verify_shard import Known
     from dataset_builder.shards.writer import writer_versions
 
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "dataset-builder" / STATE
-    place = cache / digest(str(folder.resolve()))[:16]
-    if depth not in ("member", "pixels") or not (folder / MANIFEST).is_file() or not _writable(place):
+    cache = user_cache(STATE)
+    state = cache / digest(str(folder.resolve()))[:16]
+    if depth not in ("member", "pixels") or not (folder / MANIFEST).is_file() or not _writable(state):
         yield None
         return
-    if any(place.iterdir()):
+    if any(state.iterdir()):
         print("going on with what an interrupted run found out", file=sys.stderr)
     code = ":".join([source_digest("shards.verify"), *map(str, writer_versions().items())])
-    yield Known(store=ByteStore(place, STATE_SIZE), code=code)
-    shutil.rmtree(place, ignore_errors=True)
+    yield Known(store=ByteStore(state, STATE_SIZE), code=code)
+    shutil.rmtree(state, ignore_errors=True)
     with suppress(OSError):
         cache.rmdir()
         cache.parent.rmdir()
 
 
-def _writable(place: Path) -> bool:
+def _writable(folder: Path) -> bool:
     from dataset_builder.errors import OutputError
     from dataset_builder.files import require_writable
 
     try:
-        require_writable(place)
+        require_writable(folder)
     except OutputError:
         return False
     return True

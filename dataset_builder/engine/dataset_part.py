@@ -82,13 +82,13 @@ def parts_of(spec: DatasetSpec, examples: Iterable[ExampleRef], count: int) -> I
     Costs are whole milliseconds from the spec alone, so that every machine cuts alike. A part may be empty, where there
     are more parts than views.
     """
-    order = {split.name: number for number, split in enumerate(spec.splits)}
+    splits = {split.name: number for number, split in enumerate(spec.splits)}
 
-    def place(unit: ViewUnit) -> tuple[int, ...]:
+    def order_of(unit: ViewUnit) -> tuple[int, ...]:
         pair = unit.view.pair
-        return order[pair.split], pair.object, pair.scene, unit.view.camera
+        return splits[pair.split], pair.object, pair.scene, unit.view.camera
 
-    row, costs = sorted(units(examples), key=place), dict[str, int]()
+    row, costs = sorted(units(examples), key=order_of), dict[str, int]()
     for unit in row:
         # Views of a split have the same number of examples
         if (split := unit.view.pair.split) not in costs:

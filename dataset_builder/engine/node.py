@@ -11,13 +11,12 @@ from typing import Any
 from dataset_builder.engine.field_tasks import FieldNews, NeededFields
 from dataset_builder.engine.made_by import versions
 from dataset_builder.engine.parcel import CACHE, Parcel, build_folder, own_folder
-from dataset_builder.engine.rejected_pixels import MAX_PICTURES, PICTURES, pictures
+from dataset_builder.engine.rejected_pixels import keep_file, pictures
 from dataset_builder.engine.unit import BuildJob, Outcome, planner_of, run_unit
 from dataset_builder.errors import SpecError, UserError
 from dataset_builder.files import write_atomic
 from dataset_builder.planning.catalogue import ViewUnit
 from dataset_builder.planning.field_needs import field_needs
-from dataset_builder.shards.folder import WORK
 from dataset_builder.shards.staging import Staged
 from dataset_builder.spec.mesh_source import FIELD_SUFFIX
 
@@ -155,17 +154,10 @@ def keep(delivery: Delivery, job: BuildJob) -> None:
     for (key, digest), staged in delivery.staged.items():
         job.staging.put(key, digest, staged.segment, staged.entry)
     for name, data in delivery.pixels.items():
-        keep_file(job.folder / WORK / PICTURES / name, data)
+        keep_file(job.folder, name, data)
     for name, data in delivery.fields.items():
         if job.fields.folder is not None:
             write_atomic(job.fields.folder / name, data)
-
-
-def keep_file(path: Path, data: bytes) -> None:
-    """Keep a file of a rejected example while there are few."""
-    others = {other.stem for other in path.parent.glob("*.npz") if other.stem != path.stem}
-    if len(others) < MAX_PICTURES:
-        write_atomic(path, data)
 
 
 def lost(outcomes: Sequence[Outcome], job: BuildJob) -> frozenset[str]:

@@ -9,6 +9,7 @@ from time import monotonic, sleep
 from types import TracebackType
 from typing import Any
 from uuid import uuid4
+from warnings import catch_warnings, simplefilter
 
 from dataset_builder.engine.local import Limit, Told
 from dataset_builder.engine.parcel import forget
@@ -49,8 +50,13 @@ class RayCluster:
             local = {} if self._address or "RAY_ADDRESS" in os.environ else {
                 "num_cpus": self._cpus or cores(), "include_dashboard": False}
             try:
-                ray.init(self._address, log_to_driver=False, configure_logging=False, logging_level="ERROR", **local)
-            except (ConnectionError, TimeoutError, ValueError, RuntimeError) as error:
+                _knock(self._address or os.environ.get("RAY_ADDRESS", ""))
+                with catch_warnings():
+                    # What it warns of is raised, too
+                    simplefilter("ignore", UserWarning)
+                    ray.init(self._address, log_to_driver=False, configure_logging=False, logging_level="ERROR",
+                             **local)
+            except (OSError, ValueError, RuntimeError) as error:
                 raise UserError(f"--address: expected a Ray cluster at {self._address or 'this machine'}, got: "
                                 f"{str(error).strip().splitlines()[0]}; start one with `ray start --head`") from error
             self._began = True
@@ -153,6 +159,13 @@ class RayCluster:
             left = [clear.options(scheduling_strategy=On(node["NodeID"], soft=False)).remote(self._build)
                     for node in ray.nodes() if node["Alive"]]
             ray.wait(left, num_returns=len(left), timeout=FAREWELL)
+
+
+def _knock(address: str) -> None:
+    """Raise OSError where nothing listens at HOST:PORT: Ray would go on asking for many minutes."""
+    host, colon, port = address.removeprefix("ray://").rpartition(":")
+    if colon and port.isdecimal():
+        create_connection((host, int(port)), timeout=PATIENCE).close()
 
 
 def _connected() -> bool:

@@ -9,7 +9,6 @@ from functools import partial
 from math import inf
 from pathlib import Path
 from typing import Any, Protocol
-from urllib.parse import urlsplit
 
 from dataset_builder.engine.hand_outs import HandOut, after_death, grouped, reserved, unit_costs
 from dataset_builder.engine.local import Limit, Told
@@ -20,6 +19,7 @@ from dataset_builder.engine.ray_process import News, do
 from dataset_builder.engine.unit import BuildJob, planner_of, run_unit
 from dataset_builder.errors import OutputError, Problem
 from dataset_builder.files import require_space
+from dataset_builder.remote.address import local_path
 from dataset_builder.shards.published_examples import published_in
 
 AHEAD = 2
@@ -168,10 +168,10 @@ class RayRunning:
         """Where finished examples lie, if that is a folder here."""
         if self._job is None:
             return None
-        parts = urlsplit(self._job.staging_url)
-        if not self._job.staging_url:
+        url = self._job.staging_url
+        if not url:
             return here(self._job.folder)
-        return Path(parts.path) if parts.scheme == "file" else None
+        return local_path(url) if url.lower().startswith("file:") else None
 
     def _received(self, hand_out: HandOut, deliveries: Sequence[Delivery], queue: deque[HandOut]) -> Iterator[Any]:
         for unit, delivery in zip(hand_out.units, deliveries, strict=False):

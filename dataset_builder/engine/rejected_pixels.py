@@ -17,23 +17,33 @@ MAX_PICTURES = 32
 def keep_pixels(folder: Path, key: str, layers: Mapping[str, np.ndarray]) -> None:
     """Keep the layers of a rejected example as `.build/rejected/<key>.npz`, float32, and a picture of them beside it,
     of the first `MAX_PICTURES` examples of a build. Raises OutputError where they cannot be written."""
-    path = folder / WORK / PICTURES / f"{key}.npz"
-    if len([other for other in pictures(folder) if other.suffix == path.suffix and other != path]) < MAX_PICTURES:
+    if _wanted(folder, key):
         stream = BytesIO()
         np.savez_compressed(stream, **layers)  # type: ignore[arg-type]
-        write_atomic(path, stream.getvalue())
+        keep_file(folder, f"{key}.npz", stream.getvalue())
         finite = {name: np.nan_to_num(image) for name, image in layers.items()}
-        write_atomic(path.with_suffix(".png"), preview(finite))
+        keep_file(folder, f"{key}.png", preview(finite))
+
+
+def keep_file(folder: Path, name: str, data: bytes) -> None:
+    """Keep a file that was kept elsewhere, of the first `MAX_PICTURES` examples. Raises OutputError."""
+    if _wanted(folder, name.partition(".")[0]):
+        write_atomic(folder / WORK / PICTURES / name, data)
 
 
 def take_pixels(folder: Path, source: Path, key: str) -> None:
     """Keep what another folder kept of a rejected example, of the first `MAX_PICTURES`. Raises OutputError."""
-    there = len([path for path in pictures(folder) if path.suffix == ".npz"])
     for path in (source / WORK / PICTURES / f"{key}{suffix}" for suffix in (".npz", ".png")):
-        if there < MAX_PICTURES and path.is_file():
+        if path.is_file():
             with output_errors(path):
                 data = path.read_bytes()
-            write_atomic(folder / WORK / PICTURES / path.name, data)
+            keep_file(folder, path.name, data)
+
+
+def _wanted(folder: Path, key: str) -> bool:
+    """Whether few others are kept."""
+    others = {path.stem for path in pictures(folder) if path.suffix == ".npz"} - {key}
+    return len(others) < MAX_PICTURES
 
 
 def pixels_of(folder: Path, key: str) -> Path | None:

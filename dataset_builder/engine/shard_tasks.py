@@ -70,7 +70,7 @@ class OpenShards:
     def settle(self, refs: Iterable[ExampleRef]) -> Iterator[ShardTask]:
         """Take note of examples that are done with, each for the first time; the shards that are complete by them."""
         for ref in refs:
-            place = bisect_right(self._firsts, ref.index) - 1
-            self._left[place] -= 1
-            if not self._left[place]:
-                yield self._tasks[place]
+            number = bisect_right(self._firsts, ref.index) - 1
+            self._left[number] -= 1
+            if not self._left[number]:
+                yield self._tasks[number]

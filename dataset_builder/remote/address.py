@@ -10,6 +10,8 @@ DRIVERS = {"http": ("fsspec", "aiohttp"), "https": ("fsspec", "aiohttp"), "s3": 
            "gs": ("fsspec", "gcsfs"), "hf": ("fsspec", "huggingface_hub")}
 """Libraries that read what lies at addresses with each scheme."""
 HUB = re.compile(r"datasets/[\w.-]+/[\w.-]+(@[\w./-]+)?")
+SAID = 200
+"""Characters of a library's message."""
 SAFE = "/%:@!$&'()*+,;=~"
 """What may stay as it is in the path of an address."""
 PASSWORDS = "in a password / ? # @ are written %2F %3F %23 %40"
@@ -53,6 +55,15 @@ def title_of(folder: Path | str) -> str:
 def scrubbed(text: str) -> str:
     """What a library says, without what is secret in the addresses in it."""
     return re.sub(r"\w+://[^\s'\")]+", lambda match: shown(match[0]), text)
+
+
+def said(error: BaseException) -> str:
+    """The kind of an error of some library and the beginning of its words, without what is secret in them.
+
+    >>> said(ValueError("no bucket at s3://me:secret@x"))
+    'ValueError: no bucket at s3://x'
+    """
+    return f"{type(error).__name__}: {scrubbed(str(error))[:SAID]}"
 
 
 def file_url(address: str, name: str) -> str:

@@ -44,9 +44,9 @@ def _cut(data: bytes, start: int, size: int) -> bytes:
 
 def _homes(wanted: Sequence[ByteRange], stretches: Sequence[ByteRange]) -> Iterator[tuple[ByteRange, ByteRange]]:
     """Each piece with the stretch that holds it."""
-    place = 0
+    number = 0
     for piece in sorted({piece for piece in wanted if piece.size}):
-        while not (stretches[place].name == piece.name
-                   and stretches[place].start + stretches[place].size >= piece.start + piece.size):
-            place += 1
-        yield piece, stretches[place]
+        while not (stretches[number].name == piece.name
+                   and stretches[number].start + stretches[number].size >= piece.start + piece.size):
+            number += 1
+        yield piece, stretches[number]

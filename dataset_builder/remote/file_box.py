@@ -5,11 +5,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Protocol
-from urllib.parse import urlsplit
 
 from dataset_builder.errors import OutputError, Problem
 from dataset_builder.extras import missing_named
 from dataset_builder.files import output_errors, write_atomic
+from dataset_builder.remote.address import local_path, said, shown
 
 
 class FileBox(Protocol):
@@ -77,7 +77,7 @@ class UrlBox:
     @property
     def title(self) -> str:
         """The address without what may be a password."""
-        return _title(self._url)
+        return shown(self._url)
 
     def write(self, name: str, data: bytes) -> None:
         """A whole file."""
@@ -110,22 +110,20 @@ class UrlBox:
         try:
             yield
         # Libraries of stores have errors of their own, which have nothing in common
-        except (OutputError, KeyboardInterrupt):
-            raise
-        except ModuleNotFoundError:
+        except (OutputError, ModuleNotFoundError):
             raise
         except Exception as error:
-            rule = f"expected a place that can be written, got: {error or type(error).__name__}"
-            raise OutputError([Problem(where=_title(url), path="--staging", rule=rule,
+            rule = f"expected a place that can be written, got: {said(error)}"
+            raise OutputError([Problem(where=shown(url), path="--staging", rule=rule,
                                        hint="see that it exists, and that every machine may write it")]) from error
 
 
 def box_at(folder: Path, url: str) -> FileBox:
-    """The folder, unless an address is given."""
+    """The folder, unless an address is given. Raises UserError where it is one of a file on another host, OutputError
+    where nothing can be written to such a one."""
     if not url:
         return FolderBox(folder)
-    parts = urlsplit(url)
-    return FolderBox(Path(parts.path)) if parts.scheme == "file" else UrlBox(url)
+    return FolderBox(local_path(url)) if url.lower().startswith("file:") else UrlBox(url)
 
 
 def _size(path: Path) -> int:
@@ -134,9 +132,3 @@ def _size(path: Path) -> int:
         return path.stat().st_size
     except FileNotFoundError:
         return 0
-
-
-def _title(url: str) -> str:
-    """An address without names, passwords and keys."""
-    parts = urlsplit(url)
-    return f"{parts.scheme}://{parts.netloc.rpartition('@')[2]}{parts.path}"

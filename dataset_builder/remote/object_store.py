@@ -10,7 +10,7 @@ from typing import Any
 
 import fsspec
 
-from dataset_builder.remote.address import scrubbed
+from dataset_builder.remote.address import said
 from dataset_builder.remote.patience import Fetch, Patience, TransientError
 from dataset_builder.remote.place import EndedError
 
@@ -18,8 +18,6 @@ SLOWEST = 1 << 16
 """Bytes per second that are waited for, beyond `Patience.stall`."""
 MARKS = ("ETag", "etag", "blob_id", "oid", "LastModified", "mtime")
 """What tells one version of a file from another, as the file systems call it."""
-SAID = 200
-"""Characters of a library's message."""
 
 
 class ObjectStore:
@@ -76,7 +74,7 @@ class ObjectStore:
         except FileNotFoundError as error:
             raise FileNotFoundError(errno.ENOENT, "no such file", fetch.name) from error
         except PermissionError as error:
-            rule = f"no permission ({scrubbed(str(error))[:SAID]}): it wants a key"
+            rule = f"no permission ({said(error)}): it wants a key"
             raise PermissionError(errno.EACCES, rule, fetch.name) from error
         except TimeoutError as error:
             raise TransientError(f"no answer within {limit:.0f} seconds") from error
@@ -86,4 +84,4 @@ class ObjectStore:
                 raise OSError(errno.EINVAL, "the library takes it for no bucket and path", fetch.name) from error
             if "credentials" in type(error).__name__.lower():
                 raise PermissionError(errno.EACCES, "no credentials: it wants a key", fetch.name) from error
-            raise TransientError(f"{type(error).__name__}: {scrubbed(str(error))[:SAID]}") from error
+            raise TransientError(said(error)) from error

@@ -11,12 +11,10 @@ from dataset_builder.digest import CHUNK_BYTES, open_regular, read_regular
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.extras import missing_named
 from dataset_builder.files import commit, output_errors, require_space, write_partial
-from dataset_builder.remote.address import DRIVERS, is_address, local_path, refused, require_sound, scrubbed, shown
+from dataset_builder.remote.address import DRIVERS, is_address, local_path, refused, require_sound, said, shown
 
 BUCKETS = ("s3", "gs")
 """Schemes whose files appear when they are whole, by themselves."""
-SAID = 200
-"""Characters of a library's message."""
 
 
 class Shelf(Protocol):
@@ -151,7 +149,7 @@ class BucketShelf:
             raise
         except Exception as error:
             # What these libraries raise has no common class
-            raise self._failed(name, f"{type(error).__name__}: {scrubbed(str(error))[:SAID]}") from error
+            raise self._failed(name, said(error)) from error
 
     def _failed(self, name: str, rule: str) -> UserError:
         return UserError([Problem(where=self.title, path=name, rule=rule,

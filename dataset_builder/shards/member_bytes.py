@@ -11,20 +11,20 @@ from itertools import count
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
-from dataset_builder.byte_store import ByteStore
+from dataset_builder.byte_store import ByteStore, user_cache
 from dataset_builder.digest import sha256_bytes
 from dataset_builder.errors import OutputError, Problem, ShardError
 from dataset_builder.files import require_writable
 from dataset_builder.remote.coalesce import pieces
 from dataset_builder.remote.place import ByteRange, EndedError, FolderPlace, Place
-from dataset_builder.shards.folder import SHARDS
 from dataset_builder.shards.shard_index import MemberRecord, ShardRecord
 
 AGAIN = 2
 """How often bytes of another digest are fetched again."""
 TOGETHER = 256
 """Members that are fetched side by side, and held at a time."""
-CACHE_VARIABLE, CACHE_NAME = "XDG_CACHE_HOME", "3df-lighting"
+CACHE = "members"
+"""Folder of what was fetched, among the user's caches."""
 LOCK = ".lock"
 SHA256 = re.compile("[0-9a-f]{64}")
 
@@ -47,12 +47,6 @@ class MemberBytes(Protocol):
 
     def read(self, wanted: Wanted) -> list[bytes]:
         """Payloads of members, in order. Raises ShardError where they cannot be had, or are not what they were."""
-
-
-def default_cache() -> Path:
-    """Where what was fetched is kept: below the user's folder for caches. https://specifications.freedesktop.org/basedir"""
-    asked = os.environ.get(CACHE_VARIABLE, "")
-    return (Path(asked) if os.path.isabs(asked) else Path.home() / ".cache") / CACHE_NAME / "members"
 
 
 def span_of(member: MemberRecord) -> MemberSpan:
@@ -84,7 +78,7 @@ class FolderMembers:
         if shard.name not in self._checked:
             hasher = sha256()
             with _told([], shard):
-                for chunk in self._place.stream(f"{SHARDS}/{shard.name}"):
+                for chunk in self._place.stream(shard.tar_file):
                     hasher.update(chunk)
             if hasher.hexdigest() != shard.sha256:
                 raise _wrong(shard, "", f"expected SHA-256 {shard.sha256}, its bytes differ")
@@ -161,7 +155,7 @@ def members_at(place: Place, verify: str, cache: Path | str | None, limit: int) 
     """The members of shards at a place. Raises OutputError where `cache` is needed and cannot be written."""
     if isinstance(place, FolderPlace):
         return FolderMembers(place, verify)
-    folder = Path(cache) if cache else default_cache()
+    folder = Path(cache) if cache else user_cache(CACHE)
     if limit:
         try:
             require_writable(folder)
@@ -173,7 +167,7 @@ def members_at(place: Place, verify: str, cache: Path | str | None, limit: int) 
 
 
 def _range(shard: ShardRecord, span: MemberSpan) -> ByteRange:
-    return ByteRange(f"{SHARDS}/{shard.name}", span.offset, span.size)
+    return ByteRange(shard.tar_file, span.offset, span.size)
 
 
 @contextmanager

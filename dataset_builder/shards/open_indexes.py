@@ -16,7 +16,6 @@ from dataset_builder.shards.one_writer import placed
 from dataset_builder.shards.publish import sums_in
 from dataset_builder.shards.shard_index import ShardIndex, ShardRecord
 from dataset_builder.shards.structure import members_of, misplaced, starts
-from dataset_builder.shards.writer import index_path, shard_path
 
 TOGETHER = 16
 """Indexes that are fetched side by side, and held at a time."""
@@ -61,7 +60,7 @@ def read_indexes(place: Place, manifest: Manifest, *, verify: str,
     while some := list(islice(shards, TOGETHER)):
         sizes, texts = _fetched(place, [shard for _, shard in some])
         for (number, shard), size, text in zip(some, sizes, texts, strict=True):
-            name = _index_of(shard)
+            name = shard.index_file
             found[name] = sha256_bytes(text)
             if listed and found[name] != listed.get(name) and not isinstance(place, FolderPlace):
                 # On its way, perhaps
@@ -71,7 +70,7 @@ def read_indexes(place: Place, manifest: Manifest, *, verify: str,
             if index.shard != shard or len(index.examples) != shard.examples:
                 raise _wrong(place, name, f"expected the index of {shard.examples} examples that {MANIFEST} names")
             if verify != "off" and size != shard.bytes:
-                raise _wrong(place, _tar_of(shard), f"expected {shard.bytes} bytes, got {size}")
+                raise _wrong(place, shard.tar_file, f"expected {shard.bytes} bytes, got {size}")
             if not isinstance(place, FolderPlace):
                 _require_possible(place, index)
             yield number, index
@@ -84,8 +83,8 @@ def read_indexes(place: Place, manifest: Manifest, *, verify: str,
 def _fetched(place: Place, shards: list[ShardRecord]) -> tuple[list[int], list[bytes]]:
     """Sizes of shards, and the bytes of their indexes."""
     try:
-        sizes = place.sizes([_tar_of(shard) for shard in shards])
-        return sizes, place.files([(_index_of(shard), min(MOST_BYTES, EXAMPLE_BYTES * (shard.examples + 1)))
+        sizes = place.sizes([shard.tar_file for shard in shards])
+        return sizes, place.files([(shard.index_file, min(MOST_BYTES, EXAMPLE_BYTES * (shard.examples + 1)))
                                    for shard in shards])
     except FileNotFoundError as error:
         raise ShardError([Problem(where=str(error.filename or place.title), path="",
@@ -120,19 +119,11 @@ def _require_possible(place: Place, index: ShardIndex) -> None:
     wrong = misplaced(index)
     for member in members_of(index):
         if not SHA256.fullmatch(member.sha256):
-            raise _wrong(place, _index_of(index.shard), f"expected the SHA-256 of {member.name!r:.60}")
+            raise _wrong(place, index.shard.index_file, f"expected the SHA-256 of {member.name!r:.60}")
         if member.name in wrong:
-            raise _wrong(place, _index_of(index.shard), f"expected files after one another, {member.name!r:.60} is not")
+            raise _wrong(place, index.shard.index_file, f"expected files after one another, {member.name!r:.60} is not")
     if (end := starts(index)[-1]) > index.shard.bytes:
-        raise _wrong(place, _index_of(index.shard), f"expected files within {index.shard.bytes} bytes, got {end}")
-
-
-def _index_of(shard: ShardRecord) -> str:
-    return index_path(Path(), shard.stem).as_posix()
-
-
-def _tar_of(shard: ShardRecord) -> str:
-    return shard_path(Path(), shard.stem).as_posix()
+        raise _wrong(place, index.shard.index_file, f"expected files within {index.shard.bytes} bytes, got {end}")
 
 
 def _unread(place: Place, name: str, error: OSError) -> ShardError:

@@ -42,9 +42,8 @@ def publish_dataset(folder: Path, manifest: Manifest, again: Again | None = None
         raise ShardError([Problem(where=str(folder), path=MANIFEST, rule=rule)])
     roots = _roots(folder, manifest)
     texts = {CARD: card(manifest).encode(), CROISSANT: croissant(manifest).encode(), MANIFEST: to_json(manifest)}
-    known = {shard_path(Path(), shard.stem).as_posix(): shard.sha256 for shard in manifest.shards}
-    known |= {index.as_posix(): sha256_file(roots[shard.stem] / index)
-              for shard in manifest.shards for index in [index_path(Path(), shard.stem)]}
+    known = {shard.tar_file: shard.sha256 for shard in manifest.shards}
+    known |= {shard.index_file: sha256_file(roots[shard.stem] / shard.index_file) for shard in manifest.shards}
     known |= {name: sha256_bytes(data) for name, data in texts.items()}
     texts[SUMS] = sums_of(known, manifest)
     for name, data in texts.items():

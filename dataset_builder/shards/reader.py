@@ -173,7 +173,7 @@ def open_dataset(folder: Path | str, *, layers: Sequence[str] | None = None, ver
     also hashes each file of an example when it is first read, `shard` each whole shard. Raises ShardError where
     anything is missing, unfinished or changed: never are there fewer examples than the manifest says.
     sha256: that `dataset.json` must have; any where empty.
-    cache, cache_size: for an address, the folder that keeps what was fetched (default: `default_cache()`), which
+    cache, cache_size: for an address, the folder that keeps what was fetched (default: among the user's caches), which
     processes may share, and about how many bytes of it. Raises OutputError where it cannot be written.
     """
     if verify not in get_args(Verify):

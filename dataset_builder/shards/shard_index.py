@@ -6,6 +6,7 @@ from pydantic import Field, model_validator
 
 from dataset_builder.digest import digest
 from dataset_builder.label.example_plan import ExamplePlan
+from dataset_builder.shards.folder import INDEX, SHARDS
 from dataset_builder.spec.model import Model
 
 Count = Annotated[int, Field(ge=0, lt=2**53)]
@@ -88,6 +89,21 @@ class ShardRecord(Model):
     def stem(self) -> str:
         """Name without `.tar`: the stem of the index, too."""
         return self.name.removesuffix(".tar")
+
+    @property
+    def tar_file(self) -> str:
+        """The shard, relative to its dataset."""
+        return f"{SHARDS}/{self.name}"
+
+    @property
+    def index_file(self) -> str:
+        """Its index, relative to its dataset."""
+        return f"{INDEX}/{self.stem}.manifest"
+
+    @property
+    def files(self) -> tuple[str, str]:
+        """`tar_file` and `index_file`."""
+        return self.tar_file, self.index_file
 
     @property
     def slot(self) -> str:

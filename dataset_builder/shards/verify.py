@@ -24,12 +24,11 @@ from dataset_builder.shards.verify_files import (
     sum_problems,
 )
 from dataset_builder.shards.verify_shard import AcrossShards, Depth, Known, Look, ShardFacts
-from dataset_builder.shards.writer import index_path, shard_path
 
 NOT_LOOKED_AT: Mapping[Depth, str] = {
-    "size": f"the bytes of all files but {MANIFEST}: a flipped bit, or another file of the same size",
-    "shard": "whether indexes fit their shards, and what is in them: a file that was written wrong and then summed",
-    "member": "pixels and labels: values out of range, layers that contradict each other, files that do not decode",
+    "size": f"the bytes of all files but {MANIFEST} (a flipped bit, another file of the same size)",
+    "shard": "whether indexes fit their shards, and what is in these (a file that was wrong before it was summed)",
+    "member": "pixels and labels (values out of range, layers that contradict each other, files that do not decode)",
     "pixels": "",
 }
 """What each depth leaves out; in the order of depth, each looks at all that the one before does."""
@@ -65,10 +64,10 @@ def verify(folder: Path, *, depth: Depth = "pixels", splits: Sequence[str] = (),
     look, of = Look(folder=folder, manifest=manifest, depth=depth, known=known), sum(shard.bytes for shard, _ in shards)
     told(0, of)
     for (shard, times), facts in zip(shards, _facts(look, [shard for shard, _ in shards], workers), strict=True):
-        hashes |= {name: sha256 for name, sha256 in zip(_names(shard), (facts.tar, facts.index), strict=True) if sha256}
+        hashes |= {name: sha256 for name, sha256 in zip(shard.files, (facts.tar, facts.index), strict=True) if sha256}
         problems += [*facts.problems, *agreement.add(numbers[shard.name], facts, times)]
         told(done := done + shard.bytes, of)
-    looked_at = {MANIFEST, CARD, CROISSANT, SUMS, *(name for shard, _ in shards for name in _names(shard))}
+    looked_at = {MANIFEST, CARD, CROISSANT, SUMS, *(name for shard, _ in shards for name in shard.files)}
     small = (MANIFEST,) if depth == "size" else (MANIFEST, CARD, CROISSANT)
     hashes |= {name: hash_of(placed(folder, name)) for name in small}
     return [*manifest_problems(manifest), *file_problems(folder, manifest, looked_at),
@@ -88,10 +87,6 @@ def _different(shards: Sequence[ShardRecord]) -> Iterator[tuple[ShardRecord, int
     times = Counter(shard.name for shard in shards)
     first = {shard.name: shard for shard in reversed(shards)}
     return ((first[name], count) for name, count in times.items())
-
-
-def _names(shard: ShardRecord) -> tuple[str, str]:
-    return shard_path(Path(), shard.stem).as_posix(), index_path(Path(), shard.stem).as_posix()
 
 
 _look: Look | None = None

@@ -20,7 +20,7 @@ from dataset_builder.shards.shard_index import ShardIndex, ShardRecord
 from dataset_builder.shards.structure import members_of, starts
 from dataset_builder.shards.writer import index_path, shard_path
 from dataset_builder.transfer.chunked_file import CHUNK_SIZE, ChunkedFile
-from dataset_builder.transfer.origin import TRIES, Origin, index_name, shard_name, unreadable
+from dataset_builder.transfer.origin import TRIES, Origin, unreadable
 
 PULL = "pull"
 """Below `.build`: files that are not whole yet, and indexes that examples are chosen from."""
@@ -103,7 +103,7 @@ class Fetching:
             if not shards:
                 return
         rule, hint = f"its bytes differed {TRIES} times", "pull again, or tell whoever publishes it; the rest is kept"
-        raise UserError(Problem(where=self.origin.place.title, path=shard_name(shard), hint=hint,
+        raise UserError(Problem(where=self.origin.place.title, path=shard.tar_file, hint=hint,
                                 rule=f"expected SHA-256 {shard.sha256}, {rule}") for shard in shards)
 
     def pieces(self, wanted: Sequence[ByteRange], gap: int = 0) -> list[bytes]:
@@ -147,7 +147,7 @@ class Fetching:
                 if not missing:
                     finish(file, shard)
                 for number in missing:
-                    piece = ByteRange(shard_name(shard), *file.span(number))
+                    piece = ByteRange(shard.tar_file, *file.span(number))
                     waiting.append((pool.submit(self.pieces, [piece]), file, number, shard))
                     if len(waiting) > STREAMS:
                         settle()
@@ -170,7 +170,7 @@ class Fetching:
 
     def _index_data(self, shard: ShardRecord) -> bytes:
         """The file of an index, of this run or an earlier one."""
-        name = index_name(shard)
+        name = shard.index_file
         wanted = self.origin.sums[name]
         kept = self._work / wanted
         try:

@@ -7,7 +7,6 @@ offsets, sizes and counts must agree before a byte of a shard is asked for.
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from pathlib import Path
 
 from dataset_builder.digest import sha256_bytes
 from dataset_builder.errors import Problem, ShardError, UserError
@@ -19,7 +18,6 @@ from dataset_builder.shards.publish import listed_files, sums_in
 from dataset_builder.shards.segment import end_blocks, header
 from dataset_builder.shards.shard_index import ShardIndex, ShardRecord, tagged
 from dataset_builder.shards.structure import members_of, misplaced, starts
-from dataset_builder.shards.writer import index_path, shard_path
 
 TEXTS = (CARD, CROISSANT, SUMS, MANIFEST)
 """Files of a dataset beside shards and indexes; `dataset.json` last, as they are written."""
@@ -58,7 +56,7 @@ class Origin:
 
     def index(self, shard: ShardRecord, data: bytes) -> ShardIndex:
         """The index of a shard from the bytes of its file. Every member must lie where the shard's bytes say."""
-        name = index_name(shard)
+        name = shard.index_file
         index = from_json(ShardIndex, data, where=f"{self.place.title}: {name}")
         keys = [example.key for example in index.examples]
         if index.shard != shard or tagged(index, shard.slot) != index:
@@ -114,21 +112,11 @@ def _opened(place: Place, sha256: str) -> Origin:
     if None in lines or [line[0] for line in lines if line] != files:
         raise _wrong(place, SUMS, "expected every file of the dataset once, in order, and no other")
     sums = dict(filter(None, lines))
-    if wrong := [shard.name for shard in manifest.shards if sums[shard_name(shard)] != shard.sha256]:
+    if wrong := [shard.name for shard in manifest.shards if sums[shard.tar_file] != shard.sha256]:
         raise _wrong(place, SUMS, f"expected the SHA-256 of {MANIFEST}, got another of {wrong[0]}")
     origin = Origin(place=place, manifest=manifest, sums=sums, texts=texts)
     origin.text(MANIFEST)
     return origin
-
-
-def shard_name(shard: ShardRecord) -> str:
-    """A shard's file, relative to its dataset."""
-    return shard_path(Path(), shard.stem).as_posix()
-
-
-def index_name(shard: ShardRecord) -> str:
-    """The file of a shard's index, relative to its dataset."""
-    return index_path(Path(), shard.stem).as_posix()
 
 
 def unreadable(place: Place, name: str, error: Exception) -> UserError:

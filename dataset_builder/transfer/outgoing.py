@@ -9,7 +9,7 @@ from dataset_builder.errors import OutputError, Problem, ShardError
 from dataset_builder.remote.place import FolderPlace
 from dataset_builder.shards.folder import INDEX, MANIFEST, SHARDS
 from dataset_builder.shards.manifest import Manifest
-from dataset_builder.transfer.origin import TEXTS, Origin, index_name, open_origin, shard_name
+from dataset_builder.transfer.origin import TEXTS, Origin, open_origin
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +39,7 @@ def outgoing(folder: Path) -> tuple[Origin, list[SentFile]]:
     """The dataset in `folder` and all its files, `dataset.json` last. Raises ShardError for every one that is not what
     SHA256SUMS says."""
     origin, problems = open_origin(FolderPlace(folder)), list[Problem]()
-    names = [*(name for shard in origin.manifest.shards for name in (shard_name(shard), index_name(shard))), *TEXTS]
+    names = [*(name for shard in origin.manifest.shards for name in shard.files), *TEXTS]
     for name in names:
         try:
             got = sha256_file(folder / name)
@@ -52,7 +52,7 @@ def outgoing(folder: Path) -> tuple[Origin, list[SentFile]]:
     if problems:
         raise ShardError(problems)
     for shard in origin.manifest.shards:
-        origin.index(shard, (folder / index_name(shard)).read_bytes())
+        origin.index(shard, (folder / shard.index_file).read_bytes())
     return origin, [SentFile(name=name, path=folder / name, size=(folder / name).stat().st_size) for name in names]
 
 

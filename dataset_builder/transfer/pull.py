@@ -23,7 +23,7 @@ from dataset_builder.shards.writer import index_path, shard_path
 from dataset_builder.transfer.choice import ChosenShard, ExampleChoice, choose, layers_chosen
 from dataset_builder.transfer.chunked_file import CHUNK_SIZE
 from dataset_builder.transfer.fetching import PULL, Fetching, TransferProgress
-from dataset_builder.transfer.origin import TEXTS, Origin, index_name, open_origin
+from dataset_builder.transfer.origin import TEXTS, Origin, open_origin
 from dataset_builder.transfer.outgoing import require_outside
 from dataset_builder.transfer.subset_manifest import subset_manifest, subset_record
 from dataset_builder.transfer.subset_shards import Assembly, batches
@@ -122,7 +122,7 @@ def _has(origin: Origin, folder: Path, shard: ShardRecord) -> bool:
     for root in (next_of(folder), folder):
         index = published(root, shard.stem)
         path = index_path(root, shard.stem)
-        if index and index.shard == shard and sha256_file(path) == origin.sums[index_name(shard)]:
+        if index and index.shard == shard and sha256_file(path) == origin.sums[shard.index_file]:
             return True
         if root != folder:
             with output_errors(folder):

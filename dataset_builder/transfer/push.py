@@ -17,7 +17,7 @@ from dataset_builder.shards.example import LABEL
 from dataset_builder.shards.folder import MANIFEST, MOST_BYTES
 from dataset_builder.shards.manifest import Manifest, from_json
 from dataset_builder.transfer.fetching import TransferProgress
-from dataset_builder.transfer.origin import TEXTS, Origin, index_name, open_origin, shard_name
+from dataset_builder.transfer.origin import TEXTS, Origin, open_origin
 from dataset_builder.transfer.outgoing import (
     Pushed,
     SentFile,
@@ -114,13 +114,13 @@ def _read_back(address: str | Path, origin: Origin, files: Sequence[SentFile], t
     if wrong := [file.name for file in files if there.get(file.name) != file.size]:
         raise _unseen(seen, wrong[0], "expected it as it was sent, got another size")
     shard = seen.manifest.shards[0]
-    data = seen.place.read(index_name(shard), most=MOST_BYTES)
-    if sha256_bytes(data) != seen.sums[index_name(shard)]:
-        raise _unseen(seen, index_name(shard), "expected it as it was sent, its bytes differ")
+    data = seen.place.read(shard.index_file, most=MOST_BYTES)
+    if sha256_bytes(data) != seen.sums[shard.index_file]:
+        raise _unseen(seen, shard.index_file, "expected it as it was sent, its bytes differ")
     label = next(one for one in seen.index(shard, data).examples[0].members if one.suffix == LABEL)
-    text, = seen.place.ranges([ByteRange(shard_name(shard), label.offset, label.size)])
+    text, = seen.place.ranges([ByteRange(shard.tar_file, label.offset, label.size)])
     if sha256_bytes(text) != label.sha256:
-        raise _unseen(seen, shard_name(shard), f"expected {label.name} as it was sent, its bytes differ")
+        raise _unseen(seen, shard.tar_file, f"expected {label.name} as it was sent, its bytes differ")
 
 
 def _unseen(seen: Origin, name: str, rule: str) -> ShardError:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from dataset_builder.digest import read_regular, sha256_file
 from dataset_builder.errors import Problem, ShardError, UserError
 from dataset_builder.extras import missing_named
-from dataset_builder.remote.address import require_sound, scrubbed
+from dataset_builder.remote.address import require_sound, said
 from dataset_builder.shards.folder import MANIFEST, MOST_BYTES
 from dataset_builder.shards.manifest import Manifest, from_json
 from dataset_builder.transfer.fetching import TransferProgress
@@ -24,9 +24,6 @@ from dataset_builder.transfer.outgoing import Pushed, SentFile, left_over_there,
 
 if TYPE_CHECKING:
     from huggingface_hub import HfApi
-
-SAID = 200
-"""Characters of the library's message."""
 
 
 def push_to_hub(origin: Origin, files: Sequence[SentFile], address: str, *, replace: bool, prune: bool,
@@ -107,6 +104,5 @@ def _errors(title: str) -> Iterator[None]:
         raise
     except Exception as error:
         # Of several libraries, without a common class
-        rule = f"{type(error).__name__}: {scrubbed(str(error))[:SAID]}"
-        raise UserError([Problem(where=title, path="", rule=rule, hint="see to your token (`hf auth login`) and the "
-                                 "name; what was sent is kept")]) from error
+        raise UserError([Problem(where=title, path="", rule=said(error), hint="see to your token (`hf auth login`) and "
+                                 "the name; what was sent is kept")]) from error

@@ -19,7 +19,6 @@ from dataset_builder.shards.segment import end_blocks, header, padding
 from dataset_builder.shards.shard_index import MemberRecord, ShardIndex, ShardRecord
 from dataset_builder.shards.structure import MOST_BYTES, members_of, read_member, starts
 from dataset_builder.shards.verify_files import hash_of
-from dataset_builder.shards.writer import index_path, shard_path
 from dataset_builder.transfer.anchor import Repaired, anchor_of, refused
 from dataset_builder.transfer.aside import set_aside
 
@@ -58,7 +57,7 @@ def repair_from(folder: Path, place: Place) -> Repaired:
 def _fetched(folder: Path, place: Place, manifest: Manifest, sums: dict[str, str]) -> Repaired:
     """Put whole copies of all broken files below `.build/repair`."""
     mended, members, size = list[str](), list[str](), 0
-    shards = {shard_path(Path(), shard.stem).as_posix(): shard for shard in manifest.shards}
+    shards = {shard.tar_file: shard for shard in manifest.shards}
     # Indexes come before their shards
     for name in sorted(sums):
         most = shards[name].bytes if name in shards else MOST_BYTES
@@ -79,20 +78,16 @@ def _fetched(folder: Path, place: Place, manifest: Manifest, sums: dict[str, str
 
 def _mend_shard(folder: Path, place: Place, shard: ShardRecord, target: Path) -> tuple[list[str], int]:
     """Write the whole shard; which members were fetched alone, none where all of it was, and how many bytes."""
-    index_name = index_path(Path(), shard.stem)
-    index_file = next(path / index_name for path in (folder / WORK / MENDING, folder) if (path / index_name).is_file())
-    index = from_json(ShardIndex, index_file.read_bytes(), where=index_name.name)
-    name, tar = shard_path(Path(), shard.stem).as_posix(), shard_path(folder, shard.stem)
+    at = next(path for root in (folder / WORK / MENDING, folder) if (path := root / shard.index_file).is_file())
+    index = from_json(ShardIndex, at.read_bytes(), where=at.name)
+    name, tar = shard.tar_file, folder / shard.tar_file
     broken = {member.name for member in members_of(index) if _own(tar, member) is None}
     if len(broken) == len(members_of(index)):
         broken.clear()
         chunks = place.stream(name)
     else:
         chunks = _joined(place, tar, name, index, broken)
-    try:
-        size, sha256 = write_partial(target, chunks)
-    except OSError as error:
-        raise refused(place.title, f"cannot read {name} ({error})", "name another place") from error
+    size, sha256 = write_partial(target, _readable(place, name, chunks))
     if sha256 != shard.sha256:
         partial_of(target).unlink()
         raise refused(place.title, f"expected SHA-256 {shard.sha256} of {name}, got {sha256}", "name another place")
@@ -113,6 +108,19 @@ def _joined(place: Place, tar: Path, name: str, index: ShardIndex, broken: set[s
             yield next(there) if member.name in broken else _own(tar, member) or b""
             yield padding(member.size)
     yield end_blocks(starts(index)[-1])
+
+
+def _readable(place: Place, name: str, chunks: Iterator[bytes]) -> Iterator[bytes]:
+    """The same chunks. Raises ShardError where the place does not give them: it is not the disk here that refuses."""
+    try:
+        yield from chunks
+    except (OSError, EOFError) as error:
+        raise _unread(place, name, error) from error
+
+
+def _unread(place: Place, name: str, error: OSError | EOFError) -> ShardError:
+    reason = getattr(error, "strerror", None) or error
+    return refused(place.title, f"cannot read {name} ({reason})", "name another place")
 
 
 def _own(tar: Path, member: MemberRecord) -> bytes | None:
@@ -146,5 +154,5 @@ def _checked(place: Place, name: str, sha256: str) -> bytes:
 def _fetch(place: Place, name: str) -> bytes:
     try:
         return place.read(name, most=MOST_BYTES)
-    except OSError as error:
-        raise refused(place.title, f"cannot read {name} ({error.strerror or error})", "name another place") from error
+    except (OSError, EOFError) as error:
+        raise _unread(place, name, error) from error

@@ -1,13 +1,12 @@
 """The index of a shard that is whole, from the shard: all that it says but its digests of plans, which specs give."""
 
 import tarfile
+from collections.abc import Mapping
 from pathlib import Path
 
 from dataset_builder.digest import pixel_digest, sha256_bytes, sha256_file
-from dataset_builder.engine.made_by import plan_digest, versions
-from dataset_builder.engine.shard_tasks import split_digests
+from dataset_builder.engine.made_by import plan_digest
 from dataset_builder.errors import ShardError
-from dataset_builder.planning.plan import Planner
 from dataset_builder.shards import exr
 from dataset_builder.shards.example import LABEL, PREVIEW, decode_png
 from dataset_builder.shards.label_text import parse_label
@@ -21,12 +20,12 @@ from dataset_builder.shards.shard_index import (
     tagged,
 )
 from dataset_builder.shards.writer import writer_versions
-from dataset_builder.spec.resolve import LoadedSpec
+from dataset_builder.spec.dataset import DatasetSpec
 
 
-def reindexed(tar: Path, loaded: LoadedSpec, backend: str) -> bytes | None:
-    """The index of the whole shard `tar`; None where what comes out does not fit the tag in the shard's name."""
-    made_by, planner = versions(backend, loaded.dataset), Planner(loaded)
+def reindexed(tar: Path, spec: DatasetSpec, made_by: dict[str, str], digests: Mapping[str, str]) -> bytes | None:
+    """The index of the whole shard `tar`; None where what comes out does not fit the tag in the shard's name. digests:
+    of what the examples of each split depend on."""
     examples, splits = list[ExampleRecord](), list[str]()
     try:
         for key, files in _examples(tar).items():
@@ -38,9 +37,8 @@ def reindexed(tar: Path, loaded: LoadedSpec, backend: str) -> bytes | None:
                       for record in one.members}
             examples.append(ExampleRecord(
                 key=key, view=label.plan.view, facts=ExampleFacts.of(label.plan),
-                digest=plan_digest(label.plan, loaded.dataset, made_by, label.record.denoised),
+                digest=plan_digest(label.plan, spec, made_by, label.record.denoised),
                 members=tuple(record for _, record in sorted({**shared, **own}.items()))))
-        digests = split_digests(planner.examples, loaded)
         shard = ShardRecord(name=tar.name, split=splits[0], bytes=tar.stat().st_size, sha256=sha256_file(tar),
                             examples=len(examples), first_key=examples[0].key, last_key=examples[-1].key)
         index = tagged(ShardIndex(shard=shard, spec_digest=digests[splits[0]], examples=tuple(examples),

@@ -21,7 +21,7 @@ from dataset_builder.shards.shard_index import ExampleRecord, MemberRecord, Shar
 from dataset_builder.shards.writer import write_shard
 from dataset_builder.transfer.choice import ChosenShard, members_wanted
 from dataset_builder.transfer.fetching import Fetching
-from dataset_builder.transfer.origin import TRIES, shard_name
+from dataset_builder.transfer.origin import TRIES
 
 GAP = 4 * 2**10
 """Bytes between two wanted files that are fetched with them: headers and paddings, or a file that is smaller than what
@@ -153,12 +153,12 @@ class Assembly:
             if not wrong:
                 self._fetching.note(done=sum(member.size for member in members))
                 return found
-        raise UserError([Problem(where=self._fetching.origin.place.title, path=f"{shard_name(shard)}: {member.name}",
+        raise UserError([Problem(where=self._fetching.origin.place.title, path=f"{shard.tar_file}: {member.name}",
                                  rule=f"expected SHA-256 {member.sha256}, its bytes differed {TRIES} times",
                                  hint="pull again, or tell whoever publishes it") for member in wrong])
 
     def _fetch(self, shard: ShardRecord, members: Sequence[MemberRecord]) -> dict[str, bytes]:
-        spans = [ByteRange(shard_name(shard), member.offset, member.size) for member in members]
+        spans = [ByteRange(shard.tar_file, member.offset, member.size) for member in members]
         return {member.name: data for member, data in zip(members, self._fetching.pieces(spans, GAP), strict=True)}
 
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from shutil import disk_usage
+from time import monotonic
 from types import SimpleNamespace
 from typing import Any
 
@@ -182,3 +183,13 @@ def test_one_backend_for_all(gpus: tuple[int, ...], wanted: str, backend: str, m
     said = cluster.summary(backend, None)
     assert "secret" not in said and "at host:6379" in said
     assert ("GPUs of 1 of 2 machines are not used" in said) == (gpus == (1, 0))
+
+
+@pytest.mark.parametrize("scheme", ["", "ray://"])
+def test_an_address_that_nobody_listens_at_is_refused_at_once(scheme: str) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = f"{scheme}127.0.0.1:{server.getsockname()[1]}"
+    begin = monotonic()
+    with pytest.raises(UserError, match=f"--address: expected a Ray cluster at {address}, got: .*refused; start one"):
+        RayCluster(address).__enter__()
+    assert monotonic() - begin < 5

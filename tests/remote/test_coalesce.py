@@ -25,13 +25,18 @@ def test_pieces_are_what_they_are_alone(wanted: list[ByteRange], gap: int, tmp_p
 
 @settings(deadline=None)
 @given(wanted=PIECES, gap=st.integers(0, 100))
-def test_stretches_lie_more_than_a_gap_apart(wanted: list[ByteRange], gap: int) -> None:
+def test_stretches_lie_more_than_a_gap_apart_and_hold_no_larger_one(wanted: list[ByteRange], gap: int) -> None:
     stretches = joined(wanted, gap=gap)
     for one, other in pairwise(stretches):
         assert one.name < other.name or one.start + one.size + gap < other.start
     inside = {(piece.name, byte) for piece in wanted for byte in range(piece.start, piece.start + piece.size)}
     edges = {(one.name, byte) for one in stretches for byte in (one.start, one.start + one.size - 1)}
     assert edges <= inside
+    for one in stretches:
+        idle = 0
+        for byte in range(one.start, one.start + one.size):
+            idle = 0 if (one.name, byte) in inside else idle + 1
+            assert idle <= gap
 
 
 def test_long_stretches_are_cut() -> None:

@@ -89,7 +89,7 @@ import sys
 from pathlib import Path
 from dataset_builder import lease
 lease.RENEW, lease.LAPSE = 0.1, 1.5
-lease._here = lambda: {'host': 'laptop', 'boot': 'x', 'pids': 'y'}
+lease.machine = lambda: {'host': 'laptop', 'boot': 'x', 'pids': 'y'}
 from tests.shards import tiny_dataset
 def publish(folder, manifest):
     print('waiting', flush=True)

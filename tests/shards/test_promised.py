@@ -7,10 +7,11 @@ from typing import Any
 
 import pytest
 
+from dataset_builder.digest import sha256_bytes
 from dataset_builder.errors import ShardError
 from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
 from dataset_builder.lightnet.settings import DataSpec
-from dataset_builder.shards.folder import MANIFEST
+from dataset_builder.shards.folder import MANIFEST, SUMS
 from dataset_builder.shards.reader import Verify, open_dataset
 from tests.lightnet.synthetic import write_synthetic
 
@@ -36,16 +37,20 @@ def fewer_in_a_split(content: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("verify", ["off", "size", "member", "shard"])
 @pytest.mark.parametrize(("change", "rule"), [
-    (manifest_without_a_shard, "expected 4 examples, the indexes hold 3"),
+    (manifest_without_a_shard, "expected 4 examples, the shards in dataset.json hold 3"),
     (and_without_it_in_the_totals, "expected 3 examples in split train, its shards hold 2"),
     (a_shard_of_another_split, "expected the index of 1 examples"),
     (fewer_in_a_split, "expected 2 examples in split train, its shards hold 3"),
 ])
 def test_a_manifest_that_promises_other_than_its_shards_hold(dataset: Path, change: Callable[[dict[str, Any]], None],
                                                              rule: str, verify: Verify) -> None:
-    content = json.loads((dataset / MANIFEST).read_bytes())
+    before = (dataset / MANIFEST).read_bytes()
+    content = json.loads(before)
     change(content)
     (dataset / MANIFEST).write_text(json.dumps(content))
+    # Sums that fit, or they would be the reason
+    sums, after = dataset / SUMS, sha256_bytes((dataset / MANIFEST).read_bytes())
+    sums.write_text(sums.read_text().replace(sha256_bytes(before), after))
     with pytest.raises(ShardError, match=rule):
         open_dataset(dataset, verify=verify)
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from dataset_builder.byte_store import ByteStore
-from dataset_builder.cli.integrity import rate_line
 from dataset_builder.cli.main import main
+from dataset_builder.cli.rate_line import RateLine, rate_text
 from dataset_builder.errors import OutputError, UserError
 from dataset_builder.shards import verify_shard
 from dataset_builder.shards.reader import load_manifest
@@ -82,7 +82,7 @@ def test_a_split_alone(dataset: Path, capsys: pytest.CaptureFixture[str]) -> Non
     assert verify(dataset, splits=["test"]) == [] and verify(dataset, splits=["test", "train"]) == verify(dataset)
     assert main(["verify", str(dataset), "--split", "test", "--depth", "member", "--workers", "1"]) == 0
     said = capsys.readouterr().out
-    assert "not looked at: shards of train" in said and "not looked at, with --depth member: pixels" in said
+    assert "not looked at: shards of train" in said and "not looked at, with --depth member: pixels and" in said
     assert main(["verify", str(dataset), "--split", "train", "--workers", "1"]) == 1
     assert main(["verify", str(dataset), "--split", "tset"]) == 2
     with pytest.raises(UserError, match="expected one of size"):
@@ -124,7 +124,7 @@ def test_an_interrupted_run_goes_on_and_looks_again_at_what_changed(dataset: Pat
 def test_the_command_keeps_its_state_until_it_ends(dataset: Path, tmp_path: Path,
                                                    monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    state = tmp_path / "cache" / "dataset-builder"
+    state = tmp_path / "cache" / "3df-lighting"
 
     def cut(self: AcrossShards) -> None:
         assert len([path for path in state.rglob("*") if path.is_file()]) == 3
@@ -138,7 +138,7 @@ def test_the_command_keeps_its_state_until_it_ends(dataset: Path, tmp_path: Path
 
 
 def test_what_is_kept_of_an_example_is_small(dataset: Path) -> None:
-    """A million examples, each of a view of its own, in 4,000 shards."""
+    """Ten thousand examples, each of a view of its own."""
     per_shard, shards = 250, 40
     agreement = AcrossShards(load_manifest(dataset))
     tracemalloc.start()
@@ -155,5 +155,21 @@ def test_what_is_kept_of_an_example_is_small(dataset: Path) -> None:
 
 
 def test_how_far_it_is() -> None:
-    assert rate_line(0, 5 * 10**6, 0.0) == "0 of 5 MB, 0.0 MB/s, looking"
-    assert rate_line(10**9, 3 * 10**9, 4.0) == "1000 of 3000 MB, 250.0 MB/s, 0:00:08 left"
+    assert rate_text(0, 5 * 10**6, 0.0) == "0 of 5 MB, 0.0 MB/s, looking"
+    assert rate_text(10**9, 3 * 10**9, 250e6) == "1000 of 3000 MB, 250.0 MB/s, 0:00:08 left"
+
+
+@pytest.mark.parametrize(("terminal", "shown"), [(True, "\r{}"), (False, "{}\n")])
+def test_lines_replace_each_other_on_a_terminal_and_are_few_elsewhere(
+        terminal: bool, shown: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr("sys.stderr.isatty", lambda: terminal)
+    line = RateLine()
+    line.told(10**6, 2 * 10**6)
+    assert capsys.readouterr().err == ""
+    monkeypatch.setattr("dataset_builder.cli.rate_line.monotonic", lambda: line._begun + 100)
+    line.told(10**6, 2 * 10**6)
+    line.told(2 * 10**6, 2 * 10**6)
+    text = "1 of 2 MB, 0.0 MB/s, 0:01:40 left"
+    assert capsys.readouterr().err == shown.format(f"{text:<70}" if terminal else text)
+    line.close()
+    assert capsys.readouterr().err == f"\r{'':<70}\r" * terminal

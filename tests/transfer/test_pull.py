@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from dataset_builder.cli.main import main
 from dataset_builder.digest import sha256_file
 from dataset_builder.errors import OutputError, ShardError, UserError
 from dataset_builder.shards.reader import open_dataset
@@ -174,3 +175,16 @@ def test_what_is_pulled_is_a_dataset(home: Path, tmp_path: Path) -> None:
     pull(home, tmp_path / "here")
     assert verify(tmp_path / "here") == []
     assert len(open_dataset(tmp_path / "here", verify="shard")) == 12
+
+
+@pytest.mark.parametrize("words", [("pull", "tiny"), ("export", "tiny"), ("push",), ("build", "a.yaml", "--out"),
+                                   ("merge", "a.yaml", "tiny", "--out")], ids=lambda words: words[0])
+def test_an_address_is_no_folder_to_work_in(words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                            capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.chdir(tmp_path)
+    more = {"export": ("--format", "dali"), "push": ("there",)}.get(words[0], ())
+    with pytest.raises(SystemExit) as ended:
+        main([*words, "s3://me:secret@bucket/tiny", *more])
+    said = capsys.readouterr().err
+    assert ended.value.code == 2 and "a folder on this machine, got the address s3://bucket/tiny" in said
+    assert "secret" not in said and not list(tmp_path.iterdir())

@@ -127,6 +127,28 @@ def test_a_link_out_of_the_folder_is_not_followed(whole: Path, broken: Path, tmp
     assert [path.name for path in (tmp_path / "elsewhere").iterdir()] == ["mine"]
 
 
+@pytest.mark.parametrize("spoil", [lambda path: path.unlink(), cut], ids=["gone", "cut short"])
+@pytest.mark.parametrize("all_of_it", [False, True])
+def test_a_copy_that_lacks_what_is_wanted_is_named(whole: Path, broken: Path, tmp_path: Path, all_of_it: bool,
+                                                   spoil: Callable[[Path], None]) -> None:
+    if all_of_it:
+        shard_path(broken, STEM).unlink()
+    else:
+        flip(shard_path(broken, STEM), 700)
+    before = contents(broken)
+    shutil.copytree(whole, tmp_path / "copy")
+    spoil(shard_path(tmp_path / "copy", STEM))
+    with pytest.raises(ShardError, match=r"copy: (cannot read|expected SHA-256 .*) shards/tiny.*dataset is as"):
+        repair_from(broken, FolderPlace(tmp_path / "copy"))
+    assert contents(broken) == before
+
+
+def test_a_copy_may_lie_at_an_address(whole: Path, broken: Path) -> None:
+    flip(shard_path(broken, STEM), 700)
+    assert main(["repair", str(broken), "--from", whole.absolute().as_uri()]) == 0
+    assert contents(broken) == contents(whole)
+
+
 def test_what_cannot_be_mended_is_left_as_it_was(whole: Path, broken: Path, tmp_path: Path) -> None:
     build(tmp_path / "other", default_examples() | {3: make_example(3, split="test", view="test/000003", light=5)})
     flip(shard_path(broken, STEM), 700)

@@ -81,14 +81,16 @@ def test_parts_in_any_order_are_one_build(three: tuple[Path, Path, list[Path]], 
     assert steps(tmp_path / "out") == steps(one)
     assert tree(tmp_path / "out" / WORK / "rejected") == tree(one / WORK / "rejected") != {}
     # Again, with parts that are there, and with the dataset alone that a build finds
+    noted = tree(tmp_path / "out" / WORK, "*.jsonl")
     events = merge_all(spec, parts, tmp_path / "out", *QUICK)
     assert not any(event.shard for event in events) and contents(tmp_path / "out") == contents(one)
+    assert tree(tmp_path / "out" / WORK, "*.jsonl") == noted != {}
     monkeypatch.undo()
     assert all(outcome.kept for outcome in outcomes_of(run_build(spec, tmp_path / "out", *QUICK)).values())
 
 
-def tree(folder: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+def tree(folder: Path, pattern: str = "*") -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted(folder.glob(pattern))}
 
 
 @needs_oidn
