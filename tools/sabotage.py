@@ -160,7 +160,7 @@ def _shard(source: Source, out: Path, shard: ShardRecord, spoil: Spoil) -> Shard
         members = encode_members(example, dtype=dtype, preview_png=preview(example.layers))
         record = records[example.key]
         Staging(out).put(example.key, record.digest, segment(members),
-                         entry(key=example.key, view=record.view, members=members))
+                         entry(key=example.key, view=record.view, facts=record.facts, members=members))
     examples = [(key, record.digest) for key, record in records.items()]
     return publish_shard(out, slot=shard.slot, split=shard.split, examples=examples, spec_digest=index.spec_digest,
                          versions=index.versions).shard
