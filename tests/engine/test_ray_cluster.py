@@ -2,13 +2,12 @@
 
 import os
 import signal
-import socket
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from shutil import disk_usage
-from time import monotonic
+from time import monotonic, sleep
 from types import SimpleNamespace
 from typing import Any
 
@@ -28,6 +27,8 @@ from tests.small_specs import contents, run_build
 pytestmark = [pytest.mark.filterwarnings("ignore::ResourceWarning"),
               pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")]
 Said = list[str]
+PATIENCE = 60.0
+"""Seconds until a cluster knows that a machine is gone."""
 
 
 @pytest.fixture(scope="module")
@@ -76,9 +77,14 @@ def test_bytes_are_those_of_a_local_build_though_two_machines_are_lost(
     for event in ray_build(cluster, small_spec, tmp_path / "far"):
         if (event.wanted or event.outcomes) and victims:
             machines.remove_node(victims.pop(), allow_graceful=False)
+    # The build may end before anybody looks
+    begin, lost = monotonic(), "lost: what was at work there is done elsewhere"
+    while not any(lost in line for line in said) and monotonic() - begin < PATIENCE:
+        cluster.look(now=True)
+        sleep(0.2)
+    assert not victims and any(lost in line for line in said)
     for _ in range(2):
         machines.add_node(num_cpus=1, **SMALL)
-    assert not victims and any("lost: what was at work there is done elsewhere" in line for line in said)
     assert contents(tmp_path / "far") == contents(small_dataset)
 
 
@@ -183,13 +189,3 @@ def test_one_backend_for_all(gpus: tuple[int, ...], wanted: str, backend: str, m
     said = cluster.summary(backend, None)
     assert "secret" not in said and "at host:6379" in said
     assert ("GPUs of 1 of 2 machines are not used" in said) == (gpus == (1, 0))
-
-
-@pytest.mark.parametrize("scheme", ["", "ray://"])
-def test_an_address_that_nobody_listens_at_is_refused_at_once(scheme: str) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        address = f"{scheme}127.0.0.1:{server.getsockname()[1]}"
-    begin = monotonic()
-    with pytest.raises(UserError, match=f"--address: expected a Ray cluster at {address}, got: .*refused; start one"):
-        RayCluster(address).__enter__()
-    assert monotonic() - begin < 5
