@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 from time import perf_counter, sleep
 from typing import Any
 
-from tests.engine.ray_machines import cluster_of
+from tests.engine.ray_machines import cluster_of, finished
 from tests.small_specs import contents
 
 SPEC = "scene_specs/3df-lighting-mini.yaml"
@@ -37,17 +37,12 @@ class Command:
         return subprocess.Popen([sys.executable, "-m", "dataset_builder", *arguments], stdout=subprocess.DEVNULL,
                                 stderr=subprocess.DEVNULL, text=True)
 
-    def done(self) -> int:
-        """Examples that are finished and not yet in the dataset, in shards of 8."""
-        work = self.out / ".build"
-        return len(list(work.glob("staging/*.json"))) + 8 * len(list(work.glob("next/shards/*.tar")))
-
 
 def timed(command: Command, losses: dict[int, Callable[[], Any]]) -> float:
     """Seconds of a build during which something is lost each time that so many examples are finished."""
     begin, process, left = perf_counter(), command.start(), dict(losses)
     while process.poll() is None:
-        for count in [count for count in left if command.done() >= count]:
+        for count in [count for count in left if finished(command.out) >= count]:
             left.pop(count)()
         sleep(0.1)
     if left and command.address:

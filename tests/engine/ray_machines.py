@@ -1,5 +1,6 @@
 """A Ray cluster of several machines on this one, for tests and benchmarks."""
 
+import json
 import os
 import warnings
 from collections.abc import Iterator
@@ -11,6 +12,13 @@ from dataset_builder.engine.ray_cluster import QUIET
 
 SMALL = {"object_store_memory": 100 * 2**20, "include_dashboard": False}
 """Of a machine of a cluster for tests."""
+
+
+def finished(out: Path) -> int:
+    """Examples that a build in `out` has staged, or put into shards that wait."""
+    work = out / ".build"
+    shards = [json.loads(path.read_bytes()) for path in work.glob("next/index/*.manifest")]
+    return len(list(work.glob("staging/*.json"))) + sum(len(shard["examples"]) for shard in shards)
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from dataset_builder.cli.interrupt import INTERRUPTED
-from tests.engine.ray_machines import cluster_of
+from tests.engine.ray_machines import cluster_of, finished
 from tests.small_specs import contents
 
 pytestmark = [pytest.mark.filterwarnings("ignore::ResourceWarning"),
@@ -26,12 +26,6 @@ def command(spec: Path, out: Path, cluster: Any) -> subprocess.Popen[str]:
                  cluster.address]
     return subprocess.Popen([sys.executable, "-m", "dataset_builder", *arguments], stdout=subprocess.PIPE,
                             stderr=subprocess.PIPE, text=True, start_new_session=True)
-
-
-def finished(out: Path) -> int:
-    """Examples that are staged, and shards that wait."""
-    work = out / ".build"
-    return len(list(work.glob("staging/*.json"))) + len(list(work.glob("next/shards/*.tar")))
 
 
 def ended(process: subprocess.Popen[str], out: Path, more_than: int, end: Callable[[], None]) -> tuple[int, str]:

@@ -85,7 +85,7 @@ def test_damage_is_told_with_its_place(change: Callable[[dict[str, Any]], object
 
 @pytest.mark.parametrize("data", [b"{", b"", b"[]", b"\xff", b"[" * 100000, b" " * (MOST_BYTES + 1)], ids=range(6))
 def test_what_is_no_label_is_refused(data: bytes) -> None:
-    with pytest.raises(ShardError, match=r"^x\.tar: y\.json: (Invalid JSON|Input should|expected JSON|expected a file of)"):
+    with pytest.raises(ShardError, match=r"^x\.tar: y\.json: (Invalid JSON|Input should|expected (JSON|a file of))"):
         parse_label(data, where="x.tar", name="y.json")
 
 
