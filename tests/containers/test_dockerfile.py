@@ -1,5 +1,6 @@
 """The image: no complaint of hadolint, and the same installation as `make dataset`."""
 
+import os
 import re
 import shutil
 import subprocess
@@ -29,8 +30,10 @@ def test_hadolint_has_no_complaint(tmp_path: Path) -> None:
 
 def made(target: str) -> list[str]:
     """The commands of a target from nothing."""
+    # Not as a part of the make that runs the tests
+    plain = {name: value for name, value in os.environ.items() if name not in ("MAKEFLAGS", "MAKELEVEL", "MFLAGS")}
     told = subprocess.run(["make", "--dry-run", "--always-make", target], cwd=ROOT, capture_output=True, text=True,
-                          check=True)
+                          check=True, env=plain)
     return told.stdout.splitlines()
 
 
