@@ -13,7 +13,7 @@ from warnings import catch_warnings, simplefilter
 
 from dataset_builder.engine.local import Limit, Told
 from dataset_builder.engine.parcel import forget
-from dataset_builder.engine.ray_running import Machine, RayRunning, workers_on
+from dataset_builder.engine.ray_running import HEAD_LOST, Machine, RayRunning, workers_on
 from dataset_builder.errors import OutputError, UserError
 from dataset_builder.extras import missing_named
 from dataset_builder.processes import cores
@@ -71,7 +71,8 @@ class RayCluster:
         import ray
 
         if kind is None or (issubclass(kind, Exception) and self._head_answers()):
-            self._clear_away()
+            with suppress(OSError):
+                self._clear_away()
         if self._began:
             ray.shutdown()
             self._began = False
@@ -125,8 +126,7 @@ class RayCluster:
         if not now and monotonic() - self._looked < LOOK:
             return
         if not self._head_answers():
-            raise OutputError("the head of the Ray cluster does not answer any more; finished examples are kept: start "
-                              "it again, and run the same command again")
+            raise OutputError(HEAD_LOST)
         before, self._machines, self._looked = len(self._machines), self._found(), monotonic()
         if (after := len(self._machines)) != before:
             self._say(f"{after} machine{'s' * (after != 1)} now, {abs(after - before)} "

@@ -31,6 +31,9 @@ LISTEN = 0.2
 WAIT = 2.0
 """Seconds between looks at the cluster, where nothing is told."""
 
+HEAD_LOST = ("the head of the Ray cluster does not answer any more; finished examples are kept: start it again, and run "
+             "the same command again")
+
 MARGIN = 0.95
 """Of a machine's memory that is shared out."""
 
@@ -94,7 +97,11 @@ class RayRunning:
             while queue or self._pending:
                 self._cluster.look()
                 self._submit(task, queue, workers)
-                done, _ = ray.wait(list(self._pending), timeout=LISTEN if self._told else WAIT)
+                try:
+                    done, _ = ray.wait(list(self._pending), timeout=LISTEN if self._told else WAIT)
+                except (OSError, ray.exceptions.RaySystemError) as error:
+                    # Ray's own process on this machine is gone, as it is where the head was here
+                    raise OutputError(HEAD_LOST) from error
                 self._hear()
                 for ref in done:
                     hand_out = self._pending.pop(ref)
@@ -121,7 +128,7 @@ class RayRunning:
                 raise OutputError(failed)
         finally:
             for ref in self._pending:
-                with suppress(ray.exceptions.RayError, ConnectionError):
+                with suppress(ray.exceptions.RayError, OSError):
                     ray.cancel(ref, force=True)
 
     def _hand_outs(self, units: Sequence[Any], workers: int) -> list[HandOut]:
