@@ -31,8 +31,8 @@ LISTEN = 0.2
 WAIT = 2.0
 """Seconds between looks at the cluster, where nothing is told."""
 
-HEAD_LOST = ("the head of the Ray cluster does not answer any more; finished examples are kept: start it again, and run "
-             "the same command again")
+HEAD_LOST = ("the head of the Ray cluster does not answer any more; finished examples are kept: start it again, and "
+             "run the same command again")
 
 MARGIN = 0.95
 """Of a machine's memory that is shared out."""

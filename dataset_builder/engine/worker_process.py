@@ -39,8 +39,8 @@ class WorkerProcess:
         context = multiprocessing.get_context("spawn")
         self._connection, theirs = context.Pipe()
         self._process = context.Process(target=_serve, args=(theirs, work, tells))
-        # What is blocked stays so in the new process: Ctrl-C is the parent's from its first moment on. The tracker comes
-        # first, since starting it would unblock it
+        # What is blocked stays so in the new process: Ctrl-C is the parent's from its first moment on. The tracker
+        # comes first, since starting it would unblock it
         resource_tracker.ensure_running()
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
