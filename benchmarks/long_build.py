@@ -141,7 +141,7 @@ def draw(runs: Mapping[str, Sequence[Sample]], path: Path) -> None:
                 axis.plot([row.examples for row in rows[1:]], values, label=name)
             else:
                 axis.plot([row.examples for row in rows], [getattr(row, key) for row in rows], label=name)
-        axis.set(title=title, xlabel="examples", ylim=(0, None))
+        axis.set(title=title, xlabel="examples", ylim=(0, 1.1 * axis.get_ylim()[1]))
     axes.flat[0].legend()
     figure.savefig(path, dpi=80)
 
