@@ -121,6 +121,15 @@ def test_a_unit_that_hangs_is_killed_and_named(run: Run, tmp_path: Path) -> None
     assert sorted(done) == ["fine", "slow once"] and units[0].tries() == 3
 
 
+def blocks_interrupts(unit: int) -> bool:
+    """Whether Ctrl-C was blocked before this process ran anything."""
+    return signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+
+def test_a_process_is_deaf_to_an_interrupt_from_its_first_moment_on() -> None:
+    assert list(local.run(blocks_interrupts, [0], workers=2)) == [True] and not blocks_interrupts(0)
+
+
 def test_where_most_units_are_lost_it_is_not_the_units(tmp_path: Path) -> None:
     units = [Unit(f"bad {number}", tmp_path, "exit", 99) for number in range(40)]
     with pytest.raises(OutputError, match=r"bad \d+: its process ended by itself") as caught:

@@ -190,3 +190,14 @@ def test_one_backend_for_all(gpus: tuple[int, ...], wanted: str, backend: str, m
     said = cluster.summary(backend, None)
     assert "secret" not in said and "at host:6379" in said
     assert ("GPUs of 1 of 2 machines are not used" in said) == (gpus == (1, 0))
+
+
+def test_where_the_process_of_ray_here_dies_the_build_ends_in_a_line(cluster: RayCluster,
+                                                                     monkeypatch: pytest.MonkeyPatch) -> None:
+    """What `ray.wait` raises then is an OSError."""
+    def broken(*arguments: Any, **named: Any) -> None:
+        raise OSError("Broken pipe")
+
+    monkeypatch.setattr("ray.wait", broken)
+    with pytest.raises(OutputError, match="the head of the Ray cluster does not answer any more"):
+        list(cluster.run(abs, [-1], workers=1))
