@@ -23,7 +23,7 @@ install: $(STAMP)  ## the virtual environment in .venv, with locked packages
 
 # The stamp comes last, so that an interrupted installation is taken up again.
 $(STAMP): pyproject.toml constraints.txt tools/make_venv.sh dataset_builder/__init__.py | system
-	@sh tools/make_venv.sh $(VENV) build,denoise,gltf,remote,study,usd
+	@sh tools/make_venv.sh $(VENV) build,denoise,gltf,look,remote,study,usd
 	@touch $@
 
 trainer: $(WHOLE)  ## what training, tests and checks need besides, PyTorch above all

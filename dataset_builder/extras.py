@@ -8,7 +8,8 @@ from dataset_builder.errors import UserError
 LIBRARIES = {
     "gltf": ("DracoPy", "meshopt", "opengl_basisu"),
     "build": ("mitsuba", "drjit", "scipy", "open3d", "mapbox_earcut", "ruamel", "rich", "matplotlib", "psutil",
-              "skimage"),
+              "skimage", "jinja2"),
+    "look": ("pyvista", "vtkmodules"),
     "train": ("torch", "tensorboard", "skimage", "ruamel", "rich"),
     "denoise": ("pyoidn",),
     "usd": ("pxr",),

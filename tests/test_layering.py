@@ -10,6 +10,7 @@ from dataset_builder.engine.source import imports_of, inside, read_sources
 
 ORDER = (
     ("__main__",), ("cli.main",), ("cli",), ("cli.common",), ("report",),
+    ("report.gallery", "report.looking"), ("report.front",),
     ("studies.accuracy", "studies.effects", "studies.noise", "studies.stress", "studies.tables"), ("studies",),
     ("release",), ("exporting", "importing", "transfer"), ("exporting.formats", "importing.captures"),
     ("lightnet.results", "lightnet.training"), ("lightnet.methods",), ("lightnet.measures",), ("lightnet.data",),
@@ -40,7 +41,8 @@ HOMES = {
     "OpenEXR": ("shards.exr", "assets.exr_picture", "exporting.formats.layered_exr"),
     "pyarrow": "exporting.formats.parquet_rows",
     "fsspec": "remote", "huggingface_hub": "transfer",
-    "matplotlib": "report", "pyvista": "report", "mapbox_earcut": "assets.readers.polygons", "ray": "engine",
+    "matplotlib": "report", "pyvista": "report.looking", "vtkmodules": "report.looking", "jinja2": "report.front",
+    "mapbox_earcut": "assets.readers.polygons", "ray": "engine",
     "DracoPy": "assets.readers.gltf_primitives", "meshopt": "assets.readers.gltf_file",
     "opengl_basisu": "assets.readers.gltf_images",
     "torch": ("lightnet", "release"), "tensorboard": "lightnet.training",
