@@ -1,1 +1,1 @@
-"""Pages for the browser: templates, styles and scripts, and libraries of others in `vendor`, all written into the page."""
+"""Pages for the browser: templates, styles and scripts, and libraries of others in `vendor`, written into the page."""
