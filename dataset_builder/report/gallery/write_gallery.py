@@ -62,8 +62,9 @@ class GalleryJob:
 
 @dataclass(frozen=True)
 class GalleryDone:
-    """What was written."""
+    """What was written. page: what to open in a browser."""
 
+    page: Path
     examples: int
     bytes: int
 
@@ -94,7 +95,17 @@ def write_gallery(job: GalleryJob, follow: Follow = list) -> GalleryDone:
         return fill("gallery.html", scripts=SCRIPTS, styles=STYLES, title=title, gallery=script_json(gallery),
                     payloads=HERE)
 
-    return GalleryDone(len(keys), (_in_a_file if job.inside else _in_a_folder)(job.out, page))
+    written = (_in_a_file if job.inside else _in_a_folder)(job.out, page)
+    return GalleryDone(job.out if job.inside else job.out / PAGE, len(keys), written)
+
+
+def watched(keys: Sequence[str]) -> Iterator[str]:
+    """Keys one by one, while a bar on the terminal shows how many are done."""
+    from rich.console import Console
+    from rich.progress import track
+
+    console = Console(stderr=True)
+    yield from track(keys, description="examples", console=console, transient=True, disable=not console.is_terminal)
 
 
 def _in_a_folder(out: Path, page: Callable[[Keep, str], str]) -> int:
