@@ -101,8 +101,8 @@ const LayerView = {
             <LayerCanvas v-bind="common" :layer="pair[1]" :zoom="zoom" :style="clip" @pixel="pixel = $event" />
             <i class="blade" :style="{ left: place + '%' }"></i>
           </div>
-          <figure v-for="layer in pair" class="legend"><LayerCaption v-bind="common" :layer="layer"
-            :errors="errorsOf(layer)" /></figure>
+          <div class="legends"><figure v-for="layer in pair"><LayerCaption v-bind="common" :layer="layer"
+            :errors="errorsOf(layer)" /></figure></div>
         </div>
         <LabelTree :value="example.label" />
       </div>
