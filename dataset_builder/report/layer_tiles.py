@@ -19,7 +19,7 @@ SMALL = 320
 MAPS = {"error": "magma", "length": "viridis"}
 ENDS = {"error": (None, 99.0), "length": (0.5, 99.5)}
 """Percentiles of the values above 0 at the ends of a map; None is 0. The same as in the browser."""
-UNITS = {RADIANCE: "W/(m² sr)", "1": "", "id": ""}
+UNITS = {RADIANCE: "W/m^2/sr", "1": "", "id": ""}
 
 
 def layer_tiles(example: Mapping[str, Any], title: Sequence[str]) -> Image.Image:
@@ -28,7 +28,7 @@ def layer_tiles(example: Mapping[str, Any], title: Sequence[str]) -> Image.Image
     Light has one exposure and the sRGB curve; standard errors and lengths are in false colour, each with its bar.
     """
     images = {name: np.nan_to_num(example[name]) for name in LAYERS if name in example}
-    factor = exposure(image for name, image in images.items() if LAYERS[name].radiometric)
+    factor = exposure(image for name, image in images.items() if look(name) == "light")
     record = example.get("meta", {}).get("record", {})
     errors = {layer["name"]: layer["relative_error"] for layer in record.get("layers", ())}
     width = next(iter(images.values())).shape[1]

@@ -16,6 +16,9 @@ from dataset_builder.shards.example_key import key_of
 from dataset_builder.shards.folder import PREVIEWS
 from dataset_builder.shards.reader import open_dataset
 
+DIGITS = 12
+"""Of a digest, enough to tell two apart."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class ExampleFiles:
@@ -39,7 +42,8 @@ def look_at_example(folder: Path | str, text: str, out: Path | None = None) -> E
     dataset = open_dataset(folder)
     key = key_of(dataset, text)
     manifest = dataset.manifest
-    return write_example(dataset[key], key, out or previews_of(folder), lead=[f"{manifest.title} {manifest.version}"])
+    return write_example(dataset[key], key, out or previews_of(folder), 
+                         lead=[f"{manifest.title} {manifest.version}, spec {manifest.spec_digest[:DIGITS]}"])
 
 
 def write_example(example: Mapping[str, Any], key: str, out: Path, *, lead: Sequence[str] = (),

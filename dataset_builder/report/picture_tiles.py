@@ -43,11 +43,11 @@ def tiled(title: Sequence[str], rows: Sequence[Sequence[Tile]]) -> Image.Image:
     columns = [max(_width(tile) for tile in column if tile) for column in zip_longest(*rows)]
     heights = [max(_height(tile, width) for tile, width in zip(row, columns, strict=False)) for row in rows]
     width = max(sum(columns) + SPACE * (len(columns) - 1), *(_length(line, TITLE) for line in title))
-    top = MARGIN + LINE * len(title) + SPACE
+    top = MARGIN + GAP + LINE * len(title) + SPACE
     page = Image.new("RGB", (width + 2 * MARGIN, top + sum(heights) + SPACE * len(rows)), PAPER)
     draw = ImageDraw.Draw(page)
     for number, line in enumerate(title):
-        _write(draw, (MARGIN, MARGIN + LINE * number), line, pale=number > 0, size=TEXT if number else TITLE)
+        _write(draw, (MARGIN, MARGIN + LINE * number + GAP * (number > 0)), line, pale=number > 0, size=TEXT if number else TITLE)
     for row, height in zip(rows, heights, strict=True):
         left = MARGIN
         for tile, column in zip(row, columns, strict=False):
