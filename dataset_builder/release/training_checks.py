@@ -73,10 +73,11 @@ def loader_checks(folder: Path | str, spec: DataSpec) -> list[Check]:
     start = perf_counter()
     found = [read(one[index]) for one in sets for index in range(len(one))]
     rate = len(found) / max(perf_counter() - start, 1e-9)
-    left_out = [key for one in sets for key in one.left_out]
+    left_out, notes = [key for one in sets for key in one.left_out], [note for one in sets for note in one.in_common]
     thinnest = min(found, key=lambda one: one.inside)
     return [COUNTED.judge(listed(folder, (spec.train, spec.held_out)) - len(found) - len(left_out),
-                          ", ".join(f"{one.split} {len(one)}" for one in sets) + f"; {rate:.0f} examples/s"),
+                          "; ".join([", ".join(f"{one.split} {len(one)}" for one in sets), f"{rate:.0f} examples/s",
+                                     *dict.fromkeys(notes)])),
             LEFT_OUT.judge(len(left_out) / (len(found) + len(left_out)), _named(left_out)),
             _count(FINITE, [one.key for one in found if not one.finite]),
             INSIDE.judge(thinnest.inside, f"example {thinnest.key}"),
