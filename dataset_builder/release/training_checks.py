@@ -146,8 +146,7 @@ def compare(rows: Sequence[ScoreRow], method: str, *, margin: float, copy_margin
         lead = lead_over(rows, method, name)
         means = " against ".join(f"{mean_psnr(rows, one):.2f}" for one in (method, name))
         checks += [ahead(name, copy_margin if name == COPY else margin).judge(lead.mean, f"{means} dB"),
-                   clearly(name).judge(_sureness(lead), f"{lead.mean:+.2f} ± {lead.error:.2f} dB, {lead.examples} "
-                                                        f"examples of {lead.objects} views")]
+                   clearly(name).judge(_sureness(lead), _counted(lead))]
     return checks
 
 
@@ -172,6 +171,12 @@ def _sureness(lead: ClusteredMean) -> float:
     if not isfinite(lead.error):
         return 0.0
     return lead.mean / lead.error if lead.error > 0 else inf * (1 if lead.mean > 0 else -1)
+
+
+def _counted(lead: ClusteredMean) -> str:
+    if lead.objects == 1:
+        return f"{lead.mean:+.2f} dB, {lead.examples} examples, all of one view: no standard error over views"
+    return f"{lead.mean:+.2f} ± {lead.error:.2f} dB, {lead.examples} examples of {lead.objects} views"
 
 
 def _start_afresh(out: Path) -> None:
