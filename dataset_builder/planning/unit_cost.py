@@ -27,7 +27,7 @@ def example_seconds(spec: DatasetSpec, split: str) -> float:
     """Seconds of one core for an example of a split, all of whose views have as many lights and levels."""
     found = spec.split_of(split)
     view = ViewRef(number=0, pair=PairRef(split=split, object=0, scene=0), camera=0)
-    every = product(range(found.lights), range(len(found.levels(spec.rough))))
+    every = product(range(spec.target.count_of(found.lights)), range(len(found.levels(spec.rough))))
     unit = ViewUnit(view=view, examples=tuple(ExampleRef(index=number, view=view, light=light, level=level)
                                               for number, (light, level) in enumerate(every)))
     return unit_seconds(spec, unit) / len(unit.examples)
