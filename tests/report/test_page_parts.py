@@ -32,7 +32,8 @@ def test_a_page_has_all_that_it_is_given_and_takes_none_of_it_as_html() -> None:
     found = page("A & B", ["First.", "Second."], sections, settings="--set a=b")
     for text in ("<h1>A &amp; B</h1>", "<p>First.</p>", "<p>Second.</p>", "<h2>How &lt;long&gt;?</h2>",
                  '<p class="answer">12 s &amp; more.</p>', 'src="data:image/png;base64,UE5H"',
-                 "<th>pass</th><th>s</th>", "<td>i_t</td><td>12.5</td>", "<td>&lt;b&gt;rough&lt;/b&gt;</td>", "<h2>And?</h2>",
+                 "<th>pass</th><th>s</th>", "<td>i_t</td><td>12.5</td>", "<td>&lt;b&gt;rough&lt;/b&gt;</td>",
+                 "<h2>And?</h2>",
                  "<pre>--set a=b</pre>"):
         assert found.count(text) == 1, text
     assert (found.count("<table>"), found.count("<img")) == (1, 1)
