@@ -10,7 +10,8 @@ from typing import BinaryIO
 from dataset_builder.digest import CHUNK_BYTES
 from dataset_builder.errors import OutputError, Problem, UserError
 from dataset_builder.files import commit, output_errors, require_space, require_writable, write_partial
-from dataset_builder.report.front.fill_page import fill, script_json
+from dataset_builder.report.front.fill_page import script_json
+from dataset_builder.report.front.pages import gallery_page
 from dataset_builder.report.gallery.example_payload import Payload, example_payload
 from dataset_builder.report.gallery.gallery_entries import (
     Plain,
@@ -31,8 +32,6 @@ MOST = 300 * MIB
 """Bytes of a page with everything inside; browsers become slow, and then refuse."""
 HERE = "<!--payloads-->"
 """Where a page has its payloads, once they are there."""
-SCRIPTS: tuple[str, ...] = ()
-STYLES: tuple[str, ...] = ()
 
 Follow = Callable[[Sequence[str]], Iterable[str]]
 Keep = Callable[[str, Payload, bytes], str]
@@ -89,11 +88,10 @@ def write_gallery(job: GalleryJob, follow: Follow = list) -> GalleryDone:
         entries = list(_examples(dataset, follow(keys), seconds_by_key(job.dataset), keep))
         rejected = list(_rejected(dataset, list(splits), keep))
         shown = {name: len(own) for name, own in splits.items()}
-        title = f"{dataset.manifest.title} {dataset.manifest.version}"
-        gallery = {"title": title, "about": about(dataset.manifest, dataset.layers, shown),
+        gallery = {"title": f"{dataset.manifest.title} {dataset.manifest.version}",
+                   "about": about(dataset.manifest, dataset.layers, shown),
                    "layers": list(dataset.layers), "examples": entries, "rejected": rejected, "base": base}
-        return fill("gallery.html", scripts=SCRIPTS, styles=STYLES, title=title, gallery=script_json(gallery),
-                    payloads=HERE)
+        return gallery_page(gallery, HERE)
 
     written = (_in_a_file if job.inside else _in_a_folder)(job.out, page)
     return GalleryDone(job.out if job.inside else job.out / PAGE, len(keys), written)

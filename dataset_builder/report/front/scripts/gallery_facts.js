@@ -4,7 +4,7 @@ const GalleryFacts = (() => {
   const CHOICES = { split: "Split", scene: "Scene", object: "Object", category: "Category", light: "Light",
     lights: "Lamps", level_name: "Noise level" };
   const RANGES = { error: { title: "Relative error", unit: "" }, seconds: { title: "Seconds", unit: "s" },
-    noise: { title: "Displacement of the rough mesh", unit: "m" } };
+    noise: { title: "Displacement of the rough mesh", unit: "radii" } };
   const SORTS = { key: "Key", split: "Split", scene: "Scene", object: "Object", category: "Category", light: "Light",
     lights: "Lamps", level: "Noise level", noise: "Displacement", seconds: "Seconds", error: "Relative error" };
   const BINS = 40, WIDE = 30; // histograms whose values span more than this factor have a logarithmic axis
