@@ -50,7 +50,7 @@ const GalleryPayloads = (() => {
 })();
 
 const Gallery = {
-  components: { LayerView, HistogramFilter, ThumbGrid },
+  components: { LayerView, HistogramFilter, LabelTree, ThumbGrid },
   data() {
     const gallery = JSON.parse(document.getElementById("gallery").textContent);
     gallery.examples = GalleryFacts.searchable(gallery.examples);
@@ -82,7 +82,7 @@ const Gallery = {
     down() { return this.query.sort.startsWith("-"); },
     filtered() { return GalleryFacts.toHash({ ...this.query, sort: "key" }) !== ""; },
     place() { return this.names.indexOf(this.open); },
-    near() { return [this.names[this.place - 1], this.names[this.place + 1]]; },
+    near() { return this.place < 0 ? [] : [this.names[this.place - 1], this.names[this.place + 1]]; },
     hash() { return GalleryFacts.toHash(this.query, this.open); },
     facts() {
       const { about, examples } = this.gallery;

@@ -4,7 +4,7 @@ const GalleryFacts = (() => {
   const CHOICES = { split: "Split", scene: "Scene", object: "Object", category: "Category", light: "Light",
     lights: "Lamps", level_name: "Noise level" };
   const RANGES = { error: { title: "Relative error", unit: "" }, seconds: { title: "Seconds", unit: "s" },
-    noise: { title: "Displacement of the rough mesh", unit: "radii" } };
+    noise: { title: "Displacement", unit: "radii" } };
   const SORTS = { key: "Key", split: "Split", scene: "Scene", object: "Object", category: "Category", light: "Light",
     lights: "Lamps", level: "Noise level", noise: "Displacement", seconds: "Seconds", error: "Relative error" };
   const BINS = 40, WIDE = 30; // histograms whose values span more than this factor have a logarithmic axis
@@ -13,7 +13,8 @@ const GalleryFacts = (() => {
   const empty = () => ({ q: "", sort: "key", of: "", ranges: {}, ...Object.fromEntries(
     Object.keys(CHOICES).map((name) => [name, ""])) });
 
-  // An example's value for a filter or an order; null where it has none. of: the layer whose error counts, or "" for the largest.
+  // An example's value for a filter or an order; null where it has none. of: the layer whose error counts, or "" for
+  // the largest.
   function number(example, name, of) {
     if (name !== "error") return example[name] ?? null;
     if (of) return example.errors[of] ?? null;

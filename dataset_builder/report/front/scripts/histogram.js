@@ -34,13 +34,17 @@ const HistogramFilter = {
     move(event) {
       if (this.from === undefined) return;
       const [low, high] = [this.from, this.share(event)].sort((a, b) => a - b);
-      if (high - low > 0.01) this.choose(this.axis.value(low), this.axis.value(high));
+      if (high - low > 0.01) this.choose(low, high);
     },
     end(event) {
       if (this.from !== undefined && Math.abs(this.share(event) - this.from) <= 0.01) this.$emit("range", null);
       this.from = undefined;
     },
-    choose(low, high) { this.$emit("range", [low, high].map((value) => Number(value.toPrecision(4)))); },
+    // The ends are exact, so that the least and the largest stay in.
+    choose(low, high) {
+      const value = (share) => Number(this.axis.value(share).toPrecision(4));
+      this.$emit("range", [low > 0 ? value(low) : this.axis.low, high < 1 ? value(high) : this.axis.high]);
+    },
     type(side, event) {
       const range = [...(this.range ?? [this.axis.low, this.axis.high])], value = event.target.valueAsNumber;
       range[side] = Number.isFinite(value) ? value : [this.axis.low, this.axis.high][side];

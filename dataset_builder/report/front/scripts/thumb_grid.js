@@ -1,7 +1,7 @@
 // A grid of examples that holds only what is near the window, so that thousands scroll smoothly.
 "use strict";
 const ThumbGrid = (() => {
-  const CARD = 184, HEIGHT = 250, SPARE = 2; // least width and height of a card with its gap, rows beyond the window
+  const CARD = 176, HEIGHT = 250, SPARE = 2; // least width and height of a card with its gap, rows beyond the window
 
   return {
     props: { examples: Array, of: String },
@@ -26,7 +26,7 @@ const ThumbGrid = (() => {
       window.removeEventListener("scroll", this.onScroll);
     },
     methods: {
-      short: (value) => value === null || value === undefined ? "–" : Figures.short(value),
+      seconds: ({ seconds }) => seconds === null ? "–" : `${Figures.short(seconds)} s`,
       error(example) {
         const value = GalleryFacts.number(example, "error", this.of);
         return value === null ? "–" : Figures.percent(value);
@@ -59,10 +59,10 @@ const ThumbGrid = (() => {
             <span class="thumb"><img :src="one.thumb" alt="" decoding="async"></span>
             <b>{{ one.object }}</b>
             <span class="quiet">{{ one.scene }} · {{ one.lights }}</span>
-            <span class="quiet">{{ one.level_name }} · light {{ one.light }}</span>
-            <span class="figures"><span>{{ one.split }} {{ one.key }}</span>
+            <span class="quiet">{{ one.split }} · {{ one.level_name }} · light {{ one.light }}</span>
+            <span class="figures"><span>{{ one.key }}</span>
               <span title="relative error">{{ error(one) }}</span>
-              <span title="seconds">{{ short(one.seconds) }} s</span></span>
+              <span title="seconds">{{ seconds(one) }}</span></span>
           </button>
         </div>
       </div>`,
