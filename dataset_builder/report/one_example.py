@@ -80,7 +80,7 @@ def write_example(example: Mapping[str, Any], key: str, out: Path, *, lead: Sequ
     title = example_title(key, example.get("meta", {}).get("plan", {}))
     has_pixels = any(name != "meta" for name in example)
     payloads = [example_payload(example, key=key, title=title, note=note)] if has_pixels else []
-    write_atomic(page, examples_page(title, payloads, lead).encode())
+    write_atomic(page, examples_page(title, payloads, lead if has_pixels else [title, *lead]).encode())
     if has_pixels:
         write_atomic(picture, png_of(np.asarray(layer_tiles(example, [title, *filter(None, [note]), *lead]))))
     else:

@@ -34,7 +34,9 @@ def test_every_layer_is_shown_below_what_it_is(page: "Page", tmp_path: Path) -> 
 def test_a_rejected_example_has_its_reason_on_top(page: "Page", tmp_path: Path) -> None:
     bare = write_rejected(REJECTED, tmp_path, tmp_path / "bare", about="A title 1.0.0")
     page.goto(bare.page.as_uri())
-    assert "coverage: expected <b>0.9</b>, got 0.5" in page.inner_text("body") and page.query_selector("b") is None
+    text = page.inner_text("body")
+    assert text.startswith("example 00000001") and "coverage: expected <b>0.9</b>, got 0.5" in text
+    assert page.query_selector("b") is None
     page.screenshot(path=tmp_path / "bare.png")
     keep_pixels(tmp_path, REJECTED.key, layers())
     page.goto(write_rejected(REJECTED, tmp_path, tmp_path / "out", about="A title 1.0.0").page.as_uri())
