@@ -2,6 +2,7 @@
 
 import zlib
 from base64 import b64encode
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -20,13 +21,16 @@ VIEWER = 960, 640
 
 
 def arrangement_data(shown: ShownArrangement) -> dict[str, Any]:
-    """All that a page draws. Lengths are metres; `roof` is None where nothing is above."""
+    """All that a page draws. Lengths are metres; `roof` is None where nothing is above; `eye` sees `fov` degrees from top
+    to bottom."""
     eye = shown.eye(*VIEWER)
-    return {"things": [_thing(thing) for thing in shown.things], "lights": [_light(each, shown) for each in shown.lights],
+    rise = np.degrees(2 * np.arctan(np.tan(np.radians(eye.fov) / 2) * eye.aspect))
+    return {"things": [_thing(thing) for thing in shown.things],
+            "lights": [_light(each, shown) for each in shown.lights],
             "camera": _camera(shown), "target": {"colour": _hex(TARGET_COLOUR), "centre": _floats(shown.centre),
                                                  "lines": _floats(box_edges(shown.target.box))},
             "roof": round(shown.roof - BELOW_ROOF, 4) if np.isfinite(shown.roof) else None,
-            "eye": {"position": _floats(eye.position), "target": _floats(eye.target), "fov": eye.fov}}
+            "eye": {"position": _floats(eye.position), "target": _floats(eye.target), "fov": round(float(rise), 2)}}
 
 
 def _thing(thing: StandingThing) -> dict[str, Any]:
@@ -36,7 +40,7 @@ def _thing(thing: StandingThing) -> dict[str, Any]:
                      thing.colours.tobytes(), thing.clear.astype(np.uint8).tobytes()])
     base = [*(low[:2] + high[:2]) / 2, low[2]]
     rows = [("category", thing.category), ("size", " × ".join(f"{side:.2f}" for side in high - low) + " m"),
-            ("middle of its foot", ", ".join(f"{each:.2f}" for each in base) + " m")]
+            ("middle of its foot", _place(base))]
     rows += [("turned by", f"{thing.yaw:.1f}°")] if thing.yaw is not None else []
     return {"name": thing.name, "part": thing.part, "category": thing.category, "low": _floats(low),
             "side": _floats(high - low), "vertices": len(thing.positions), "triangles": len(thing.faces),
@@ -49,10 +53,10 @@ def _light(each: LightShape, shown: ShownArrangement) -> dict[str, Any]:
     rows = [("kind", light.kind), ("illumination", each.of)]
     if not each.outside:
         away = np.linalg.norm(each.at - shown.centre)
-        rows += [("position", ", ".join(f"{value:.2f}" for value in light.position) + " m"),
+        rows += [("position", _place(light.position)),
                  ("from the target", f"{away:.2f} m")]
     if any(light.direction):
-        rows.append(("shines along", ", ".join(f"{value:.2f}" for value in light.direction)))
+        rows.append(("shines along", _place(light.direction, "")))
     rows += [(name, f"{value:.3g} {unit}") for name, value, unit in (
         ("size", light.size, "m"), ("length", light.length, "m"), ("cutoff", light.cutoff, "°"),
         ("temperature", light.temperature, "K")) if value]
@@ -60,8 +64,8 @@ def _light(each: LightShape, shown: ShownArrangement) -> dict[str, Any]:
     rows += [("strength", " ".join(f"{value:.3g}" for value in light.radiance) + f" {each.unit}"),
              ("at the target", f"{light.weight:.3g} W/m²")]
     return {"name": each.name, "of": each.of, "kind": light.kind, "at": _floats(each.at), "rows": rows,
-            "colour": _hex(COLOURS[each.of]), "positions": _floats(each.positions), "faces": each.faces.ravel().tolist(),
-            "lines": _floats(each.lines)}
+            "colour": _hex(COLOURS[each.of]), "positions": _floats(each.positions),
+            "faces": each.faces.ravel().tolist(), "lines": _floats(each.lines)}
 
 
 def _camera(shown: ShownArrangement) -> dict[str, Any] | None:
@@ -69,12 +73,17 @@ def _camera(shown: ShownArrangement) -> dict[str, Any] | None:
     if camera is None:
         return None
     away = float(np.linalg.norm(camera.position - shown.centre))
-    rows = [("position", ", ".join(f"{value:.2f}" for value in camera.position) + " m"),
+    rows = [("position", _place(camera.position)),
             ("from the target", f"{away:.2f} m"), ("field of view", f"{camera.fov:.1f}° across"),
             ("picture", f"{camera.width} × {camera.height} pixels")]
     return {"name": "camera", "position": _floats(camera.position), "target": _floats(camera.target),
             "up": _floats(camera.up), "fov": camera.fov, "width": camera.width, "height": camera.height,
             "colour": _hex(CAMERA_COLOUR), "lines": _floats(frustum(camera, shown.centre)), "rows": rows}
+
+
+def _place(values: Iterable[float], unit: str = " m") -> str:
+    """Three numbers to read; none is -0.00."""
+    return ", ".join(f"{round(float(value), 2) + 0.0:.2f}" for value in values) + unit
 
 
 def _floats(values: np.ndarray) -> list[float]:

@@ -1,7 +1,7 @@
 // An arrangement in three dimensions: things that can be hidden and picked, lamps, the camera's view, names.
 "use strict";
 const Arrangement = (() => {
-  const STEPS = 65535, PANE = 0.25, FOV = 35;
+  const STEPS = 65535, PANE = 0.25;
   const LINEAR = Uint16Array.from({ length: 256 }, (_, code) => {
     const value = code / 255;
     return Math.round(65535 * (value <= 0.04045 ? value / 12.92 : ((value + 0.055) / 1.055) ** 2.4));
@@ -50,7 +50,7 @@ const Arrangement = (() => {
     // viewer leaves the camera. Throws where the browser has no WebGL.
     constructor(box, data, picked, left) {
       Object.assign(this, { box, data, picked, left, through: false, cut: true, hidden: new Set(), groups: {} });
-      this.renderer = new THREE.WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
+      this.renderer = new THREE.WebGLRenderer({ antialias: true });
       this.renderer.localClippingEnabled = true;
       this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
       box.append(this.renderer.domElement);
@@ -59,9 +59,10 @@ const Arrangement = (() => {
       this.scene.add(new THREE.HemisphereLight(0xffffff, 0x8a8580, 2.2));
       this.lamp = new THREE.DirectionalLight(0xffffff, 1.1);
       this.scene.add(this.lamp, this.lamp.target);
-      this.viewer = new THREE.PerspectiveCamera(FOV, 1, 0.02, 500);
+      this.viewer = new THREE.PerspectiveCamera(data.eye.fov, 1, 0.02, 500);
       this.viewer.up.set(0, 0, 1);
       this.controls = new THREE.OrbitControls(this.viewer, this.renderer.domElement);
+      this.controls.zoomToCursor = true;
       this.controls.addEventListener("start", () => this.leave());
       this.controls.addEventListener("change", () => this.draw());
       this.roof = new THREE.Plane(new THREE.Vector3(0, 0, -1), Infinity);
@@ -159,7 +160,7 @@ const Arrangement = (() => {
     leave() {
       if (!this.through) return;
       this.through = false;
-      this.viewer.fov = FOV;
+      this.viewer.fov = this.data.eye.fov;
       this.viewer.updateProjectionMatrix();
       this.left();
     }
@@ -187,8 +188,12 @@ const Arrangement = (() => {
 
     toggle(part, shown) {
       this.hidden[shown ? "delete" : "add"](part);
-      for (const [name, group] of Object.entries(this.groups)) group.visible = !this.hidden.has(name);
       this.draw();
+    }
+
+    // What is not there in the picture is not there through the camera, either.
+    visible(part, object) {
+      return !this.hidden.has(part) && !(this.through && (object.isLine || object.userData.of === "source"));
     }
 
     // Cut away what is above the room and the walls on the viewer's side, unless it looks through the camera.
@@ -198,6 +203,9 @@ const Arrangement = (() => {
       this.roof.constant = cut && above ? this.data.roof : 1e9;
       this.near.setFromNormalAndCoplanarPoint(away.normalize().negate(), this.centre);
       if (!cut) this.near.constant = 1e9;
+      for (const [name, group] of Object.entries(this.groups)) {
+        for (const child of group.children) child.visible = this.visible(name, child);
+      }
       this.lamp.position.copy(this.viewer.position);
       this.lamp.target.position.copy(this.controls.target);
     }
@@ -228,12 +236,11 @@ const Arrangement = (() => {
 
     pick(event) {
       const box = this.renderer.domElement.getBoundingClientRect();
-      const at = new THREE.Vector2((event.clientX - box.left) / box.width * 2 - 1,
-        1 - (event.clientY - box.top) / box.height * 2);
+      const x = (event.clientX - box.left) / box.width, y = (event.clientY - box.top) / box.height;
       const ray = new THREE.Raycaster();
-      ray.setFromCamera(at, this.viewer);
-      const meshes = Object.values(this.groups).filter((group) => group.visible).flatMap((group) => group.children)
-        .filter((child) => child.isMesh);
+      ray.setFromCamera(new THREE.Vector2(2 * x - 1, 1 - 2 * y), this.viewer);
+      const meshes = Object.values(this.groups).flatMap((group) => group.children)
+        .filter((child) => child.isMesh && child.visible);
       const hit = ray.intersectObjects(meshes, false).find(({ object, point: place }) =>
         (object.material.clippingPlanes ?? []).every((plane) => plane.distanceToPoint(place) >= 0));
       this.picked(hit ? hit.object.userData : null);

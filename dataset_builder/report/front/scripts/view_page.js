@@ -73,12 +73,14 @@ Vue.createApp({
           </details>
         </aside>
       </div>
+      <p v-if="page.unseen" class="lead">{{ page.unseen }}</p>
+    </article>
+    <LayerView v-if="page.preview" :example="page.preview" />
+    <article class="view-page">
       <section v-if="page.decisions.length" class="decisions"><h2>What is simulated, and why</h2>
         <table><tr><th>effect</th><th>choice</th><th>why</th></tr>
           <tr v-for="row in page.decisions"><td v-for="cell in row">{{ cell }}</td></tr></table></section>
-      <p v-if="page.unseen" class="lead">{{ page.unseen }}</p>
       <section v-if="!page.preview && page.plan" class="plan"><h2>The whole plan</h2>
         <LabelTree :value="page.plan" /></section>
-    </article>
-    <LayerView v-if="page.preview" :example="page.preview" />`,
+    </article>`,
 }).mount("#page");
