@@ -21,12 +21,10 @@ VIEWER = 960, 640
 
 
 def arrangement_data(shown: ShownArrangement) -> dict[str, Any]:
-    """All that a page draws. Lengths are metres; `roof` is None where nothing is above; `eye` sees `fov` degrees from top
-    to bottom."""
+    """All that a page draws, in metres. `roof` is None where nothing is above; `eye` sees `fov` degrees of height."""
     eye = shown.eye(*VIEWER)
     rise = np.degrees(2 * np.arctan(np.tan(np.radians(eye.fov) / 2) * eye.aspect))
-    return {"things": [_thing(thing) for thing in shown.things],
-            "lights": [_light(each, shown) for each in shown.lights],
+    return {"things": [_thing(each) for each in shown.things], "lights": [_light(each, shown) for each in shown.lights],
             "camera": _camera(shown), "target": {"colour": _hex(TARGET_COLOUR), "centre": _floats(shown.centre),
                                                  "lines": _floats(box_edges(shown.target.box))},
             "roof": round(shown.roof - BELOW_ROOF, 4) if np.isfinite(shown.roof) else None,
