@@ -95,12 +95,16 @@ def decisions_table(plan: ExamplePlan) -> Table:
     """What an example's passes simulate and why, and what was decided about it; `files_table` tells of its scene."""
     title = f"What is simulated: example {plan.key}, {plan.target.object.name} in {plan.room.name}"
     table = Table("effect", "choice", "why", title=title, title_justify="left")
-    for decision in plan.effects.decisions:
-        if decision.effect != "scene file" or decision.choice == "taken away":
-            table.add_row(*map(cell, (decision.effect, decision.choice, decision.reason)))
-    for note in plan.notes:
-        table.add_row("note", "", cell(note))
+    for row in decision_rows(plan):
+        table.add_row(*map(cell, row))
     return table
+
+
+def decision_rows(plan: ExamplePlan) -> list[tuple[str, str, str]]:
+    """Effect, choice and reason of every decision about an example, then its notes."""
+    decided = [(each.effect, each.choice, each.reason) for each in plan.effects.decisions
+               if each.effect != "scene file" or each.choice == "taken away"]
+    return decided + [("note", "", note) for note in plan.notes]
 
 
 def build_table(manifest: Manifest, tally: Tally, seconds: float) -> Table:
