@@ -40,17 +40,17 @@ const LabelTree = (() => {
 
   return {
     components: { LabelNode },
-    props: { value: Object },
+    props: { value: Object, title: { type: String, default: "Label" } },
     data() { return { search: "" }; },
     computed: {
       words() { return this.search.trim().toLowerCase(); },
       entries() { return Object.entries(this.value).filter(([key, one]) => holds(key, one, this.words)); },
     },
     template: `
-      <section class="label-tree" aria-label="Label">
-        <header><h2>Label</h2><input type="search" v-model="search" placeholder="Search keys and values"
-          aria-label="Search the label"></header>
-        <p v-if="!entries.length" class="quiet">{{ words ? "Nothing matches." : "No label." }}</p>
+      <section class="label-tree" :aria-label="title">
+        <header><h2>{{ title }}</h2><input type="search" v-model="search" placeholder="Search keys and values"
+          :aria-label="'Search: ' + title"></header>
+        <p v-if="!entries.length" class="quiet">{{ words ? "Nothing matches." : "Empty." }}</p>
         <LabelNode v-for="[key, one] in entries" :key="key" :name="key" :value="one" :words="words" :depth="0" />
       </section>`,
   };

@@ -85,7 +85,8 @@ const LayerCaption = {
   },
   template: `
     <figcaption>
-      <div class="name"><b>{{ layer.name }}</b> <span>{{ layer.symbol }}</span><em :title="layer.unit">{{ unit }}</em></div>
+      <div class="name"><b>{{ layer.name }}</b> <span>{{ layer.symbol }}</span>
+        <em :title="layer.unit">{{ unit }}</em></div>
       <p class="meaning" :title="layer.meaning">{{ layer.meaning }}</p>
       <div v-if="scale" class="scale">
         <span>{{ short(scale.low) }}</span><i :style="bar"></i><span>{{ short(scale.high) }}</span>

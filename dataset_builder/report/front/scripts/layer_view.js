@@ -67,7 +67,7 @@ const LayerView = {
       <div class="tools" role="toolbar" aria-label="Picture">
         <label class="exposure">Exposure
           <input type="range" min="-10" max="10" step="0.1" v-model.number="stops" aria-label="Exposure in stops">
-          <output>{{ exposure }}</output></label>
+          <output :data-factor="factor">{{ exposure }}</output></label>
         <button type="button" @click="stops = 0; held = null">Automatic</button>
         <label title="Keep this exposure for the next example"><input type="checkbox" :checked="held !== null"
           @change="held = $event.target.checked ? auto : null"> hold</label>
