@@ -20,6 +20,7 @@ from dataset_builder.cli.common import (
     positive_number,
 )
 from dataset_builder.cli.engine import add_engine, engine_of
+from dataset_builder.cli.watched import add_html, followed
 from dataset_builder.errors import UserError
 from dataset_builder.processes import cores
 
@@ -67,11 +68,13 @@ def add(verbs: Verbs) -> None:
     build.add_argument("--example", type=int, action="append", default=[],
                        help="only stage example N, and write a page of it; repeat for more")
     build.add_argument("--part", metavar="K/N", help="only stage part K of N, for `merge`")
+    add_html(build)
     merge = add_verb(verbs, "merge", _merge, "publish the dataset whose parts `build --part` staged")
     add_spec(merge)
     merge.add_argument("parts", type=local_folder, nargs="+", metavar="DIR", help="folders of all parts, in any order")
     merge.add_argument("--out", type=out_folder, help=f"output folder (default: {DATASETS}/NAME)")
     merge.add_argument("--replace", action="store_true", help="as in `build`")
+    add_html(merge)
 
 
 def _seconds(text: str) -> float:
@@ -126,7 +129,6 @@ def _build(options: argparse.Namespace) -> int:
     from dataset_builder.engine.outcomes import Tally
     from dataset_builder.engine.unit import BuildJob, Outcome
     from dataset_builder.report.against_table import runs_line
-    from dataset_builder.report.build_progress import Following
     from dataset_builder.report.console import build_table, rejected_lines
     from dataset_builder.shards.staging import Staging
     from dataset_builder.spec.load import load_dataset
@@ -135,13 +137,12 @@ def _build(options: argparse.Namespace) -> int:
     part = DatasetPart.parse(options.part) if options.part is not None else None
     loaded = load_dataset(options.spec, options.overrides)
     folder = options.out or DATASETS / (loaded.dataset.name + (f"-part-{part.number}-of-{part.of}" if part else ""))
-    shown = Following(console)
     tally, manifest, record, single = Tally(), None, None, list[Outcome]()
-    with engine_of(options, console) as engine:
+    with followed(options, loaded, folder, console) as (told, follow), engine_of(options, console) as engine:
         news = build(loaded, folder, backend=engine.backend, workers=engine.workers, only=options.example, part=part,
                      replace_other=options.replace, cache=options.cache, cache_size=options.cache_size,
-                     told=shown.field, run=engine.run, staging_url=engine.staging_url, unit_limit=options.unit_limit)
-        for event in shown.events(news):
+                     told=told, run=engine.run, staging_url=engine.staging_url, unit_limit=options.unit_limit)
+        for event in follow(news):
             tally.add(event.outcomes)
             single += event.outcomes if options.example else ()
             manifest, record = event.manifest or manifest, event.part or record
@@ -170,16 +171,17 @@ def _build(options: argparse.Namespace) -> int:
 def _merge(options: argparse.Namespace) -> int:
     from dataset_builder.engine.outcomes import Tally
     from dataset_builder.merge import merge
-    from dataset_builder.report.build_progress import Following
     from dataset_builder.report.console import build_table, rejected_lines
     from dataset_builder.spec.load import load_dataset
 
     console, start = plain_console(), perf_counter()
     loaded = load_dataset(options.spec, options.overrides)
     folder = options.out or DATASETS / loaded.dataset.name
-    news = merge(loaded, options.parts, folder, replace_other=options.replace,
-                 said=lambda text: console.print(text, highlight=False, soft_wrap=True))
-    for manifest in [event.manifest for event in Following(console).events(news) if event.manifest]:
+    with followed(options, loaded, folder, console) as (_, follow):
+        news = merge(loaded, options.parts, folder, replace_other=options.replace,
+                     said=lambda text: console.print(text, highlight=False, soft_wrap=True))
+        manifests = [event.manifest for event in follow(news) if event.manifest]
+    for manifest in manifests:
         for line in rejected_lines(manifest.rejected, folder):
             console.print(line, highlight=False, soft_wrap=True)
         console.print(build_table(manifest, Tally(), perf_counter() - start))

@@ -16,7 +16,7 @@ from dataset_builder.shards.manifest import Rejected
 from dataset_builder.spec.dataset import DatasetSpec
 
 REASONS = 3
-"""Rejected examples of each gate that are kept."""
+"""Rejected examples of each gate that are kept, each of another view."""
 
 VALUES = 2048
 """Values of a layer that are kept; of more, every other goes, and every other of what comes."""
@@ -139,7 +139,7 @@ class BuildStanding:
         if outcome.rejected:
             known = self.refused.setdefault(outcome.rejected.gate, Refused())
             known.count += 1
-            if len(known.first) < REASONS:
+            if len(known.first) < REASONS and outcome.rejected.view not in {item.view for item in known.first}:
                 known.first.append(outcome.rejected)
         for layer, (stopped, error) in outcome.noise.items():
             self.stopped[stopped] += 1
