@@ -144,7 +144,7 @@ def calibration_cost(planner: Planner, rates: Rates, cores: int = 1) -> Cost:
     layers = tuple((name, extent) for name, extent in plan.render.layers if name in denoise.layers)
     plan = plan.model_copy(update={"render": plan.render.model_copy(update={"layers": layers})})
     count = min(denoise.examples, sum(len(views_of(spec, split)) for split in spec.splits))
-    window = window_share(planner.arrangement(planner.examples[plan.index].view.pair),
+    window = window_share(planner.view(planner.examples[plan.index].view).arrangement,
                           Pinhole.of(plan.camera, spec.image.width, spec.image.height))
     one = view_cost(plan, 1, 1, window, spec.storage.dtype, rates, min(cores, count))
     renders, times = count * (REPEATS + 1), count * (REPEATS + FACTOR)
@@ -182,7 +182,7 @@ def _split_cost(planner: Planner, views: Sequence[ViewRef], split: SplitSpec, ra
         except PlanError as error:
             problems += error.problems
             continue
-        window = window_share(planner.arrangement(ref.pair),
+        window = window_share(planner.view(ref).arrangement,
                               Pinhole.of(plan.camera, spec.image.width, spec.image.height))
         costs.append((plan, view_cost(plan, spec.target.count_of(split.lights), len(split.levels(spec.rough)), window,
                                       spec.storage.dtype, rates, cores, _files(spec, split))))
