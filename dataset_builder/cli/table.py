@@ -45,7 +45,7 @@ def _options(table: argparse.ArgumentParser, name: str) -> None:
 
 
 def _table(options: argparse.Namespace) -> int:
-    from dataset_builder.report.table_page import order_lines, row_line, write_page
+    from dataset_builder.report.table_page import cautions, order_lines, row_line, write_page
     from dataset_builder.shards.reader import load_manifest
     from dataset_builder.studies.tables.result import orders, verdict, write_files
     from dataset_builder.studies.tables.table_study import RowMeasured, TableStudy, results, run
@@ -70,7 +70,7 @@ def _table(options: argparse.Namespace) -> int:
     for result in found:
         print(row_line(result))
     if order := orders(table, found):
-        print("\n".join([*order_lines(order), verdict(order)]))
+        print("\n".join([*order_lines(order), verdict(order), *cautions(found)]))
     if options.table == "stability":
         for line in _steadiness(study):
             print(line)

@@ -115,7 +115,8 @@ class LoadedSpec:
         dataset = {key: value for key, value in content["dataset"].items() if key not in SAID}
         scenes = set(split.scenes.source)
         own = {"scenes": scenes, "scene_files": scenes, "rooms": rooms, "objects": objects, "meshes": objects}
-        return digest({"dataset": dataset, "split": split.model_dump(mode="json", by_alias=True), "first": first,
+        return digest({"dataset": dataset, "split": split.model_dump(mode="json", by_alias=True,
+                                                                     exclude={"allow_shared"}), "first": first,
                        "images": content["images"], **{kind: {key: value for key, value in content[kind].items()
                                                               if key in names} for kind, names in own.items()}})
 
