@@ -28,8 +28,8 @@ class FogSpec(Model):
     """Mean cosine of the scattering angle (Henyey and Greenstein 1941)."""
 
 
-class MaterialSpec(Model):
-    """Changes to a material of an object; omitted fields are unchanged."""
+class SurfaceSpec(Model):
+    """Fields of a material; omitted ones are unchanged."""
 
     base_color: Colour | None = None
     """Linear Rec.709 factors of reflectance, or sRGB as `"#rrggbb"`; of transmission where the surface transmits."""
@@ -39,14 +39,6 @@ class MaterialSpec(Model):
     """1 is metal."""
     specular: within(low=0, high=MAX_SPECULAR) | None = None  # type: ignore[valid-type]
     """Reflectance of the dielectric part at normal incidence; 0.04 is an index of refraction of 1.5."""
-    transmission: within(low=0, high=1) | None = None  # type: ignore[valid-type]
-    """Share of the light that passes the dielectric surface that is refracted instead of scattered; 1 is glass."""
-    ior: within(low=1, high=3) | None = None  # type: ignore[valid-type]
-    """Index of refraction of the transmitting part."""
-    thin: bool | None = None
-    """Whether the surface is a thin pane, which does not bend light."""
-    abbe: within(low=0, high=100) | None = None  # type: ignore[valid-type]
-    """Abbe number of the transmitting part, 20 (flint) to 85; 0 is no dispersion."""
     coat: within(low=0, high=1) | None = None  # type: ignore[valid-type]
     """Weight of a clear coat with index of refraction 1.5."""
     coat_roughness: within(low=0, high=1) | None = None  # type: ignore[valid-type]
@@ -57,6 +49,19 @@ class MaterialSpec(Model):
     """Roughness of the sheen."""
     emission: tuple[within(low=0, high=1e6), within(low=0, high=1e6), within(low=0, high=1e6)] | None = None  # type: ignore[valid-type]
     """Radiance that the surface sends out to both sides, in units of the source sky's; 0 switches it off."""
+
+
+class MaterialSpec(SurfaceSpec):
+    """Changes to a material of an object; omitted fields are unchanged."""
+
+    transmission: within(low=0, high=1) | None = None  # type: ignore[valid-type]
+    """Share of the light that passes the dielectric surface that is refracted instead of scattered; 1 is glass."""
+    ior: within(low=1, high=3) | None = None  # type: ignore[valid-type]
+    """Index of refraction of the transmitting part."""
+    thin: bool | None = None
+    """Whether the surface is a thin pane, which does not bend light."""
+    abbe: within(low=0, high=100) | None = None  # type: ignore[valid-type]
+    """Abbe number of the transmitting part, 20 (flint) to 85; 0 is no dispersion."""
     alpha: within(low=0, high=1) | None = None  # type: ignore[valid-type]
     """Share of the surface that is there, times the alpha of its texture; the rest lets light and sight through."""
     plain: bool = False
@@ -64,13 +69,10 @@ class MaterialSpec(Model):
 
 
 RoomRole = Literal["wall", "floor", "ceiling", "trim"]
-NOT_OF_ROOMS = ("transmission", "ior", "thin", "abbe", "alpha", "plain")
-"""Fields of materials that rooms do not take: planning takes their walls for what no light passes."""
 
-
-class RoomMaterialSpec(MaterialSpec):
+class RoomMaterialSpec(SurfaceSpec):
     """What a part of a room is finished with: a texture, a family of finishes, or a plain colour; further fields change
-    it. With none of the three, they change what is drawn."""
+    it. With none of the three, they change what is drawn. No light passes it."""
 
     family: FinishName | None = None
     """A finish made in code; `base_color` multiplies its colours."""
@@ -83,9 +85,6 @@ class RoomMaterialSpec(MaterialSpec):
 
     @model_validator(mode="after")
     def _one_finish(self) -> "RoomMaterialSpec":
-        for name in NOT_OF_ROOMS:
-            if name in self.model_fields_set:
-                raise broken(f"expected no `{name}` in a room, whose parts no light passes", path=(name,))
         for name, needs in (("tone", "family"), ("size", "texture")):
             if name in self.model_fields_set and not getattr(self, needs):
                 raise broken(f"expected a `{needs}` beside `{name}`, the key is missing", path=(name,))

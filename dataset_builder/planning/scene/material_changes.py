@@ -1,6 +1,7 @@
 """Changes of materials: drawn from a spec, matched by name, and made."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields as fields_of
 from dataclasses import replace
 from fnmatch import fnmatchcase
 from typing import Any
@@ -11,11 +12,13 @@ from dataset_builder.label.scene_plan import MaterialChange, Param
 from dataset_builder.seeding import rng
 from dataset_builder.spec.numbers import draw
 from dataset_builder.spec.problems import nearest, shown
-from dataset_builder.spec.scene import MAX_SPECULAR, MaterialSpec
+from dataset_builder.spec.scene import MAX_SPECULAR, MaterialSpec, SurfaceSpec
 
 ROLE = ": "
 """Between what a material of embedded furniture is there for and what it happens to be: `top: oak`."""
 TRUTHS = ("thin", "plain")
+FIELDS = (*(field.name for field in fields_of(Material) if field.name in MaterialSpec.model_fields), "plain")
+"""What a change may change, in the order that labels have it."""
 
 
 def drawn_changes(spec: Mapping[str, MaterialSpec], seed: int, path: tuple[str | int, ...]) \
@@ -28,11 +31,11 @@ def drawn_changes(spec: Mapping[str, MaterialSpec], seed: int, path: tuple[str |
                  for name, change in spec.items())
 
 
-def drawn_values(change: MaterialSpec, seed: int, path: tuple[str | int, ...]) -> tuple[Param, ...]:
+def drawn_values(change: SurfaceSpec, seed: int, path: tuple[str | int, ...]) -> tuple[Param, ...]:
     """Draw the fields that a change has, each number from a path of its own below `path`."""
     values: dict[str, float] = {}
-    for field in MaterialSpec.model_fields:
-        value = getattr(change, field)
+    for field in FIELDS:
+        value = getattr(change, field, None)
         if isinstance(value, tuple):
             values |= {f"{field}.{k}": draw(each, rng(seed, *path, field, k)) for k, each in enumerate(value)}
         elif isinstance(value, bool):

@@ -15,13 +15,13 @@ from dataset_builder.planning.scene.material_changes import applied, drawn_value
 from dataset_builder.seeding import rng
 from dataset_builder.spec.numbers import draw
 from dataset_builder.spec.problems import nearest, shown
-from dataset_builder.spec.scene import RoomMaterialSpec
+from dataset_builder.spec.scene import RoomMaterialSpec, RoomRole
 
 MAX_TEXTURE = 1024
 """Longest side of a texture in texels, as of mesh files."""
 
 
-def room_materials(spec: Mapping[str, RoomMaterialSpec], images: Mapping[str, str], seed: int,
+def room_materials(spec: Mapping[RoomRole, RoomMaterialSpec], images: Mapping[str, str], seed: int,
                    path: tuple[str | int, ...], where: str) -> tuple[RoomMaterialPlan, ...]:
     """Draw what a room spec says of its materials, each number from a path of its own below `path`.
 
