@@ -25,11 +25,18 @@ from dataset_builder.spec.check import (
 from dataset_builder.spec.dataset import DatasetSpec, SplitSpec
 from dataset_builder.spec.document import Document
 from dataset_builder.spec.families import FAMILIES
-from dataset_builder.spec.image_uses import ImageUse, find_images, image_uses
+from dataset_builder.spec.image_uses import ImageUse, find_images, image_uses, room_image_uses
 from dataset_builder.spec.licences import FREE
 from dataset_builder.spec.mesh_source import MeshSource
 from dataset_builder.spec.model import Model
-from dataset_builder.spec.named_files import key_of, keyed_scene, keyed_split, scene_references, split_references
+from dataset_builder.spec.named_files import (
+    key_of,
+    keyed_room,
+    keyed_scene,
+    keyed_split,
+    scene_references,
+    split_references,
+)
 from dataset_builder.spec.own_fields import check_own_field, check_own_targets
 from dataset_builder.spec.pose_files import find_poses
 from dataset_builder.spec.problems import dotted, problems_of, shown
@@ -61,9 +68,9 @@ class LoadedSpec:
     meshes: Mapping[str, MeshSource]
     """The mesh file of each object that has one, under the object's key."""
     images: Mapping[str, str]
-    """SHA-256 of each image that lights show, by its name in the dataset file."""
+    """SHA-256 of each image that lights and rooms show, by its name from the folder of the dataset file."""
     image_uses: tuple[ImageUse, ...] = ()
-    """Where it names them."""
+    """Where they are named."""
     pose_files: Mapping[str, str] = field(default_factory=dict)
     """SHA-256 of each file that cameras have their poses from, by its path relative to the folder of the dataset
     file."""
@@ -141,6 +148,7 @@ class Resolver:
         self.places: dict[str, str] = {}
         self.scene_files: dict[str, MeshSource] = {}
         self.documents: dict[str, Document] = {}
+        self.image_uses: list[ImageUse] = []
 
     def dataset(self, document: Document) -> LoadedSpec:
         """The dataset that `document` means. Raises SpecError with every problem of every file."""
@@ -148,7 +156,7 @@ class Resolver:
         for path, name in split_references(document.data):
             kind = self._object if path[2] == "objects" else self._scene
             self._follow(document, path, name, "", kind)
-        uses = image_uses(document)
+        uses = (*image_uses(document), *self.image_uses)
         images, problems = find_images(uses, self.root.parent)
         poses, more = find_poses(document, self.root.parent)
         self.problems += [*problems, *more]
@@ -232,7 +240,9 @@ class Resolver:
 
     def _room(self, key: str) -> None:
         if key not in self.rooms and (document := self._read(key)) is not None:
-            self.rooms[key] = self._validated(document, RoomSpec)
+            spec = self._validated(document, RoomSpec)
+            self.rooms[key] = spec and keyed_room(spec, key)
+            self.image_uses += room_image_uses(document, key)
 
 
 def _found(specs: dict[str, AnyModel | None]) -> MappingProxyType[str, AnyModel]:

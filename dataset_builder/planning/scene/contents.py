@@ -12,8 +12,9 @@ from dataset_builder.digest import digest
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.label.scene_plan import FogPlan, ObjectPlan, Param, RoomPlan
 from dataset_builder.label.scene_source import PartPatterns, SceneFilePlan, SceneKind, SceneSource, VariantChoice
-from dataset_builder.planning.scene.assets_of_plan import drawn_changes, require_roles
 from dataset_builder.planning.scene.layout import Place
+from dataset_builder.planning.scene.material_changes import drawn_changes, require_roles
+from dataset_builder.planning.scene.room_finishes import room_materials
 from dataset_builder.seeding import derive_seed, rng
 from dataset_builder.spec.dataset import Shareable, SplitSpec
 from dataset_builder.spec.families import FAMILIES, FamilyParam
@@ -22,7 +23,7 @@ from dataset_builder.spec.licences import FREE
 from dataset_builder.spec.name_patterns import WILD
 from dataset_builder.spec.numbers import AnyNumber, draw
 from dataset_builder.spec.resolve import LoadedSpec
-from dataset_builder.spec.scene import FogSpec, ObjectSpec, RoomSpec
+from dataset_builder.spec.scene import FogSpec, ObjectSpec
 from dataset_builder.spec.scene_files import FRONT_SUFFIX
 from dataset_builder.spec.usd_references import USD_SUFFIXES
 
@@ -120,15 +121,17 @@ def place_of(loaded: LoadedSpec, plan: ObjectPlan) -> str:
                  and _source(spec, key) == plan.source and drawn(spec.scale, spec.up, spec.materials) == wanted), "")
 
 
-def room_plan(spec: RoomSpec, name: str, seed: int, path: Path) -> RoomPlan:
-    """Draw a room."""
+def room_plan(loaded: LoadedSpec, key: str, name: str, path: Path) -> RoomPlan:
+    """Draw the room of file `key`. Raises PlanError for materials that there are not."""
+    spec, seed = loaded.rooms[key], loaded.dataset.seed
 
     def number(key: str) -> float:
         return draw(getattr(spec, key), rng(seed, *path, key))
 
     return RoomPlan(name=name, seed=str(derive_seed(seed, *path, "material")), width=number("width"),
                     depth=number("depth"), height=number("height"), ceiling=spec.ceiling, glazing=spec.glazing,
-                    windows=round(number("windows")), skirting=number("skirting"))
+                    windows=round(number("windows")), skirting=number("skirting"),
+                    materials=room_materials(spec.materials, loaded.images, seed, (*path, "materials"), key))
 
 
 def fog_plan(spec: FogSpec | None, seed: int, path: Path) -> FogPlan:
@@ -148,7 +151,7 @@ def _scene_plan(loaded: LoadedSpec, split: str, index: int, key: str, things: Th
             pieces.append(PiecePlan(object=plan, place=furniture.place, number=(entry, copy)))
     name = f"{split}-room-{index:02d}"
     room = (_file_room(loaded, spec.file, key, name, things) if spec.file is not None else
-            room_plan(loaded.rooms[str(spec.room)], name, seed, (*path, "room")))
+            room_plan(loaded, str(spec.room), name, (*path, "room")))
     return ScenePlan(room=room, furniture=tuple(pieces), target=spec.target, space=spec.space,
                      fog=fog_plan(spec.fog, seed, (*path, "fog")), number=index, key=key, file=spec.file)
 
