@@ -4,6 +4,7 @@ import argparse
 import json
 from pathlib import Path
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 from dataset_builder.api import DATASETS
 from dataset_builder.cli.common import (
@@ -20,6 +21,16 @@ from dataset_builder.cli.common import (
 )
 from dataset_builder.cli.engine import add_engine, engine_of
 from dataset_builder.errors import UserError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from dataset_builder.engine.unit import Outcome
+    from dataset_builder.shards.staging import Staging
+    from dataset_builder.spec.resolve import LoadedSpec
+
+NO_PICTURE = (UserError, OSError, ValueError, RuntimeError, ArithmeticError, MemoryError)
+"""What may go wrong with pictures of what is finished."""
 
 
 def add(verbs: Verbs) -> None:
@@ -54,7 +65,7 @@ def add(verbs: Verbs) -> None:
                             "at least; none for a single worker, which is this process unless a limit is given)")
     add_engine(build)
     build.add_argument("--example", type=int, action="append", default=[],
-                       help="only stage example N; repeat for more")
+                       help="only stage example N, and write a page of it; repeat for more")
     build.add_argument("--part", metavar="K/N", help="only stage part K of N, for `merge`")
     merge = add_verb(verbs, "merge", _merge, "publish the dataset whose parts `build --part` staged")
     add_spec(merge)
@@ -118,10 +129,11 @@ def _build(options: argparse.Namespace) -> int:
     from dataset_builder.builder import build
     from dataset_builder.engine.dataset_part import DatasetPart
     from dataset_builder.engine.outcomes import Tally
-    from dataset_builder.engine.unit import BuildJob
+    from dataset_builder.engine.unit import BuildJob, Outcome
     from dataset_builder.report.against_table import runs_line
     from dataset_builder.report.build_progress import Following
     from dataset_builder.report.console import build_table, rejected_lines
+    from dataset_builder.shards.staging import Staging
     from dataset_builder.spec.load import load_dataset
 
     console, start = plain_console(), perf_counter()
@@ -129,13 +141,14 @@ def _build(options: argparse.Namespace) -> int:
     loaded = load_dataset(options.spec, options.overrides)
     folder = options.out or DATASETS / (loaded.dataset.name + (f"-part-{part.number}-of-{part.of}" if part else ""))
     shown = Following(console)
-    tally, manifest, record = Tally(), None, None
+    tally, manifest, record, single = Tally(), None, None, list[Outcome]()
     with engine_of(options, console) as engine:
         news = build(loaded, folder, backend=engine.backend, workers=engine.workers, only=options.example, part=part,
                      replace_other=options.replace, cache=options.cache, cache_size=options.cache_size,
                      told=shown.field, run=engine.run, staging_url=engine.staging_url, unit_limit=options.unit_limit)
         for event in shown.events(news):
             tally.add(event.outcomes)
+            single += event.outcomes if options.example else ()
             manifest, record = event.manifest or manifest, event.part or record
     rejected = manifest.rejected if manifest else tally.rejected
     for line in rejected_lines(rejected, folder):
@@ -147,6 +160,8 @@ def _build(options: argparse.Namespace) -> int:
         staged, before = tally.examples - len(rejected), len(set(options.example)) - tally.examples
         console.print(f"{staged} examples staged in {folder}, {before} already published; build without --example to "
                       "finish", highlight=False, soft_wrap=True)
+        for line in _pages(single, loaded, folder, Staging(folder, engine.staging_url)):
+            console.print(line, highlight=False, markup=False, soft_wrap=True)
     else:
         console.print(build_table(manifest, tally, perf_counter() - start))
         job = BuildJob.of(loaded, folder, backend=options.backend, threads=1, cache=options.cache,
@@ -177,6 +192,17 @@ def _merge(options: argparse.Namespace) -> int:
     return 0
 
 
+def _pages(outcomes: "list[Outcome]", loaded: "LoadedSpec", folder: Path, staging: "Staging") -> "Iterator[str]":
+    """Make the pages of single examples; where they are, or a warning, since the examples do not need them."""
+    from dataset_builder.report.staged_example import look_at_outcomes
+
+    try:
+        for key, found in look_at_outcomes(outcomes, loaded, folder, staging):
+            yield f"page of {key}: {found.page}" + (f", picture: {found.picture}" if found.picture else "")
+    except NO_PICTURE as error:
+        yield f"warning: no page ({error})"
+
+
 def _sheet(folder: Path) -> str:
     """Make the contact sheet of a finished dataset; where it is, or a warning, since the dataset does not need it."""
     from dataset_builder.report.dataset_summary import write_contact_sheet
@@ -184,6 +210,6 @@ def _sheet(folder: Path) -> str:
 
     try:
         write_contact_sheet(folder, folder / SHEET)
-    except (UserError, OSError, ValueError, RuntimeError, ArithmeticError, MemoryError) as error:
+    except NO_PICTURE as error:
         return f"warning: no contact sheet ({error})"
     return f"contact sheet: {folder / SHEET}"

@@ -172,6 +172,8 @@ class LightPlan(Model):
 
     kind: LightName
     """What emits; see above for what the other keys mean by kind."""
+    name: str = ""
+    """As the spec or the scene file has it; empty for lights that are drawn and for lamps without a name."""
     position: Vector
     """Of its middle, metres."""
     direction: Vector

@@ -142,6 +142,24 @@ def check_scenes(dataset: DatasetSpec, document: Document, scenes: Mapping[str, 
     return problems
 
 
+def check_lamps(dataset: DatasetSpec, document: Document, scenes: Mapping[str, SceneSpec]) -> list[Problem]:
+    """Splits with several lights for each view where none is drawn, all of which would be equal; and lamps that are to
+    shine alone in scenes with lights of their own."""
+    problems: list[Problem] = []
+    for number, split in enumerate(dataset.splits):
+        path = ("splits", number, "lights")
+        own = [file.lights for key in split.scenes.source if key in scenes and (file := scenes[key].file) is not None
+               and file.lights.use != "replaced"]
+        if split.lights == "each" and own:
+            problems.append(document.problem(path, "expected a number where scenes have lights of their own, got each",
+                                             "write `use: replaced` in the scene's `lights`"))
+        elif not dataset.target.drawn and not own and split.lights not in ("each", 1):
+            problems.append(document.problem(path, "expected 1 or each, since nothing about the lamps of `target` is "
+                                             f"drawn and all lights of a view would be equal, got {split.lights}",
+                                             "draw a number of a lamp, as `dim: {uniform: [0.5, 1]}`"))
+    return problems
+
+
 def check_licence(dataset: DatasetSpec, document: Document, parts: Mapping[str, str]) -> str | Problem:
     """The licence of a dataset of parts with these licences, by the files that say so: the given one, or what follows
     from theirs; or what is wrong."""

@@ -10,16 +10,14 @@ from dataset_builder.spec.field import FieldSpec, SeenSpec, require_seen
 from dataset_builder.spec.file_scene import ThingQuery
 from dataset_builder.spec.layer_extents import LayerExtents
 from dataset_builder.spec.licences import Licence
-from dataset_builder.spec.light import SourceSpec, TargetSpec
+from dataset_builder.spec.light import LightCount, SourceSpec, TargetSpec
 from dataset_builder.spec.model import Model, broken
-from dataset_builder.spec.numbers import Interval, Share, branches, interval
+from dataset_builder.spec.numbers import MOST_EXAMPLES, Count, Interval, Share, branches, interval
 from dataset_builder.spec.render import ImageSpec, RenderSpec
 from dataset_builder.spec.rough import Level, RoughSpec
 
 Shareable = Literal["objects", "scenes"]
 """What two splits may have in common, where one says so."""
-MOST_EXAMPLES = 1_000_000
-Count = Annotated[int, Field(ge=1, le=MOST_EXAMPLES)]
 
 
 class ObjectsSpec(Model):
@@ -77,8 +75,9 @@ class SplitSpec(Model):
     """Number of (object, scene) pairs; `all` uses every combination."""
     views: Count = 1
     """Cameras per pair."""
-    lights: Count = 1
-    """Target lights per view, or per pair."""
+    lights: LightCount = 1
+    """Target lights per view, or per pair. each: one for each lamp of `target.lights` that is on, that lamp alone, as
+    it is among all of them, without light from outside."""
     lights_per: Literal["view", "pair"] = "view"
     """What has source and target lights of its own. view: each view. pair: all views of a pair are lit the same, by
     lights that are in no view's way and are judged by what all of them see."""
@@ -177,8 +176,16 @@ class DatasetSpec(Model):
         return self.split_of(split).camera or self.camera
 
     @model_validator(mode="after")
+    def _lamps_take_turns(self) -> "DatasetSpec":
+        for index, split in enumerate(self.splits):
+            if split.lights == "each" and not self.target.lamps:
+                raise broken("expected a list of lamps in `target.lights`, each to shine alone, got random lights",
+                             path=("splits", index, "lights"))
+        return self
+
+    @model_validator(mode="after")
     def _few_enough_examples(self) -> "DatasetSpec":
-        counts = [len(split.levels(self.rough)) * split.lights * split.views * (
+        counts = [len(split.levels(self.rough)) * self.target.count_of(split.lights) * split.views * (
             split.objects.count * split.scenes.count if split.pairs == "all" else split.pairs)
             for split in self.splits]
         if (total := sum(counts)) > MOST_EXAMPLES:

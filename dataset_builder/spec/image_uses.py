@@ -78,6 +78,10 @@ def _named(data: Any) -> Iterator[tuple[KeyPath, str, tuple[str, ...]]]:
     for index, name in enumerate(textures if isinstance(textures, tuple) else ()):
         if isinstance(name, str):
             yield ("target", "textures", index), name, TEXTURE_SUFFIXES
+    lamps = _at(_at(data, "target"), "lights")
+    for index, lamp in enumerate(lamps if isinstance(lamps, tuple) else ()):
+        if isinstance(name := _at(lamp, "texture"), str) and name:
+            yield ("target", "lights", index, "texture"), name, TEXTURE_SUFFIXES
 
 
 def _at(data: Any, key: str) -> Any:

@@ -13,7 +13,15 @@ from pydantic import ValidationError
 
 from dataset_builder.digest import digest
 from dataset_builder.errors import Problem, SpecError
-from dataset_builder.spec.check import check_licence, check_object, check_scenes, check_splits, files_like, find_mesh
+from dataset_builder.spec.check import (
+    check_lamps,
+    check_licence,
+    check_object,
+    check_scenes,
+    check_splits,
+    files_like,
+    find_mesh,
+)
 from dataset_builder.spec.dataset import DatasetSpec, SplitSpec
 from dataset_builder.spec.document import Document
 from dataset_builder.spec.families import FAMILIES
@@ -142,6 +150,7 @@ class Resolver:
             spec = spec.model_copy(update={"splits": tuple(map(keyed_split, spec.splits))})
             self.problems += check_splits(spec, document, self.meshes)
             self.problems += check_scenes(spec, document, _found(self.scenes), self.scene_files)
+            self.problems += check_lamps(spec, document, _found(self.scenes))
             self.problems += check_own_targets(spec, document, _found(self.objects))
             licence = check_licence(spec, document, _licences(_found(self.objects), _found(self.scenes)))
             if isinstance(licence, Problem):
