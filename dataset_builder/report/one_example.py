@@ -42,7 +42,7 @@ def look_at_example(folder: Path | str, text: str, out: Path | None = None) -> E
     dataset = open_dataset(folder)
     key = key_of(dataset, text)
     manifest = dataset.manifest
-    return write_example(dataset[key], key, out or previews_of(folder), 
+    return write_example(dataset[key], key, out or previews_of(folder),
                          lead=[f"{manifest.title} {manifest.version}, spec {manifest.spec_digest[:DIGITS]}"])
 
 
