@@ -22,7 +22,6 @@ from dataset_builder.cli.common import (
 from dataset_builder.cli.engine import add_engine, engine_of
 from dataset_builder.cli.watched import add_html, followed
 from dataset_builder.errors import UserError
-from dataset_builder.processes import cores
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -42,12 +41,13 @@ def add(verbs: Verbs) -> None:
     plan.add_argument("--example", type=int, action="append", default=[],
                       help="print the whole plan of example N as JSON")
     plan.add_argument("--views", type=positive, default=24, help="views to plan in full; the rest is extrapolated")
-    plan.add_argument("--workers", type=positive, help="processes that are to share the build (default: one per core)")
-    plan.add_argument("--speed", type=positive_number, default=1.0, metavar="X",
-                      help="of a worker, over the core that rates were measured on (default: 1)")
+    plan.add_argument("--workers", type=positive, help="processes that are to share the build (default: as of `build`)")
+    plan.add_argument("--speed", type=positive_number, metavar="X",
+                      help="of a worker, over the core that rates were measured on (default: 1; on a GPU, of which no "
+                           "rate is known, time is predicted only with it)")
     plan.add_argument("--price", type=positive_number, default=0.0, metavar="X", help="of a worker for an hour")
     plan.add_argument("--egress", type=positive_number, default=0.0, metavar="X",
-                      help="price of a GB that leaves the place where it was made")
+                      help="price of a GB (1e9 bytes) that leaves the place where it was made")
     plan.add_argument("--against", type=local_folder, metavar="DIR",
                       help="compare with the dataset in DIR: what would run again, and what changed")
     add_cache(plan)
@@ -96,6 +96,7 @@ def _plan(options: argparse.Namespace) -> int:
     from dataset_builder.planning.fleet import Fleet
     from dataset_builder.planning.plan import Planner, first_plan, plan_example
     from dataset_builder.planning.precheck import meshes_named
+    from dataset_builder.rendering.backend import default_workers, gpu_usable, on_gpu
     from dataset_builder.rendering.scene.image_check import check_images
     from dataset_builder.report.against_table import against_table
     from dataset_builder.report.console import decisions_table, estimate_table, files_table
@@ -112,9 +113,13 @@ def _plan(options: argparse.Namespace) -> int:
     if options.against:
         plain_console().print(against_table(against(planner, options.against, job)))
     elif not options.example:
-        fleet = Fleet(workers=options.workers or cores(), speed=options.speed, price=options.price,
-                      egress=options.egress)
-        cost = estimate(planner, views=options.views, cores=fleet.workers, known=fields_known(job))
+        gpu = on_gpu(options.backend)
+        if gpu and options.price and not options.speed:
+            raise UserError("--price: expected --speed with it on a GPU, of which no rate is known")
+        fleet = Fleet(workers=options.workers or default_workers(options.backend), gpu=gpu, speed=options.speed,
+                      price=options.price, egress=options.egress)
+        known = fields_known(job) if not gpu or gpu_usable() else lambda *_: False
+        cost = estimate(planner, views=options.views, cores=fleet.workers, known=known)
         plain_console().print(estimate_table(cost, fleet))
         if cost.files:
             plain_console().print(files_table(cost.files))

@@ -68,11 +68,6 @@ def plus_minus(found: "ClusteredMean", metric: str, sign: str = "") -> str:
     return rounded(found.mean, metric, sign) + error
 
 
-def count_of(number: int, what: str) -> str:
-    """So many things: `1 object`, `2 objects`."""
-    return f"{number:,} {what}{'s' if number != 1 else ''}"
-
-
 def heading(metric: "Metric") -> str:
     """Symbol and unit of a metric, and which way is better."""
     return f"{metric.symbol}{f', {metric.unit}' if metric.unit else ''} ({metric.better} is better)"
