@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from dataset_builder.api import DATASETS
 from dataset_builder.cli import common
+from dataset_builder.cli.inspect_one import add_one, inspect_one
 from dataset_builder.errors import UserError
 from dataset_builder.remote.address import shown, title_of
 
@@ -26,6 +27,7 @@ def add(verbs: common.Verbs) -> None:
     inspect.add_argument("--rows", type=common.positive, default=12, help="examples on the contact sheet (default: 12)")
     inspect.add_argument("--sequence", metavar="NAME", help="write a strip and an animation of views that follow "
                          "each other, by the name in their labels, and nothing else")
+    add_one(inspect)
     _add_gallery(inspect)
     families = common.add_verb(verbs, "families", _families, "embedded furniture and its parameters")
     families.add_argument("family", nargs="?")
@@ -76,8 +78,11 @@ def _inspect(options: argparse.Namespace) -> int:
         found = write_preview(options.folder, options.sequence)
         print(f"strip: {found.strip}\nanimation of {found.views} views: {found.animation}")
         return 0
+    one = inspect_one(options)
     if options.html:
         return _gallery(options)
+    if one:
+        return 0
     if given := [name for name, value in (("--count", options.count), ("--split", options.splits),
                                          ("--layers", options.layers)) if value]:
         raise UserError(f"{given[0]}: expected --html OUT with it, since it chooses what a gallery shows")

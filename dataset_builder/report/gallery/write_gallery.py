@@ -3,6 +3,7 @@
 from base64 import b64encode
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import BinaryIO
@@ -136,7 +137,7 @@ def _in_a_file(out: Path, page: Callable[[Keep, str], str]) -> int:
             return f"data:image/jpeg;base64,{b64encode(thumb).decode()}"
 
         head, tail = page(keep, "").split(HERE)
-        size, _ = write_partial(out, [head.encode(), *_read(waiting), tail.encode()])
+        size, _ = write_partial(out, chain([head.encode()], _read(waiting), [tail.encode()]))
         commit(out)
     return size
 
