@@ -113,8 +113,8 @@ def test_some_of_it(tiny: Path, tmp_path: Path) -> None:
     page = made(tiny, tmp_path / "out", count=2, layers=["mask", "d"]).page
     gallery = gallery_of(page)
     assert [example["key"] for example in gallery["examples"]] == ["00000000", "00000003"]
-    assert gallery["about"]["splits"] == [{"name": "train", "shown": 1, "examples": 3},
-                                          {"name": "test", "shown": 1, "examples": 1}]
+    assert gallery["about"]["splits"] == {"train": {"shown": 1, "examples": 3}, "test": {"shown": 1, "examples": 1}}
+    assert (gallery["about"]["examples"], list(gallery["about"]["layers"])) == (4, ["d", "mask"])
     assert gallery["examples"][0]["errors"] == {}
     assert {tuple(layer["name"] for layer in payload["layers"]) for payload in payloads_of(page).values()} == {
         ("d", "mask")}
