@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from dataset_builder.api import DATASETS
 from dataset_builder.cli import common
+from dataset_builder.cli.inspect_one import add_one, inspect_one
 from dataset_builder.errors import UserError
 from dataset_builder.remote.address import shown, title_of
 
@@ -26,6 +27,7 @@ def add(verbs: common.Verbs) -> None:
     inspect.add_argument("--rows", type=common.positive, default=12, help="examples on the contact sheet (default: 12)")
     inspect.add_argument("--sequence", metavar="NAME", help="write a strip and an animation of views that follow "
                          "each other, by the name in their labels, and nothing else")
+    add_one(inspect)
     _add_gallery(inspect)
     families = common.add_verb(verbs, "families", _families, "embedded furniture and its parameters")
     families.add_argument("family", nargs="?")
@@ -69,6 +71,7 @@ def _inspect(options: argparse.Namespace) -> int:
     from dataset_builder.report.dataset_summary import summary_tables, write_contact_sheet
     from dataset_builder.report.sequence_preview import write_preview
 
+    _require_together(options)
     if options.sequence:
         if isinstance(options.folder, str):
             rule = f"--sequence: expected a folder on this machine, got the address {shown(options.folder)}"
@@ -76,11 +79,11 @@ def _inspect(options: argparse.Namespace) -> int:
         found = write_preview(options.folder, options.sequence)
         print(f"strip: {found.strip}\nanimation of {found.views} views: {found.animation}")
         return 0
+    one = inspect_one(options)
     if options.html:
         return _gallery(options)
-    if given := [name for name, value in (("--count", options.count), ("--split", options.splits),
-                                         ("--layers", options.layers)) if value]:
-        raise UserError(f"{given[0]}: expected --html OUT with it, since it chooses what a gallery shows")
+    if one:
+        return 0
     for table in summary_tables(options.folder):
         common.plain_console().print(table)
     if isinstance(options.folder, str) and not options.sheet:
@@ -90,6 +93,18 @@ def _inspect(options: argparse.Namespace) -> int:
     write_contact_sheet(options.folder, sheet, rows=options.rows)
     print(f"contact sheet: {sheet}")
     return 0
+
+
+def _require_together(options: argparse.Namespace) -> None:
+    """Raise UserError where an option would be passed over without a word."""
+    if not options.html:
+        given = [name for name, value in (("--count", options.count), ("--split", options.splits),
+                                          ("--layers", options.layers)) if value]
+        if given:
+            raise UserError(f"{given[0]}: expected --html OUT with it, since it chooses what a gallery shows")
+    elif options.sequence or options.sheet:
+        other = "--sequence" if options.sequence else "--sheet"
+        raise UserError(f"--html: expected no {other} with it, since nothing but the gallery is written (run it apart)")
 
 
 def _gallery(options: argparse.Namespace) -> int:

@@ -40,6 +40,8 @@ def _splits(dataset: Dataset, labels: list[ExampleLabel]) -> Table:
         table.add_row(split.name, str(split.examples), str(len({plan.target.object.name for plan in own})),
                       str(len({plan.room.name for plan in own})),
                       ", ".join(f"{kind} {count}" for kind, count in kinds.most_common()))
+    if manifest.in_common:
+        table.caption = ". ".join(one.sentence for one in manifest.in_common)
     return table
 
 

@@ -13,16 +13,32 @@ from pydantic import ValidationError
 
 from dataset_builder.digest import digest
 from dataset_builder.errors import Problem, SpecError
-from dataset_builder.spec.check import check_licence, check_object, check_scenes, check_splits, files_like, find_mesh
+from dataset_builder.spec.check import (
+    check_lamps,
+    check_licence,
+    check_object,
+    check_scenes,
+    check_splits,
+    files_like,
+    find_mesh,
+)
 from dataset_builder.spec.dataset import DatasetSpec, SplitSpec
 from dataset_builder.spec.document import Document
 from dataset_builder.spec.families import FAMILIES
-from dataset_builder.spec.image_uses import ImageUse, find_images, image_uses
+from dataset_builder.spec.image_uses import ImageUse, find_images, image_uses, room_image_uses
 from dataset_builder.spec.licences import FREE
 from dataset_builder.spec.mesh_source import MeshSource
 from dataset_builder.spec.model import Model
-from dataset_builder.spec.named_files import key_of, keyed_scene, keyed_split, scene_references, split_references
+from dataset_builder.spec.named_files import (
+    key_of,
+    keyed_room,
+    keyed_scene,
+    keyed_split,
+    scene_references,
+    split_references,
+)
 from dataset_builder.spec.own_fields import check_own_field, check_own_targets
+from dataset_builder.spec.pose_files import find_poses
 from dataset_builder.spec.problems import dotted, problems_of, shown
 from dataset_builder.spec.scene import ObjectSpec, RoomSpec, SceneSpec
 from dataset_builder.spec.scene_files import find_scene
@@ -52,9 +68,12 @@ class LoadedSpec:
     meshes: Mapping[str, MeshSource]
     """The mesh file of each object that has one, under the object's key."""
     images: Mapping[str, str]
-    """SHA-256 of each image that lights show, by its name in the dataset file."""
+    """SHA-256 of each image that lights and rooms show, by its name from the folder of the dataset file."""
     image_uses: tuple[ImageUse, ...] = ()
-    """Where it names them."""
+    """Where they are named."""
+    pose_files: Mapping[str, str] = field(default_factory=dict)
+    """SHA-256 of each file that cameras have their poses from, by its path relative to the folder of the dataset
+    file."""
     places: Mapping[str, str] = field(default_factory=dict)
     """Where each object that has a mesh file names it, `file:line`, under the object's key."""
     scene_files: Mapping[str, MeshSource] = field(default_factory=dict)
@@ -83,8 +102,8 @@ class LoadedSpec:
                  for kind, specs in groups.items()}
         files = {kind: {key: source.content() for key, source in sources.items()}
                  for kind, sources in (("meshes", self.meshes), ("scene_files", self.scene_files))}
-        return {"dataset": self.dataset.model_dump(mode="json", by_alias=True), "images": dict(self.images), **files,
-                **plain}
+        return {"dataset": self.dataset.model_dump(mode="json", by_alias=True), "images": dict(self.images),
+                "pose_files": dict(self.pose_files), **files, **plain}
 
     def split_digest(self, split: SplitSpec, first: int) -> str:
         """SHA-256 over what the examples of a split depend on, the first of which has the index `first`.
@@ -100,9 +119,11 @@ class LoadedSpec:
         dataset = {key: value for key, value in content["dataset"].items() if key not in SAID}
         scenes = set(split.scenes.source)
         own = {"scenes": scenes, "scene_files": scenes, "rooms": rooms, "objects": objects, "meshes": objects}
-        return digest({"dataset": dataset, "split": split.model_dump(mode="json", by_alias=True), "first": first,
-                       "images": content["images"], **{kind: {key: value for key, value in content[kind].items()
-                                                              if key in names} for kind, names in own.items()}})
+        return digest({"dataset": dataset, "split": split.model_dump(mode="json", by_alias=True,
+                                                                     exclude={"allow_shared"}), "first": first,
+                       "images": content["images"], "pose_files": content["pose_files"],
+                       **{kind: {key: value for key, value in content[kind].items() if key in names}
+                          for kind, names in own.items()}})
 
 
 def validated(document: Document, model: type[AnyModel]) -> AnyModel | list[Problem]:
@@ -127,6 +148,7 @@ class Resolver:
         self.places: dict[str, str] = {}
         self.scene_files: dict[str, MeshSource] = {}
         self.documents: dict[str, Document] = {}
+        self.image_uses: list[ImageUse] = []
 
     def dataset(self, document: Document) -> LoadedSpec:
         """The dataset that `document` means. Raises SpecError with every problem of every file."""
@@ -134,13 +156,15 @@ class Resolver:
         for path, name in split_references(document.data):
             kind = self._object if path[2] == "objects" else self._scene
             self._follow(document, path, name, "", kind)
-        uses = image_uses(document)
+        uses = (*image_uses(document), *self.image_uses)
         images, problems = find_images(uses, self.root.parent)
-        self.problems += problems
+        poses, more = find_poses(document, self.root.parent)
+        self.problems += [*problems, *more]
         if spec is not None:
             spec = spec.model_copy(update={"splits": tuple(map(keyed_split, spec.splits))})
             self.problems += check_splits(spec, document, self.meshes)
             self.problems += check_scenes(spec, document, _found(self.scenes), self.scene_files)
+            self.problems += check_lamps(spec, document, _found(self.scenes))
             self.problems += check_own_targets(spec, document, _found(self.objects))
             licence = check_licence(spec, document, _licences(_found(self.objects), _found(self.scenes)))
             if isinstance(licence, Problem):
@@ -151,7 +175,8 @@ class Resolver:
             raise SpecError(dict.fromkeys(self.problems))
         return LoadedSpec(path=self.root, dataset=spec, objects=_found(self.objects), scenes=_found(self.scenes),
                           rooms=_found(self.rooms), meshes=MappingProxyType(self.meshes),
-                          images=MappingProxyType(images), image_uses=uses, places=MappingProxyType(self.places),
+                          images=MappingProxyType(images), image_uses=uses, pose_files=MappingProxyType(poses),
+                          places=MappingProxyType(self.places),
                           scene_files=MappingProxyType(self.scene_files),
                           documents=MappingProxyType({"": document, **self.documents}))
 
@@ -215,7 +240,9 @@ class Resolver:
 
     def _room(self, key: str) -> None:
         if key not in self.rooms and (document := self._read(key)) is not None:
-            self.rooms[key] = self._validated(document, RoomSpec)
+            spec = self._validated(document, RoomSpec)
+            self.rooms[key] = spec and keyed_room(spec, key)
+            self.image_uses += room_image_uses(document, key)
 
 
 def _found(specs: dict[str, AnyModel | None]) -> MappingProxyType[str, AnyModel]:

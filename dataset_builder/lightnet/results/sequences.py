@@ -28,12 +28,12 @@ from dataset_builder.remote.address import title_of
 from dataset_builder.shards.reader import load_manifest, open_dataset
 
 TRUTH, DEPTH = "truth", "depth"
-ORBIT = "give a split of the spec a camera with an `orbit`, and build it"
+PATH = "give a split of the spec a camera with a `path`, and build it"
 
 
 @dataclass(frozen=True, kw_only=True)
 class ViewSequence:
-    """Examples of one orbit under one light, at one noise level."""
+    """Examples of one path under one light, at one noise level."""
 
     name: str
     indices: tuple[int, ...]
@@ -83,7 +83,7 @@ def sequence_split(folder: Path | str) -> str:
     for name, keys in dataset.splits.items():
         if keys and dataset.label(keys[0]).plan.sequence.name:
             return name
-    raise UserError([Problem(where=title_of(folder), path="splits", hint=ORBIT,
+    raise UserError([Problem(where=title_of(folder), path="splits", hint=PATH,
                              rule=f"expected a split with sequences, got {', '.join(dataset.splits)} without")])
 
 
@@ -103,7 +103,7 @@ def sequences_of(dataset: LightingDataset) -> list[ViewSequence]:
             name = plan.sequence.example_name(plan.light, plan.rough.level)
             found.setdefault(name, []).append((plan.sequence, index))
     if not found:
-        raise UserError([Problem(where=where, path=f"split {dataset.split}", hint=ORBIT,
+        raise UserError([Problem(where=where, path=f"split {dataset.split}", hint=PATH,
                                  rule="expected sequences, got views that do not follow each other")])
     return [_sequence(name, sorted(views, key=lambda view: view[0].frame)) for name, views in found.items()]
 
