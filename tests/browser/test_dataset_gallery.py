@@ -68,6 +68,7 @@ def test_a_rejected_example_is_opened(page: "Page", address: str) -> None:
     assert "3 <b>NaN</b> in i_t" in rows.nth(1).inner_text()
     assert rows.nth(0).get_by_role("button").count() == 0
     rows.nth(1).get_by_role("button", name="Look").click()
-    page.get_by_role("heading", name=f"{LOST} rejected").wait_for()
+    page.get_by_role("heading", name="Rejected example").wait_for()
     page.locator("canvas[data-layer=i_t]").wait_for()
-    assert "finite: 3 <b>NaN</b> in i_t" in page.locator(".head").inner_text()
+    head = page.locator(".head").inner_text()
+    assert "finite: 3 <b>NaN</b> in i_t" in head and LOST in head

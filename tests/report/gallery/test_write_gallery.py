@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from dataset_builder.cli.main import main
 from dataset_builder.errors import OutputError, ShardError, UserError
 from dataset_builder.report.gallery import write_gallery as written
 from dataset_builder.report.gallery.write_gallery import GalleryDone, GalleryJob, write_gallery
@@ -113,8 +114,8 @@ def test_some_of_it(tiny: Path, tmp_path: Path) -> None:
     page = made(tiny, tmp_path / "out", count=2, layers=["mask", "d"]).page
     gallery = gallery_of(page)
     assert [example["key"] for example in gallery["examples"]] == ["00000000", "00000003"]
-    assert gallery["about"]["splits"] == [{"name": "train", "shown": 1, "examples": 3},
-                                          {"name": "test", "shown": 1, "examples": 1}]
+    assert gallery["about"]["splits"] == {"train": {"shown": 1, "examples": 3}, "test": {"shown": 1, "examples": 1}}
+    assert (gallery["about"]["examples"], list(gallery["about"]["layers"])) == (4, ["d", "mask"])
     assert gallery["examples"][0]["errors"] == {}
     assert {tuple(layer["name"] for layer in payload["layers"]) for payload in payloads_of(page).values()} == {
         ("d", "mask")}
@@ -201,3 +202,14 @@ def test_a_dataset_at_an_address(tiny: Path, tmp_path: Path, monkeypatch: pytest
     assert {name: data for name, data in theirs.items() if name != "index.html"} == {
         name: data for name, data in ours.items() if name != "index.html"}
 
+
+
+@pytest.mark.parametrize(("options", "rule"), [
+    (["--count", "2"], "--count: expected --html OUT with it"), (["--split", "test"], "--split: expected --html OUT"),
+    (["--html", "x.html", "--sequence", "turn"], "--html: expected no --sequence with it"),
+    (["--html", "x.html", "--sheet", "y.png"], "--html: expected no --sheet with it")])
+def test_options_that_would_be_passed_over(tiny: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                           capsys: pytest.CaptureFixture[str], options: list[str], rule: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["inspect", str(tiny), *options]) == 2
+    assert rule in capsys.readouterr().err and not list(tmp_path.iterdir())
