@@ -2,7 +2,7 @@
 SHELL := /bin/sh
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help system install trainer dataset test test-gpu check schema bench clean
+.PHONY: help system install trainer dataset test test-gpu check schema front bench clean
 
 VENV := .venv
 PY := $(VENV)/bin/python
@@ -48,6 +48,9 @@ check: $(WHOLE)  ## lint and types
 schema: $(WHOLE)  ## write the JSON Schemas that editors read and the tables of docs/specs.md and docs/label.md, after a change of the models
 	@$(PY) tools/export_schema.py
 	@$(PY) tools/spec_tables.py
+
+front:  ## the libraries that pages carry, pinned in tools/front, into report/front/vendor; needs Node and npm
+	@python3 tools/vendor_front.py
 
 bench: $(WHOLE)  ## the claims of the README, as ratios from one run each
 	@set -e; for file in benchmarks/[a-z]*.py; do echo "== $$file"; $(PY) "$$file" $(ARGS); done

@@ -1,6 +1,7 @@
 """Build a dataset: decide keep or build per shard, run the missing views, publish each shard when its examples are
 there."""
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -29,7 +30,7 @@ from dataset_builder.planning.plan import Planner
 from dataset_builder.planning.precheck import probe
 from dataset_builder.processes import cores
 from dataset_builder.rendering import oidn
-from dataset_builder.rendering.backend import choose
+from dataset_builder.rendering.backend import default_workers
 from dataset_builder.rendering.scene.image_check import check_images
 from dataset_builder.shards.folder import Claim, require_ours
 from dataset_builder.shards.manifest import Manifest, Rejected
@@ -48,6 +49,10 @@ class Event:
 
     wanted: int | None = None
     """How many examples there are to make: the first event of all."""
+    splits: Mapping[str, int] | None = None
+    """How many of them each split has."""
+    workers: int = 1
+    """How many processes render, told with it."""
     denoised: tuple[Denoised, ...] = ()
     """How far denoised layers may be trusted."""
     field: FieldNews | None = None
@@ -89,7 +94,7 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
         require_store(cache, folder)
     if workers is not None and (not isinstance(workers, int) or workers < 1):
         raise UserError(f"workers: expected a whole number >= 1, or None for one per core, got {workers!r}")
-    workers = workers or (1 if choose(backend).variant.startswith("cuda") else cores())
+    workers = workers or default_workers(backend)
     job = BuildJob.of(loaded, folder, backend=backend, threads=max(1, cores() // workers), cache=cache,
                       cache_size=cache_size, staging_url=staging_url)
     if part and staging_url:
@@ -122,7 +127,7 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
         progress = Progress(rejected=dict(known), shards={task.slot: task.keep for task in tasks if task.keep})
         wanted = [ref for task in missing for ref in task.examples if ref in chosen]
         _require_space(job, loaded.dataset, len(wanted))
-        yield Event(wanted=len(wanted))
+        yield Event(wanted=len(wanted), splits=Counter(ref.view.pair.split for ref in wanted), workers=workers)
         if part and (staged := known_outcomes(folder, part, loaded.spec_digest, made_by, wanted)):
             progress.add(staged)
             yield Event(outcomes=tuple(staged))

@@ -26,7 +26,8 @@ DOCS = Path(__file__).resolve().parent.parent / "docs"
 START, END = "<!-- tables: made by tools/spec_tables.py -->", "<!-- end of tables -->"
 PLAIN = {int: "whole number", float: "number", str: "text", bool: "true or false"}
 BY_HAND = {
-    (DatasetSpec, "layers"): ("a mapping of layers to `object` or `frame`", "the paper's six, each `object`"),
+    (DatasetSpec, "layers"): ("a mapping of layers to `object` or `frame`, or a list of layers",
+                              "the paper's six, each `object`"),
     (RoughSpec, "sigma"): ("number or distribution, >= 0, or a list of them", "`0.004`"),
     (RoughSpec, "level"): ("`smooth`, `light`, `medium`, `heavy` or `extreme`, or a list of them", "none"),
     (ExampleLabel, "layers"): ("a mapping of layers to mappings, below", ""),

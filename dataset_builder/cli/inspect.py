@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from dataset_builder.api import DATASETS
 from dataset_builder.cli import common
+from dataset_builder.cli.inspect_one import add_one, inspect_one
 from dataset_builder.errors import UserError
 from dataset_builder.remote.address import shown, title_of
 
@@ -26,6 +27,8 @@ def add(verbs: common.Verbs) -> None:
     inspect.add_argument("--rows", type=common.positive, default=12, help="examples on the contact sheet (default: 12)")
     inspect.add_argument("--sequence", metavar="NAME", help="write a strip and an animation of views that follow "
                          "each other, by the name in their labels, and nothing else")
+    add_one(inspect)
+    _add_gallery(inspect)
     families = common.add_verb(verbs, "families", _families, "embedded furniture and its parameters")
     families.add_argument("family", nargs="?")
     schema = common.add_verb(verbs, "schema", _schema, "write the JSON Schemas of specs")
@@ -43,6 +46,16 @@ def add(verbs: common.Verbs) -> None:
     common.add_networks(verb)
     verb.add_argument("--out", type=common.out_folder,
                       help=f"folder for the report (default: {common.STUDIES}/DATASET-validate)")
+
+
+def _add_gallery(inspect: argparse.ArgumentParser) -> None:
+    gallery = inspect.add_argument_group("gallery", "pages to browse the dataset in; nothing else is written then")
+    gallery.add_argument("--html", type=common.out_folder, metavar="OUT",
+                         help="where to: a name that ends in .html is one file with all inside, another a folder")
+    gallery.add_argument("--count", type=common.positive, metavar="N", help="N examples, spread evenly (default: all)")
+    gallery.add_argument("--split", action="extend", nargs="+", default=[], metavar="NAME", dest="splits",
+                         help="only these splits")
+    gallery.add_argument("--layers", action="extend", nargs="+", default=[], metavar="A,B", help="only these layers")
 
 
 def _doctor(options: argparse.Namespace) -> int:
@@ -65,6 +78,14 @@ def _inspect(options: argparse.Namespace) -> int:
         found = write_preview(options.folder, options.sequence)
         print(f"strip: {found.strip}\nanimation of {found.views} views: {found.animation}")
         return 0
+    one = inspect_one(options)
+    if options.html:
+        return _gallery(options)
+    if one:
+        return 0
+    if given := [name for name, value in (("--count", options.count), ("--split", options.splits),
+                                         ("--layers", options.layers)) if value]:
+        raise UserError(f"{given[0]}: expected --html OUT with it, since it chooses what a gallery shows")
     for table in summary_tables(options.folder):
         common.plain_console().print(table)
     if isinstance(options.folder, str) and not options.sheet:
@@ -73,6 +94,16 @@ def _inspect(options: argparse.Namespace) -> int:
     sheet = options.sheet or options.folder / "previews" / "contact_sheet.png"
     write_contact_sheet(options.folder, sheet, rows=options.rows)
     print(f"contact sheet: {sheet}")
+    return 0
+
+
+def _gallery(options: argparse.Namespace) -> int:
+    from dataset_builder.report.gallery.write_gallery import GalleryJob, watched, write_gallery
+
+    job = GalleryJob(dataset=options.folder, out=options.html, count=options.count,
+                     splits=common.names(options.splits), layers=common.names(options.layers))
+    done = write_gallery(job, watched)
+    print(f"gallery: {done.page}, {done.examples:,} examples, {done.bytes:,} bytes")
     return 0
 
 

@@ -12,7 +12,7 @@ from dataset_builder.errors import PlanError, Problem
 from dataset_builder.label.example_label import Denoised
 from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.planning.plan import Planner, layers_asked
-from dataset_builder.planning.scene.sources import object_sources
+from dataset_builder.planning.scene.sources import object_sources, shared_contents
 from dataset_builder.shards.field_summary import field_summaries, labels_of
 from dataset_builder.shards.manifest import Manifest, Rejected, make_manifest, with_shards
 from dataset_builder.shards.publish import Again, publish_dataset
@@ -81,7 +81,8 @@ def finish(tasks: Sequence[ShardTask], folder: Path, planner: Planner, progress:
                              generator=f"dataset-builder {__version__}", denoised=denoised,
                              parts=object_sources(loaded, planner.contents),
                              fields=field_summaries(labels_of(folder, shards, _one_of_each(planner, progress))))
-    manifest = with_shards(manifest, shards)
+    manifest = with_shards(manifest, shards).model_copy(update={
+        "in_common": shared_contents(loaded, planner.contents)})
     publish_dataset(folder, manifest, again)
     return manifest
 

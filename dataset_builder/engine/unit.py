@@ -133,6 +133,8 @@ class Outcome:
     """By pass and by step (`plan`, `denoise`, `encode`)."""
     recalled: tuple[str, ...] = ()
     """Passes whose results were remembered."""
+    noise: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+    """Of every layer with light, why sampling ended, and the relative error."""
 
 
 def run_unit(job: BuildJob, unit: ViewUnit, there: frozenset[str] = frozenset()) -> list[Outcome]:
@@ -203,17 +205,18 @@ def _finish(ref: ExampleRef, rendered: "Rendered", key_digest: str, spec: Datase
     """Gate, encode and stage one rendered example."""
     start = perf_counter()
     paths = sum(entry.paths for entry in rendered.record.passes if entry.name in rendered.seconds)
+    noise = {entry.name: (entry.stopped, entry.relative_error) for entry in rendered.record.layers}
     if violations := _violations(rendered, spec):
         reason = "; ".join(violation.reason for violation in violations)
         keep_pixels(job.folder, ref.key, rendered.layers)
         return Outcome(ref=ref, rejected=_rejected(ref, violations[0].identity, reason), digest=key_digest, paths=paths,
-                       seconds=rendered.seconds, recalled=rendered.recalled)
+                       seconds=rendered.seconds, recalled=rendered.recalled, noise=noise)
     members = encode_members(example_of(rendered, job.denoised), dtype=spec.storage.dtype,
                              preview_png=preview(rendered.layers))
     job.staging.put(ref.key, key_digest, segment(members),
                     entry(key=ref.key, view=rendered.plan.view, facts=ExampleFacts.of(rendered.plan), members=members))
     seconds = rendered.seconds | {"encode": perf_counter() - start}
-    return Outcome(ref=ref, digest=key_digest, paths=paths, seconds=seconds, recalled=rendered.recalled)
+    return Outcome(ref=ref, digest=key_digest, paths=paths, seconds=seconds, recalled=rendered.recalled, noise=noise)
 
 
 def _violations(rendered: "Rendered", spec: DatasetSpec) -> list[Violation]:

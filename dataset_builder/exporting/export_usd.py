@@ -1,6 +1,7 @@
 """One example of a dataset as a folder with a stage, its textures and its layers: whole, or not there."""
 
 import os
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,11 +16,12 @@ from dataset_builder.files import flush_folder, output_errors
 from dataset_builder.geometry.mesh import TriangleMesh
 from dataset_builder.label.example_label import ExampleLabel
 from dataset_builder.label.example_plan import ExamplePlan
+from dataset_builder.label.scene_plan import PlacedObject
 from dataset_builder.shards import exr
+from dataset_builder.shards.example_key import key_of
 from dataset_builder.shards.folder import WORK
 from dataset_builder.shards.reader import Dataset, open_dataset
 from dataset_builder.spec.mesh_source import FIELD_SUFFIX
-from dataset_builder.spec.problems import nearest
 
 STAGE = "scene.usdc"
 
@@ -62,23 +64,21 @@ def export_usd(job: ExportJob) -> Exported:
     with missing_named():
         import pxr  # noqa: F401
     dataset = open_dataset(job.dataset)
-    if job.key not in dataset:
-        keys = [key for split in dataset.splits.values() for key in split]
-        raise UserError([Problem(where=str(job.dataset), path="", hint=nearest(job.key, keys, "key"),
-                                 rule=f"expected the key of an example, got {job.key!r:.60}")])
+    key = key_of(dataset, job.key)
     if job.out.exists() or job.out.is_symlink():
         raise UserError([Problem(where=str(job.out), path="", hint="name another folder with --out, or remove it",
                                  rule="expected no such folder yet, got one; nothing is overwritten")])
-    label = dataset.label(job.key)
+    label = dataset.label(key)
     _require_files(label.plan, job.mesh_root)
-    contents = stage_contents(label.plan, job.mesh_root, _mesh_of_field(job, label))
+    fields = job.fields or job.dataset / WORK / FIELDS
+    contents = stage_contents(label.plan, job.mesh_root, mesh_of_field(label, fields))
     out = job.out.absolute()
     with output_errors(job.out):
         out.parent.mkdir(parents=True, exist_ok=True)
         with TemporaryDirectory(dir=out.parent, prefix=f".{out.name}-") as staging:
             folder = Path(staging) / out.name
             folder.mkdir()
-            layers = _write_layers(dataset, job.key, folder)
+            layers = _write_layers(dataset, key, folder)
             lost = write_stage(folder / STAGE, StageParts(label=label, contents=contents, layers=layers,
                                                           mesh_root=job.mesh_root))
             os.rename(folder, out)
@@ -90,25 +90,35 @@ def export_usd(job: ExportJob) -> Exported:
 
 def _require_files(plan: ExamplePlan, root: Path) -> None:
     """Raise UserError for files that the label names and that are not there."""
-    objects = [placed.object.source for placed in (plan.target, *plan.furniture) if placed.object.kind != "procedural"]
     images = [light.image for lit in (plan.source_light, plan.target_light) for light in lit.lights]
-    named = dict.fromkeys(filter(None, [*objects, plan.room.scene.file.source, *images]))
-    if missing := [name for name in named if not (root / name).is_file()]:
+    require_files([*sources(plan.target, *plan.furniture), plan.room.scene.file.source, *images], root)
+
+
+def sources(*placed: PlacedObject) -> list[str]:
+    """The files that objects are made from, as the label names them."""
+    return [each.object.source for each in placed if each.object.kind != "procedural"]
+
+
+def require_files(names: Iterable[str], root: Path) -> None:
+    """Raise UserError for files that a label names relative to `root` and that are not there; empty names are none."""
+    if missing := [name for name in dict.fromkeys(filter(None, names)) if not (root / name).is_file()]:
         raise UserError(Problem(where=str(root / name), path="", rule="expected a file that the example was made from, "
                                 "found none", hint="give the folder of the dataset's spec with --meshes")
                         for name in missing)
 
 
-def _mesh_of_field(job: ExportJob, label: ExampleLabel) -> TriangleMesh | None:
-    """The mesh that the R3DM is, where it is taken from a field that was made for the dataset."""
+def mesh_of_field(label: ExampleLabel, fields: Path | None) -> TriangleMesh | None:
+    """The mesh that the R3DM is, where it is taken from a field that was made for the dataset; None where it is not.
+    fields: the folder that keeps them. Raises UserError where the field is not there."""
     if not label.plan.rough.field.made:
         return None
-    path = (job.fields or job.dataset / WORK / FIELDS) / f"{label.record.field[-1].key}{FIELD_SUFFIX}"
-    if not path.is_file():
-        raise UserError([Problem(where=str(path), path="", rule="expected the field that the rough mesh is taken from, "
-                                 "found none", hint="give the folder of the dataset's fields with --fields; a build "
-                                 f"makes them, and keeps them in {WORK}/{FIELDS} of the dataset")])
-    return read_field(path).mesh
+    name = f"{label.record.field[-1].key}{FIELD_SUFFIX}"
+    if fields is None or not (fields / name).is_file():
+        raise UserError([Problem(where=str(fields / name) if fields else name, path="",
+                                 rule="expected the field that the rough mesh is taken from, found none",
+                                 hint="give the folder of the dataset's fields with --fields; a build makes them, and "
+                                 f"keeps them in {WORK}/{FIELDS} of the dataset")])
+    return read_field(fields / name).mesh
 
 
 def _write_layers(dataset: Dataset, key: str, folder: Path) -> tuple[tuple[str, str], ...]:

@@ -48,8 +48,8 @@ class Roughness(ShapeRoughness):
 
 def measure_roughness(rough: TriangleMesh, clean: TriangleMesh, rng: np.random.Generator) -> Roughness:
     """How far `rough` is from `clean`, and in which way. rng: draws the points on both surfaces."""
-    radius, centre = bounding_radius(clean), clean.bounds.mean(axis=0)
-    clean, rough = (replace(mesh, positions=(mesh.positions - centre) / radius) for mesh in (clean, rough))
+    radius = bounding_radius(clean)
+    rough, clean = _in_radii(rough, clean)
     onto = CleanSurface(clean)
     used = np.zeros(len(rough.positions), bool)
     used[rough.faces] = True
@@ -71,6 +71,20 @@ def measure_roughness(rough: TriangleMesh, clean: TriangleMesh, rng: np.random.G
         extent_x=extents[0], extent_y=extents[1], extent_z=extents[2],
         flipped=_flipped(rough, onto, reach),
         spectrum_slope=spectrum_slope(*(each[::SAMPLES // PAIRED] for each in (feet, signed, faced))))
+
+
+def vertex_distances(rough: TriangleMesh, clean: TriangleMesh) -> np.ndarray:
+    """(V,) distance of every vertex of `rough` from the surface of `clean`, in bounding radii of the latter: what
+    `Roughness.rms` and `Roughness.maximum` are of, for the vertices that faces use."""
+    rough, clean = _in_radii(rough, clean)
+    return RayScene([(clean.positions, clean.faces, 1)]).distance(rough.positions)
+
+
+def _in_radii(rough: TriangleMesh, clean: TriangleMesh) -> tuple[TriangleMesh, TriangleMesh]:
+    """Both about the middle of the clean one's box, in its bounding radii."""
+    radius, centre = bounding_radius(clean), clean.bounds.mean(axis=0)
+    rough, clean = (replace(mesh, positions=(mesh.positions - centre) / radius) for mesh in (rough, clean))
+    return rough, clean
 
 
 class CleanSurface:

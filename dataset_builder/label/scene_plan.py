@@ -31,6 +31,22 @@ class MaterialChange(Model):
     truth is 0 or 1; `plain` 1 leaves the texture out."""
 
 
+class RoomMaterialPlan(MaterialChange):
+    """What a part of a procedural room is finished with; `values` change it. Its name is `wall`, `floor`, `ceiling` or
+    `trim`."""
+
+    family: str = ""
+    """Finish made in code in place of the drawn one; empty for none."""
+    tone: str = ""
+    """Which of the family's; empty where the room's seed draws it."""
+    image: str = ""
+    """Texture, relative to the folder of the dataset file; empty for none."""
+    image_sha256: str = ""
+    """SHA-256 of its file; empty for none."""
+    size: float = 0.0
+    """Metres that one repeat of it covers; 0 for none."""
+
+
 class ObjectPlan(Model):
     """What an object is, wherever it stands: enough to make its asset again."""
 
@@ -121,6 +137,8 @@ class RoomPlan(Model):
     """Windows are cut into the +Y wall first, then -X, +X, -Y; 0 to 4."""
     skirting: float
     """Height of the skirting board, metres; 0 is none."""
+    materials: tuple[RoomMaterialPlan, ...] = ()
+    """What its parts are finished with that the spec does not leave to the seed."""
     kind: SceneKind = "procedural"
     """Where it comes from."""
     scene: SceneFilePlan = SceneFilePlan()
@@ -172,6 +190,8 @@ class LightPlan(Model):
 
     kind: LightName
     """What emits; see above for what the other keys mean by kind."""
+    name: str = ""
+    """As the spec or the scene file has it; empty for lights that are drawn and for lamps without a name."""
     position: Vector
     """Of its middle, metres."""
     direction: Vector

@@ -103,7 +103,7 @@ def sequence_of(spec: DatasetSpec, view: ViewRef) -> SequencePlan:
 def _examples(spec: DatasetSpec) -> Iterator[ExampleRef]:
     index = 0
     for split in spec.splits:
-        variants = list(product(range(split.lights), range(len(split.levels(spec.rough)))))
+        variants = list(product(range(spec.target.count_of(split.lights)), range(len(split.levels(spec.rough)))))
         for view in views_of(spec, split):
             for light, level in variants:
                 yield ExampleRef(index=index, view=view, light=light, level=level)
@@ -123,7 +123,7 @@ def examples(spec: DatasetSpec) -> tuple[ExampleRef, ...]:
 
 def count_examples(spec: DatasetSpec, only: SplitSpec | None = None) -> int:
     """How many examples the dataset has, or one split of it, by arithmetic."""
-    return sum(len(pairs_of(split)) * split.views * split.lights * len(split.levels(spec.rough))
+    return sum(len(pairs_of(split)) * split.views * spec.target.count_of(split.lights) * len(split.levels(spec.rough))
                for split in ([only] if only else spec.splits))
 
 

@@ -102,7 +102,7 @@ def expected_bytes(spec: DatasetSpec, count: int, staged: int = 0) -> int:
 def _files(spec: DatasetSpec, split: SplitSpec) -> dict[str, float]:
     """Files of each layer per example of a split."""
     per_shard = shard_size(spec, count_examples(spec, split)) if spec.storage.shared == "once" else 1
-    return {name: files_per_example(name, split.lights, len(split.levels(spec.rough)), per_shard)
+    return {name: files_per_example(name, spec.target.count_of(split.lights), len(split.levels(spec.rough)), per_shard)
             for name, _ in layers_asked(spec)}
 
 
@@ -184,8 +184,8 @@ def _split_cost(planner: Planner, views: Sequence[ViewRef], split: SplitSpec, ra
             continue
         window = window_share(planner.view(ref).arrangement,
                               Pinhole.of(plan.camera, spec.image.width, spec.image.height))
-        costs.append((plan, view_cost(plan, split.lights, len(split.levels(spec.rough)), window, spec.storage.dtype,
-                                      rates, cores, _files(spec, split))))
+        costs.append((plan, view_cost(plan, spec.target.count_of(split.lights), len(split.levels(spec.rough)), window,
+                                      spec.storage.dtype, rates, cores, _files(spec, split))))
     if not costs:
         raise PlanError(dict.fromkeys(problems))
     return costs, problems
@@ -213,7 +213,8 @@ def estimate(planner: Planner, views: int = 24, rates: Rates | None = None, core
         whole, error = extrapolate([cost for _, cost in costs], len(own))
         total, variance = total + astuple(whole), variance + np.square(astuple(error))
         tried, planned = tried + len(chosen), planned + [plan for plan, _ in costs]
-        for name, times in pass_runs(layers_asked(spec), split.lights, len(split.levels(spec.rough))).items():
+        runs = pass_runs(layers_asked(spec), spec.target.count_of(split.lights), len(split.levels(spec.rough)))
+        for name, times in runs.items():
             runs[name] += times * len(own)
     made = field_cost(planner, known, rates or Rates(), cores)
     total += astuple(calibration_cost(planner, rates or Rates(), cores)) + np.array([0, 0, 0, made.seconds, 0])

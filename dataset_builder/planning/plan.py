@@ -147,15 +147,17 @@ class Planner:
     def _light(self, ref: ViewRef, number: int) -> tuple[IlluminationPlan, str]:
         spec, plan, views = self.loaded.dataset, self.view(ref), self._lit_views(ref)
         lit = lit_view(views[0].arrangement, [each.view for each in views], unit_irradiance(plan.source))
-        stream = partial(rng, spec.seed, *self._lit(ref).path, "light", number)
+        # A lamp that shines alone is drawn as it is among all of them
+        alone = dict(enumerate(spec.target.alone_of(spec.split_of(ref.pair.split).lights))).get(number)
+        stream = partial(rng, spec.seed, *self._lit(ref).path, "light", number if alone is None else 0)
         scene, root = self._scene(ref.pair), self.loaded.path.parent
         where = f"{_where(ref, plan.arrangement)}, light {number}"
         with self._odd_size_named(plan.arrangement.target.object):
             if scene.file is None:
-                return target_light(lit, spec.target, stream, where, root)
+                return target_light(lit, spec.target, stream, where, root, alone=alone)
             check_lights_differ(scene.file.lights, spec.target, number, where)
             return scene_light(lit, scene_facts(scene.room, root).lights, scene.file.lights, spec.target, stream,
-                               where, root / scene.file.path, root)
+                               where, root / scene.file.path, root, alone)
 
     def example(self, ref: ExampleRef) -> ExamplePlan:
         """The plan of one example. Raises PlanError where the spec asks for what cannot be."""

@@ -73,10 +73,11 @@ def loader_checks(folder: Path | str, spec: DataSpec) -> list[Check]:
     start = perf_counter()
     found = [read(one[index]) for one in sets for index in range(len(one))]
     rate = len(found) / max(perf_counter() - start, 1e-9)
-    left_out = [key for one in sets for key in one.left_out]
+    left_out, notes = [key for one in sets for key in one.left_out], [note for one in sets for note in one.in_common]
     thinnest = min(found, key=lambda one: one.inside)
     return [COUNTED.judge(listed(folder, (spec.train, spec.held_out)) - len(found) - len(left_out),
-                          ", ".join(f"{one.split} {len(one)}" for one in sets) + f"; {rate:.0f} examples/s"),
+                          "; ".join([", ".join(f"{one.split} {len(one)}" for one in sets), f"{rate:.0f} examples/s",
+                                     *dict.fromkeys(notes)])),
             LEFT_OUT.judge(len(left_out) / (len(found) + len(left_out)), _named(left_out)),
             _count(FINITE, [one.key for one in found if not one.finite]),
             INSIDE.judge(thinnest.inside, f"example {thinnest.key}"),
@@ -145,8 +146,7 @@ def compare(rows: Sequence[ScoreRow], method: str, *, margin: float, copy_margin
         lead = lead_over(rows, method, name)
         means = " against ".join(f"{mean_psnr(rows, one):.2f}" for one in (method, name))
         checks += [ahead(name, copy_margin if name == COPY else margin).judge(lead.mean, f"{means} dB"),
-                   clearly(name).judge(_sureness(lead), f"{lead.mean:+.2f} ± {lead.error:.2f} dB, {lead.examples} "
-                                                        f"examples of {lead.objects} views")]
+                   clearly(name).judge(_sureness(lead), _counted(lead))]
     return checks
 
 
@@ -171,6 +171,12 @@ def _sureness(lead: ClusteredMean) -> float:
     if not isfinite(lead.error):
         return 0.0
     return lead.mean / lead.error if lead.error > 0 else inf * (1 if lead.mean > 0 else -1)
+
+
+def _counted(lead: ClusteredMean) -> str:
+    if lead.objects == 1:
+        return f"{lead.mean:+.2f} dB, {lead.examples} examples, all of one view: no standard error over views"
+    return f"{lead.mean:+.2f} ± {lead.error:.2f} dB, {lead.examples} examples of {lead.objects} views"
 
 
 def _start_afresh(out: Path) -> None:

@@ -203,7 +203,9 @@ def _object(plan: ObjectPlan) -> Inputs:
 
 def _room(room: RoomPlan) -> dict[str, Any]:
     """What is around; of a scene file, which things are taken away, not what the others are called."""
-    return _plain(room) | {"scene": {"file": _source(room.scene.file), "hidden": list(room.scene.hidden)}}
+    materials = [own.model_dump(mode="json", exclude={"image"}) for own in room.materials]
+    return _plain(room) | {"materials": materials,
+                           "scene": {"file": _source(room.scene.file), "hidden": list(room.scene.hidden)}}
 
 
 def _source(source: SceneSource) -> dict[str, Any]:

@@ -11,9 +11,9 @@ from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.label.field_record import FieldRecord
 from dataset_builder.layers import LAYERS
 from dataset_builder.report.example_sheet import SheetRow, write_sheet
+from dataset_builder.report.gallery.shown_examples import chosen
 from dataset_builder.shards.field_summary import fields_of
 from dataset_builder.shards.reader import Dataset, open_dataset
-from dataset_builder.spread import runs, shares
 from dataset_builder.tonemap import exposure, to_8bit
 
 CELL = 128
@@ -40,6 +40,8 @@ def _splits(dataset: Dataset, labels: list[ExampleLabel]) -> Table:
         table.add_row(split.name, str(split.examples), str(len({plan.target.object.name for plan in own})),
                       str(len({plan.room.name for plan in own})),
                       ", ".join(f"{kind} {count}" for kind, count in kinds.most_common()))
+    if manifest.in_common:
+        table.caption = ". ".join(one.sentence for one in manifest.in_common)
     return table
 
 
@@ -101,19 +103,12 @@ def contact_rows(folder: Path | str, rows: int) -> list[SheetRow]:
     """
     dataset = open_dataset(folder)
     names = [name for name in LAYERS if name in dataset.layers]
-    keys = spread(dataset, rows)
+    keys = [key for own in chosen(dataset, (), rows).values() for key in own]
     examples = [dataset[key] for key in keys]
     factor = exposure(example[name] for example in examples for name in names if LAYERS[name].radiometric)
     return [SheetRow(lines=_sheet_lines(dataset.label(key).plan), panels={
         f"{name}  {LAYERS[name].symbol}": cell_pixels(name, example[name], factor) for name in names})
         for key, example in zip(keys, examples, strict=True)]
-
-
-def spread(dataset: Dataset, count: int) -> list[str]:
-    """Keys of up to `count` examples: every split gets its share, at least one (be it more in all), spaced evenly."""
-    splits = list(dataset.splits.values())
-    found = zip(splits, shares([len(split) for split in splits], count), strict=True)
-    return [split[run.start] for split, share in found for run in runs(len(split), share)]
 
 
 def cell_pixels(name: str, array: np.ndarray, factor: float) -> np.ndarray:

@@ -14,7 +14,15 @@ from dataset_builder.files import write_atomic
 from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
 from dataset_builder.lightnet.data.loader import whole_images
 from dataset_builder.lightnet.measures.metrics import METRICS, Metric
-from dataset_builder.lightnet.results.clustered_means import LEVEL, Paired, Summary, chosen, compare, summarise
+from dataset_builder.lightnet.results.clustered_means import (
+    LEVEL,
+    ONE_OBJECT,
+    Paired,
+    Summary,
+    chosen,
+    compare,
+    summarise,
+)
 from dataset_builder.lightnet.results.evaluate import Contender, ScoreRow
 from dataset_builder.lightnet.results.pictures import cropped, found, given
 from dataset_builder.report.example_sheet import SheetRow
@@ -44,6 +52,11 @@ class Evaluation:
     """What is to be known of the examples."""
     seen: bool = False
     """Whether this is the split that one of the methods was trained on."""
+
+    @property
+    def said(self) -> list[str]:
+        """What is to be known of the examples, and of figures where they show one object."""
+        return [*self.remarks, *[ONE_OBJECT] * (len({row.object for row in self.rows}) == 1)]
 
     @property
     def pairs(self) -> list[tuple[str, str]]:
@@ -81,7 +94,7 @@ def markdown(evaluation: Evaluation) -> str:
     """The summary: methods as columns, comparisons as rows, and what the words mean."""
     summaries = summarise(evaluation.rows)
     parts = [f"# Evaluation on {evaluation.dataset}, split {evaluation.split}", f"{evaluation.extent}.",
-             *(f"{remark[:1].upper()}{remark[1:]}." for remark in evaluation.remarks), *([SEEN] * evaluation.seen),
+             *(f"{remark[:1].upper()}{remark[1:]}." for remark in evaluation.said), *([SEEN] * evaluation.seen),
              markdown_table(("metric", *(one.method for one in summaries)), _mean_rows(summaries)), _meaning(),
              "## Differences, example by example",
              markdown_table(PAIR_COLUMNS, [_pair_row(one) for one in evaluation.compared()]),
@@ -103,7 +116,7 @@ def console_table(evaluation: Evaluation) -> Table:
 
 def verdict_lines(evaluation: Evaluation) -> list[str]:
     """What is to be known of the examples, and one sentence for each comparison, by PSNR."""
-    remarks = [*evaluation.remarks, *([SEEN.replace("*", "")] * evaluation.seen)]
+    remarks = [*evaluation.said, *([SEEN.replace("*", "")] * evaluation.seen)]
     compared = [one for one in evaluation.compared() if one.metric == "psnr"]
     return [*remarks, *(f"{one.method} against {one.other}: {plus_minus(one.difference, 'psnr', '+')} dB, "
                         f"{VERDICTS[one.verdict]}; better in {one.ahead} of {one.difference.examples}"

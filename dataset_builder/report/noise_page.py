@@ -4,8 +4,9 @@ reconstructed meshes are like, the passes."""
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from dataset_builder.errors import count_of
 from dataset_builder.lightnet.measures.metrics import METRICS
-from dataset_builder.lightnet.results.clustered_means import ClusteredMean
+from dataset_builder.lightnet.results.clustered_means import ONE_OBJECT, ClusteredMean
 from dataset_builder.report.example_sheet import png_of
 from dataset_builder.report.noise_figures import LINES, PSNR, changes_figure, crop_pictures, quality_figure
 from dataset_builder.report.page_parts import Section, plus_minus, png, write_study
@@ -90,13 +91,14 @@ def _lead(found: NoiseResults) -> list[str]:
     return [
         f"LighTNet: {study.sentence}. Small settings show the sign of large effects, but not what a full training "
         "would reach.",
-        f"Measured on the {first.examples} held-out examples per level, of {first.objects} objects, whose view and "
-        f"light passed the gates at every level; {found.left_out} more were left out. Examples that a gate rejected, "
-        f"by level: {rejected}. Training examples: {learnt}.",
+        f"Measured on the {first.examples} held-out examples per level, of {count_of(first.objects, 'object')}, whose "
+        f"view and light passed the gates at every level; {found.left_out} more were left out. Examples that a gate "
+        f"rejected, by level: {rejected}. Training examples: {learnt}.",
         f"Roughness is measured, mean over the held-out examples: {axis_of(study.axis).text} (`{study.axis}` of the "
         "labels). A rough mesh is not quite the clean one at sigma 0, where subdivision rounds it.",
         "The exposure of an example follows the mean of its S', so that the truth is exposed a little differently at "
         "each level; the curve of I_s, which no noise reaches, shows the effect of that alone.",
+        *[f"{ONE_OBJECT}."] * (first.objects == 1),
         "Standard errors are clustered by object. All curves share their examples, so that differences along a curve "
         "and between curves are known better than the bars suggest; the tables below have them.",
     ]

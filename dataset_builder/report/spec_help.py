@@ -9,7 +9,7 @@ from rich.table import Table
 from dataset_builder.assets.procedural.furniture import FINISHES, make_furniture
 from dataset_builder.errors import UserError
 from dataset_builder.lightnet.settings import TrainingSpec
-from dataset_builder.planning.scene.assets_of_plan import ROLE
+from dataset_builder.planning.scene.material_changes import ROLE
 from dataset_builder.seeding import rng
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.families import FAMILIES, Family

@@ -7,9 +7,10 @@ from math import isfinite
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from dataset_builder.errors import count_of
 from dataset_builder.files import write_atomic
 from dataset_builder.lightnet.measures.metrics import METRICS, Metric
-from dataset_builder.lightnet.results.clustered_means import ClusteredMean
+from dataset_builder.lightnet.results.clustered_means import ONE_OBJECT, ClusteredMean
 from dataset_builder.lightnet.settings import differences
 from dataset_builder.report.page_parts import COLOURS, heading, markdown_table, panels, plus_minus, png, rounded
 from dataset_builder.studies.tables.paper import SOURCE, Printed, Table
@@ -57,10 +58,10 @@ def markdown(table: Table, results: Sequence[RowResult], settings: str) -> str:
     """The measured rows beside the printed ones, what can be said of their order, and how to read it."""
     found = orders(table, results)
     first = results[0].mean("psnr")
-    parts = [f"# {table.number}: {table.question}", settings,
-             f"Means over {first.examples} held-out examples of {first.objects} objects, on tone-mapped values inside "
-             f"the mask; ± is the standard error, clustered by object. *Paper*: {SOURCE}, another dataset and other "
-             "settings: compare the order, not the values.", _rows_table(results)]
+    parts = [f"# {table.number}: {table.question}", settings, *(f"{one}." for one in cautions(results)),
+             f"Means over {first.examples} held-out examples of {count_of(first.objects, 'object')}, on tone-mapped "
+             f"values inside the mask; ± is the standard error, clustered by object. *Paper*: {SOURCE}, another "
+             "dataset and other settings: compare the order, not the values.", _rows_table(results)]
     parts += [f"Not measured: {title} ({reason}). The paper prints {_printed_text(numbers)}."
               for title, (numbers, reason) in table.absent.items()]
     parts += [f"Left out: {text}." for text in table.left_out]
@@ -71,6 +72,11 @@ def markdown(table: Table, results: Sequence[RowResult], settings: str) -> str:
     parts += ["## How the rows differ", f"From {table.row(table.reference).title}; everything else is the same.",
               _variants_table(table)]
     return "\n\n".join(parts) + "\n"
+
+
+def cautions(results: Sequence[RowResult]) -> list[str]:
+    """What is to be known before rows are compared."""
+    return [ONE_OBJECT] * (results[0].mean("psnr").objects == 1)
 
 
 def order_lines(found: Sequence[Order]) -> list[str]:

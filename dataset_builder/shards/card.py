@@ -52,7 +52,7 @@ def _composition(manifest: Manifest) -> str:
 {_subset(manifest)}
 | split | examples | shards |
 |---|---|---|
-{_rows((split.name, split.examples, len(split.shards)) for split in manifest.splits)}
+{_rows((split.name, split.examples, len(split.shards)) for split in manifest.splits)}{_in_common(manifest)}
 Each example is a set of files with one key of eight digits: an EXR per layer, `.json` (its whole plan, what happened
 while it was rendered, minimum, maximum and mean of every layer) and `.preview.png` (tone-mapped, for viewing only).
 {_shared(manifest)}
@@ -71,6 +71,11 @@ Colours are linear, scene-referred Rec.709: no tone mapping, no gamma, no clippi
 
 def _shared(manifest: Manifest) -> str:
     return f"{STORED_ONCE}\n" if manifest.shared == "once" else ""
+
+
+def _in_common(manifest: Manifest) -> str:
+    """What splits share; empty where they share nothing."""
+    return "".join(f"\n**{one.sentence[:1].upper()}{one.sentence[1:]}.**\n" for one in manifest.in_common)
 
 
 def _subset(manifest: Manifest) -> str:

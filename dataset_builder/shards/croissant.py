@@ -57,7 +57,9 @@ def croissant(manifest: Manifest) -> str:
 
 def _description(manifest: Manifest) -> str:
     text = manifest.description or manifest.title
-    return f"{text} {STORED_ONCE}" if manifest.shared == "once" else text
+    more = [STORED_ONCE] * (manifest.shared == "once")
+    more += [f"{one.sentence[:1].upper()}{one.sentence[1:]}." for one in manifest.in_common]
+    return " ".join([text, *more])
 
 
 def _derived(manifest: Manifest) -> dict[str, str]:

@@ -5,6 +5,7 @@
 """
 
 import errno
+import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
@@ -37,6 +38,9 @@ _UNKNOWN = (errno.EMFILE, errno.ENFILE, errno.EIO, errno.ESTALE)
 
 M = TypeVar("M", bound=Model)
 _STEM = "[a-z0-9][a-z0-9._-]*"
+_PREVIEW = re.compile(rf"{PREVIEWS}/([0-9]{{8}}(-mesh)?\.(html|png)|"
+                      rf"{_STEM}-[0-9]+-[0-9]+(-[0-9]+-[0-9]+)?(-strip)?\.png)(\.partial)?")
+"""Of `inspect`: pages and pictures of examples, pictures of sequences."""
 _FILE = rf"^({SHARDS}/{_STEM}\.tar|{INDEX}/{_STEM}\.manifest|README\.md|croissant\.json|SHA256SUMS|dataset\.json)$"
 
 
@@ -123,9 +127,15 @@ def _strange(folder: Path, ours: set[str], *, known: bool) -> Iterator[str]:
             yield from sorted(_entry(entry, folder) for entry in entries
                               if entry.is_symlink() or not (known or entry.name in begun))
         elif known and name in (f"{SHARDS}/", f"{INDEX}/", f"{PREVIEWS}/"):
-            yield from sorted({_entry(inner, folder) for inner in path.iterdir()} - fine)
+            inside = {_entry(inner, folder) for inner in path.iterdir() if not _is_preview(inner, folder)}
+            yield from sorted(inside - fine)
         elif name not in fine:
             yield name
+
+
+def _is_preview(path: Path, folder: Path) -> bool:
+    """Whether it is a file of `inspect`."""
+    return not path.is_symlink() and _PREVIEW.fullmatch(path.relative_to(folder).as_posix()) is not None
 
 
 def _entry(path: Path, folder: Path) -> str:

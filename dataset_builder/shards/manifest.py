@@ -9,13 +9,15 @@ from dataset_builder.digest import canonical_json
 from dataset_builder.errors import Problem, ShardError
 from dataset_builder.label.example_label import Denoised
 from dataset_builder.label.scene_plan import ObjectSource
+from dataset_builder.label.shared_content import SharedContent
 from dataset_builder.layers import LAYERS, Extent
 from dataset_builder.shards import exr
 from dataset_builder.shards.folder import FORMAT
 from dataset_builder.shards.identities import identity_table
 from dataset_builder.shards.shard_index import Count, ShardIndex, ShardRecord
 from dataset_builder.shards.subset_record import SubsetRecord
-from dataset_builder.spec.dataset import DatasetSpec, LayerName
+from dataset_builder.spec.dataset import DatasetSpec
+from dataset_builder.spec.layer_extents import LayerName
 from dataset_builder.spec.model import Model
 from dataset_builder.spec.problems import LONGEST_VALUE
 
@@ -137,13 +139,12 @@ class Manifest(Model):
     fields: tuple[FieldSummary, ...] = ()
     subset: SubsetRecord | None = None
     """Of a dataset whose examples were chosen from those of another; left out of the file of any other."""
+    in_common: tuple[SharedContent, ...] = ()
+    """What splits share, where the spec lets them; left out where they share nothing."""
 
     @model_serializer(mode="wrap")
     def _without_nothing(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        content: dict[str, Any] = plain(self)
-        if self.subset is None:
-            del content["subset"]
-        return content
+        return {key: value for key, value in plain(self).items() if value or key not in ("subset", "in_common")}
 
     @property
     def through_fields(self) -> bool:

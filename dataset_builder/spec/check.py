@@ -1,4 +1,4 @@
-"""Rules that need more than one file or table: families and their limits, meshes, splits that share nothing."""
+"""Rules that need more than one file or table: families and their limits, meshes, what splits share."""
 
 import os
 from collections.abc import Mapping
@@ -17,6 +17,8 @@ from dataset_builder.spec.scene import ObjectSpec, SceneSpec
 NO_LICENCE = "expected a `licence` beside it, the key is missing"
 LICENCE_OF_MESH = ("`licence: CC-BY-4.0`, or whatever SPDX identifier the mesh is published under; `CC0-1.0` only "
                    "where its author gave up all rights")
+
+ALLOW = "give it others, or write `allow_shared: [{}]` in one of both splits"
 
 
 def check_object(spec: ObjectSpec, document: Document) -> list[Problem]:
@@ -93,7 +95,8 @@ def files_like(path: Path) -> str:
 
 
 def check_splits(dataset: DatasetSpec, document: Document, meshes: Mapping[str, MeshSource]) -> list[Problem]:
-    """Mesh files that two splits share, or that one split needs twice; families differ by their drawn parameters."""
+    """Mesh files that two splits share without a word, or that one split needs twice; families differ by their drawn
+    parameters."""
     problems: list[Problem] = []
     owners: dict[str, str] = {}
     for number, split in enumerate(dataset.splits):
@@ -101,18 +104,19 @@ def check_splits(dataset: DatasetSpec, document: Document, meshes: Mapping[str, 
         if files and split.objects.count > (most := len(split.objects.source)):
             rule = f"expected <= {most}, since each mesh file is one object, got {split.objects.count}"
             problems.append(document.problem(("splits", number, "objects", "count"), rule))
-        for index, mesh in files:
+        for index, mesh in () if "objects" in split.allow_shared else files:
             owner = owners.setdefault(mesh.sha256, split.name)
             if owner != split.name:
                 problems.append(document.problem(("splits", number, "objects", "from", index), "expected objects that "
-                                                 f"no other split has, got a mesh file of split {owner}"))
+                                                 f"no other split has, got a mesh file of split {owner}",
+                                                 ALLOW.format("objects")))
     return problems
 
 
 def check_scenes(dataset: DatasetSpec, document: Document, scenes: Mapping[str, SceneSpec],
                  files: Mapping[str, MeshSource]) -> list[Problem]:
     """Splits that take things of scenes which are rooms made in code, or one scene twice; paths in scenes that have
-    cameras of their own; scene files that two splits share."""
+    cameras of their own; scene files that two splits share without a word."""
     problems: list[Problem] = []
     owners: dict[str, str] = {}
     for number, split in enumerate(dataset.splits):
@@ -130,9 +134,29 @@ def check_scenes(dataset: DatasetSpec, document: Document, scenes: Mapping[str, 
                 problems.append(document.problem((*path, "from", index), "expected a scene from a file, since "
                                                  f"`objects.things` takes its things, got a room: {shown(key)}",
                                                  "name objects with `objects.from`, or give the scene a `file`"))
-            if key in files and (owner := owners.setdefault(files[key].digest, split.name)) != split.name:
+            if "scenes" in split.allow_shared or key not in files:
+                continue
+            if (owner := owners.setdefault(files[key].digest, split.name)) != split.name:
                 problems.append(document.problem((*path, "from", index), "expected scenes that no other split has, "
-                                                 f"got a scene file of split {owner}"))
+                                                 f"got a scene file of split {owner}", ALLOW.format("scenes")))
+    return problems
+
+
+def check_lamps(dataset: DatasetSpec, document: Document, scenes: Mapping[str, SceneSpec]) -> list[Problem]:
+    """Splits with several lights for each view where none is drawn, all of which would be equal; and lamps that are to
+    shine alone in scenes with lights of their own."""
+    problems: list[Problem] = []
+    for number, split in enumerate(dataset.splits):
+        path = ("splits", number, "lights")
+        own = [file.lights for key in split.scenes.source if key in scenes and (file := scenes[key].file) is not None
+               and file.lights.use != "replaced"]
+        if split.lights == "each" and own:
+            problems.append(document.problem(path, "expected a number where scenes have lights of their own, got each",
+                                             "write `use: replaced` in the scene's `lights`"))
+        elif not dataset.target.drawn and not own and split.lights not in ("each", 1):
+            problems.append(document.problem(path, "expected 1 or each, since nothing about the lamps of `target` is "
+                                             f"drawn and all lights of a view would be equal, got {split.lights}",
+                                             "draw a number of a lamp, as `dim: {uniform: [0.5, 1]}`"))
     return problems
 
 

@@ -2,33 +2,22 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, ConfigDict, Field, Tag, model_validator
+from pydantic import ConfigDict, Field, SerializerFunctionWrapHandler, Tag, model_serializer, model_validator
 
-from dataset_builder.layers import ALIKE, LAYERS, PAPER_LAYERS, Extent
+from dataset_builder.layers import ALIKE, LAYERS, PAPER_LAYERS
 from dataset_builder.spec.camera import CameraSpec
 from dataset_builder.spec.field import FieldSpec, SeenSpec, require_seen
 from dataset_builder.spec.file_scene import ThingQuery
+from dataset_builder.spec.layer_extents import LayerExtents
 from dataset_builder.spec.licences import Licence
-from dataset_builder.spec.light import SourceSpec, TargetSpec
+from dataset_builder.spec.light import LightCount, SourceSpec, TargetSpec
 from dataset_builder.spec.model import Model, broken
-from dataset_builder.spec.numbers import Interval, Share, branches, interval
+from dataset_builder.spec.numbers import MOST_EXAMPLES, Count, Interval, Share, branches, interval
 from dataset_builder.spec.render import ImageSpec, RenderSpec
 from dataset_builder.spec.rough import Level, RoughSpec
 
-
-def _known_layer(name: str) -> str:
-    if name not in LAYERS:
-        raise broken("expected a layer", known=tuple(LAYERS))
-    return name
-
-
-LayerName = Annotated[str, AfterValidator(_known_layer), Field(json_schema_extra={"enum": list(LAYERS)})]
-LayerExtents = Annotated[dict[LayerName, Extent], Field(min_length=1)]
-"""The pixels on which each layer is stored."""
-
-
-MOST_EXAMPLES = 1_000_000
-Count = Annotated[int, Field(ge=1, le=MOST_EXAMPLES)]
+Shareable = Literal["objects", "scenes"]
+"""What two splits may have in common, where one says so."""
 
 
 class ObjectsSpec(Model):
@@ -74,7 +63,7 @@ Pairs = Annotated[
 
 
 class SplitSpec(Model):
-    """One split: its own objects and scenes, disjoint from every other split's by construction."""
+    """One split: its own objects and scenes, disjoint from every other split's unless it says otherwise."""
 
     name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9]*$", max_length=50)]
     """Part of the names of shards; lower-case letters and digits."""
@@ -86,8 +75,9 @@ class SplitSpec(Model):
     """Number of (object, scene) pairs; `all` uses every combination."""
     views: Count = 1
     """Cameras per pair."""
-    lights: Count = 1
-    """Target lights per view, or per pair."""
+    lights: LightCount = 1
+    """Target lights per view, or per pair. each: one for each lamp of `target.lights` that is on, that lamp alone, as
+    it is among all of them, without light from outside."""
     lights_per: Literal["view", "pair"] = "view"
     """What has source and target lights of its own. view: each view. pair: all views of a pair are lit the same, by
     lights that are in no view's way and are judged by what all of them see."""
@@ -95,6 +85,12 @@ class SplitSpec(Model):
     """Viewpoints of this split, in place of the dataset's `camera` as a whole."""
     source: SeenSpec = SeenSpec()
     """What `i_s` shows, and where rough meshes come from: the clean mesh, or a neural field of each object."""
+    allow_shared: tuple[Shareable, ...] = ()
+    """What this split may have in common with others: `objects`, `scenes` or both; none unless given."""
+
+    @model_serializer(mode="wrap")
+    def _without_nothing(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return {key: value for key, value in plain(self).items() if value or key != "allow_shared"}
 
     def levels(self, rough: RoughSpec) -> tuple[Level, ...]:
         """What rough meshes are made by, one example each: the dataset's levels, or the split's own field."""
@@ -153,7 +149,7 @@ class DatasetSpec(Model):
     image: ImageSpec = ImageSpec()
     """Size of every layer."""
     layers: LayerExtents = dict.fromkeys(PAPER_LAYERS, "object")
-    """Layers by name, each with its extent (`object` or `frame`)."""
+    """Layers by name, each with its extent (`object` or `frame`); in a list, names alone have `object`."""
     render: RenderSpec = RenderSpec()
     """Samples and path lengths."""
     rough: RoughSpec = RoughSpec()
@@ -180,8 +176,16 @@ class DatasetSpec(Model):
         return self.split_of(split).camera or self.camera
 
     @model_validator(mode="after")
+    def _lamps_take_turns(self) -> "DatasetSpec":
+        for index, split in enumerate(self.splits):
+            if split.lights == "each" and not self.target.lamps:
+                raise broken("expected a list of lamps in `target.lights`, each to shine alone, got random lights",
+                             path=("splits", index, "lights"))
+        return self
+
+    @model_validator(mode="after")
     def _few_enough_examples(self) -> "DatasetSpec":
-        counts = [len(split.levels(self.rough)) * split.lights * split.views * (
+        counts = [len(split.levels(self.rough)) * self.target.count_of(split.lights) * split.views * (
             split.objects.count * split.scenes.count if split.pairs == "all" else split.pairs)
             for split in self.splits]
         if (total := sum(counts)) > MOST_EXAMPLES:

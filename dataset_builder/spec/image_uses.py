@@ -1,4 +1,4 @@
-"""Images that a dataset file names for its lights: where, and whether there is such a file."""
+"""Images that a spec names for lights and for rooms: where, and whether there is such a file."""
 
 import os
 from collections.abc import Iterable, Iterator
@@ -11,20 +11,22 @@ from dataset_builder.errors import Problem
 from dataset_builder.spec.check import files_like
 from dataset_builder.spec.document import Document
 from dataset_builder.spec.file_reference import MOST_BYTES
+from dataset_builder.spec.named_files import key_of
 from dataset_builder.spec.problems import dotted, shown
 
 ENVIRONMENT_SUFFIXES = (".exr", ".hdr")
 TEXTURE_SUFFIXES = (".exr", ".png")
-"""Files that an environment, and the texture of a lamp, may be."""
+SURFACE_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".exr")
+"""Files that an environment, the texture of a lamp, and the texture of a room's surface may be."""
 KeyPath = tuple[str | int, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
 class ImageUse:
-    """One place in a dataset file that names an image."""
+    """One place in a dataset or room file that names an image."""
 
     name: str
-    """As it is written there."""
+    """Relative to the folder of the dataset file."""
     suffixes: tuple[str, ...]
     """Those that this use allows."""
     where: str
@@ -39,8 +41,17 @@ def image_uses(document: Document) -> tuple[ImageUse, ...]:
                  for path, name, suffixes in _named(document.data))
 
 
+def room_image_uses(document: Document, key: str) -> tuple[ImageUse, ...]:
+    """Every place in the room file `key` that names an image."""
+    materials = _at(document.data, "materials")
+    named = [(("materials", role, "texture"), name) for role, own in (materials if isinstance(materials, dict) else
+             {}).items() if isinstance(name := _at(own, "texture"), str) and name]
+    return tuple(ImageUse(name=key_of(name, key), suffixes=SURFACE_SUFFIXES, where=document.place(path),
+                          key=dotted(path)) for path, name in named)
+
+
 def find_images(uses: Iterable[ImageUse], folder: Path) -> tuple[dict[str, str], list[Problem]]:
-    """SHA-256 of every image that is named in a dataset file in `folder`, by the name written there; and what is wrong.
+    """SHA-256 of every image that is named, by its name from `folder`, that of the dataset file; and what is wrong.
 
     `rendering.scene.image_check` looks at what is in them.
     """
@@ -78,6 +89,10 @@ def _named(data: Any) -> Iterator[tuple[KeyPath, str, tuple[str, ...]]]:
     for index, name in enumerate(textures if isinstance(textures, tuple) else ()):
         if isinstance(name, str):
             yield ("target", "textures", index), name, TEXTURE_SUFFIXES
+    lamps = _at(_at(data, "target"), "lights")
+    for index, lamp in enumerate(lamps if isinstance(lamps, tuple) else ()):
+        if isinstance(name := _at(lamp, "texture"), str) and name:
+            yield ("target", "lights", index, "texture"), name, TEXTURE_SUFFIXES
 
 
 def _at(data: Any, key: str) -> Any:

@@ -1,12 +1,51 @@
 """Source and target illumination, as written."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field, Tag, model_validator
 
 from dataset_builder.light_kinds import LampName
-from dataset_builder.spec.model import Model
-from dataset_builder.spec.numbers import AnyNumber, Interval, PositiveInt, interval, within
+from dataset_builder.spec.lamp import LampSpec
+from dataset_builder.spec.model import Model, broken
+from dataset_builder.spec.numbers import (
+    AnyNumber,
+    Count,
+    Interval,
+    PositiveInt,
+    branches,
+    check_within,
+    draws,
+    interval,
+    within,
+)
+
+MOST_LAMPS = 1024
+
+
+def _number_or_lamps(value: Any) -> str | None:
+    if isinstance(value, (list, tuple)):
+        return "|kind"
+    return None if value is None or isinstance(value, (str, bool)) else "|number"
+
+
+Lights = Annotated[
+    Annotated[AnyNumber, AfterValidator(lambda number: check_within(number, 1, MOST_LAMPS)), Tag("|number")]
+    | Annotated[tuple[LampSpec, ...], Field(min_length=1, max_length=MOST_LAMPS), Tag("|kind")],
+    branches(_number_or_lamps, "expected a number, a distribution, or a list of lamps"),
+]
+
+
+def _each_or_count(value: Any) -> str | None:
+    if isinstance(value, str):
+        return "|each" if value == "each" else None
+    return "|count" if isinstance(value, int) and not isinstance(value, bool) else None
+
+
+LightCount = Annotated[
+    Annotated[Count, Tag("|count")] | Annotated[Literal["each"], Tag("|each")],
+    branches(_each_or_count, "expected a whole number or each"),
+]
+"""Target lights of a view; `each` is one for each lamp."""
 
 
 class SunSpec(Model):
@@ -37,14 +76,15 @@ class SourceSpec(Model):
 
 
 class TargetSpec(Model):
-    """Target illumination: random lights with more energy than the source's."""
+    """Target illumination: random lights with more energy than the source's, or lamps that are placed."""
 
-    lights: within(low=1, high=1024) = 1.0  # type: ignore[valid-type]
-    """Number of lights; drawn numbers are rounded."""
+    lights: Lights = 1.0
+    """Number of random lights, drawn numbers are rounded; or a list of lamps, each where it is put."""
     kinds: Annotated[tuple[LampName, ...], Field(min_length=1)] = ("area", "sphere")
     """Kinds of light, chosen with equal probability."""
     strength: within(low=0) = 2.0  # type: ignore[valid-type]
-    """Unoccluded irradiance at the object in units of the source dome's (pi times its radiance)."""
+    """Unoccluded irradiance at the object in units of the source dome's (pi times its radiance). Of n random lights
+    each sends 1/n of it; lamps of a list send what they say."""
     temperature: within(low=1000, high=40000) = 4500.0  # type: ignore[valid-type]
     """Colour temperature in kelvin."""
     distance: within(low=0.05) = 1.8  # type: ignore[valid-type]
@@ -71,3 +111,41 @@ class TargetSpec(Model):
     """Minimum and maximum mean direct irradiance on the visible part of the object, in units of the source dome's."""
     attempts: PositiveInt = 200
     """Maximum number of draws before planning gives up."""
+
+    @property
+    def lamps(self) -> tuple[LampSpec, ...]:
+        """Lamps that are placed; none where lights are drawn."""
+        return self.lights if isinstance(self.lights, tuple) else ()
+
+    def count_of(self, lights: LightCount) -> int:
+        """How many target lights a view has of so many, or of each."""
+        return len(self.alone_of(lights)) if lights == "each" else lights
+
+    def alone_of(self, lights: LightCount) -> tuple[int, ...]:
+        """The lamps that shine alone, each in its turn, by their place in the list; none where all shine together."""
+        return tuple(k for k, lamp in enumerate(self.lamps) if lamp.shines) if lights == "each" else ()
+
+    @property
+    def drawn(self) -> bool:
+        """Whether two draws of the light can differ: of random lights they always do."""
+        lamps = [lamp for lamp in self.lamps if lamp.shines]
+        shared = [key for key in ("elevation", "distance", "size", "cutoff", "strength", "temperature")
+                  if any(lamp.asks(key) for lamp in lamps)]
+        return not self.lamps or any(map(draws, (
+            *(getattr(self, key) for key in (*shared, "dome", "turn", "sun")),
+            *(value for lamp in lamps for _, value in lamp))))
+
+    @model_validator(mode="after")
+    def _lamps_are_whole(self) -> "TargetSpec":
+        if self.lamps and not any(lamp.shines for lamp in self.lamps):
+            raise broken("expected a lamp that is on, got none", path=("lights",))
+        for name in ("kinds", "textures"):
+            if self.lamps and getattr(self, name) != type(self).model_fields[name].default:
+                one = "kind" if name == "kinds" else "texture"
+                raise broken(f"expected no `{name}` beside a list of lamps, each has its own `{one}`", path=(name,))
+        names = [lamp.name for lamp in self.lamps if lamp.name]
+        for index, lamp in enumerate(self.lamps):
+            if names.count(lamp.name) > 1:
+                raise broken(f"expected names of lamps to differ, got {lamp.name} again",
+                             path=("lights", index, "name"))
+        return self

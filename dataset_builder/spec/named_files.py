@@ -7,7 +7,7 @@ from typing import Any
 from dataset_builder.spec.dataset import ObjectsSpec, ScenesSpec, SplitSpec
 from dataset_builder.spec.document import Path as KeyPath
 from dataset_builder.spec.file_scene import SceneFileSpec
-from dataset_builder.spec.scene import SceneSpec
+from dataset_builder.spec.scene import RoomSpec, SceneSpec
 
 
 def key_of(name: str, key: str) -> str:
@@ -25,6 +25,13 @@ def keyed_scene(scene: SceneSpec, key: str) -> SceneSpec:
     room = None if scene.room is None else key_of(scene.room, key)
     return scene.model_copy(update={"room": room, "file": scene.file and _keyed_file(scene.file, key),
                                     "furniture": furniture})
+
+
+def keyed_room(room: RoomSpec, key: str) -> RoomSpec:
+    """The room with its textures as keys."""
+    return room.model_copy(update={"materials": {
+        role: own.model_copy(update={"texture": key_of(own.texture, key)}) if own.texture else own
+        for role, own in room.materials.items()}})
 
 
 def _keyed_file(file: SceneFileSpec, key: str) -> SceneFileSpec:

@@ -11,6 +11,9 @@ from dataset_builder.spec.model import Model
 
 PositiveInt = Annotated[int, Field(ge=1)]
 Share = Annotated[float, Field(ge=0, le=1)]
+MOST_EXAMPLES = 1_000_000
+Count = Annotated[int, Field(ge=1, le=MOST_EXAMPLES)]
+"""A number of things that a dataset has."""
 
 TAG = "|"
 """First character of the names of union branches: such a name in an error's location is no key of the user's file."""
@@ -152,6 +155,15 @@ def draw(number: AnyNumber, rng: np.random.Generator) -> float:
 def support(number: AnyNumber) -> tuple[float, float]:
     """Smallest and largest value a number of a spec can take."""
     return number.support() if isinstance(number, Model) else (float(number), float(number))
+
+
+def draws(value: Any) -> bool:
+    """Whether a value of a spec is, or holds, a distribution that gives more than one number."""
+    if isinstance(value, (Uniform, LogUniform, Normal, Choice)):
+        low, high = support(value)
+        return low < high
+    parts = value if isinstance(value, tuple) else [part for _, part in value] if isinstance(value, Model) else ()
+    return any(map(draws, parts))
 
 
 def _rule(low: float, high: float) -> str:

@@ -13,15 +13,30 @@ from pydantic import ValidationError
 
 from dataset_builder.digest import digest
 from dataset_builder.errors import Problem, SpecError
-from dataset_builder.spec.check import check_licence, check_object, check_scenes, check_splits, files_like, find_mesh
+from dataset_builder.spec.check import (
+    check_lamps,
+    check_licence,
+    check_object,
+    check_scenes,
+    check_splits,
+    files_like,
+    find_mesh,
+)
 from dataset_builder.spec.dataset import DatasetSpec, SplitSpec
 from dataset_builder.spec.document import Document
 from dataset_builder.spec.families import FAMILIES
-from dataset_builder.spec.image_uses import ImageUse, find_images, image_uses
+from dataset_builder.spec.image_uses import ImageUse, find_images, image_uses, room_image_uses
 from dataset_builder.spec.licences import FREE
 from dataset_builder.spec.mesh_source import MeshSource
 from dataset_builder.spec.model import Model
-from dataset_builder.spec.named_files import key_of, keyed_scene, keyed_split, scene_references, split_references
+from dataset_builder.spec.named_files import (
+    key_of,
+    keyed_room,
+    keyed_scene,
+    keyed_split,
+    scene_references,
+    split_references,
+)
 from dataset_builder.spec.own_fields import check_own_field, check_own_targets
 from dataset_builder.spec.pose_files import find_poses
 from dataset_builder.spec.problems import dotted, problems_of, shown
@@ -53,9 +68,9 @@ class LoadedSpec:
     meshes: Mapping[str, MeshSource]
     """The mesh file of each object that has one, under the object's key."""
     images: Mapping[str, str]
-    """SHA-256 of each image that lights show, by its name in the dataset file."""
+    """SHA-256 of each image that lights and rooms show, by its name from the folder of the dataset file."""
     image_uses: tuple[ImageUse, ...] = ()
-    """Where it names them."""
+    """Where they are named."""
     pose_files: Mapping[str, str] = field(default_factory=dict)
     """SHA-256 of each file that cameras have their poses from, by its path relative to the folder of the dataset
     file."""
@@ -104,7 +119,8 @@ class LoadedSpec:
         dataset = {key: value for key, value in content["dataset"].items() if key not in SAID}
         scenes = set(split.scenes.source)
         own = {"scenes": scenes, "scene_files": scenes, "rooms": rooms, "objects": objects, "meshes": objects}
-        return digest({"dataset": dataset, "split": split.model_dump(mode="json", by_alias=True), "first": first,
+        return digest({"dataset": dataset, "split": split.model_dump(mode="json", by_alias=True,
+                                                                     exclude={"allow_shared"}), "first": first,
                        "images": content["images"], "pose_files": content["pose_files"],
                        **{kind: {key: value for key, value in content[kind].items() if key in names}
                           for kind, names in own.items()}})
@@ -132,6 +148,7 @@ class Resolver:
         self.places: dict[str, str] = {}
         self.scene_files: dict[str, MeshSource] = {}
         self.documents: dict[str, Document] = {}
+        self.image_uses: list[ImageUse] = []
 
     def dataset(self, document: Document) -> LoadedSpec:
         """The dataset that `document` means. Raises SpecError with every problem of every file."""
@@ -139,7 +156,7 @@ class Resolver:
         for path, name in split_references(document.data):
             kind = self._object if path[2] == "objects" else self._scene
             self._follow(document, path, name, "", kind)
-        uses = image_uses(document)
+        uses = (*image_uses(document), *self.image_uses)
         images, problems = find_images(uses, self.root.parent)
         poses, more = find_poses(document, self.root.parent)
         self.problems += [*problems, *more]
@@ -147,6 +164,7 @@ class Resolver:
             spec = spec.model_copy(update={"splits": tuple(map(keyed_split, spec.splits))})
             self.problems += check_splits(spec, document, self.meshes)
             self.problems += check_scenes(spec, document, _found(self.scenes), self.scene_files)
+            self.problems += check_lamps(spec, document, _found(self.scenes))
             self.problems += check_own_targets(spec, document, _found(self.objects))
             licence = check_licence(spec, document, _licences(_found(self.objects), _found(self.scenes)))
             if isinstance(licence, Problem):
@@ -222,7 +240,9 @@ class Resolver:
 
     def _room(self, key: str) -> None:
         if key not in self.rooms and (document := self._read(key)) is not None:
-            self.rooms[key] = self._validated(document, RoomSpec)
+            spec = self._validated(document, RoomSpec)
+            self.rooms[key] = spec and keyed_room(spec, key)
+            self.image_uses += room_image_uses(document, key)
 
 
 def _found(specs: dict[str, AnyModel | None]) -> MappingProxyType[str, AnyModel]:

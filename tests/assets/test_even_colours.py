@@ -10,7 +10,7 @@ from dataset_builder.assets.asset import Asset, Material
 from dataset_builder.assets.file_model import FileMaterial, FileModel, FilePart
 from dataset_builder.assets.mesh_file import load_mesh_file, model_asset
 from dataset_builder.label.scene_plan import MaterialChange, Param
-from dataset_builder.planning.scene.assets_of_plan import changed
+from dataset_builder.planning.scene.material_changes import changed
 from tests.assets.scene_readers.usd_stages import METRES, mesh, prim, scene
 
 ORANGE, GLASSY = (1.0, 0.2158605, 0.0, 1.0), (1.0, 0.2158605, 0.0, 0.5)

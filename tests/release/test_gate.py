@@ -144,6 +144,12 @@ def test_examples_of_one_view_count_as_one() -> None:
     assert not verdicts([5.0] * 4, ["same"] * 4)["clearly_d_s_prime"]
 
 
+def test_one_view_has_no_error_and_that_is_said() -> None:
+    clear = next(check for check in compare(rows([5.0] * 4, ["same"] * 4), "lightnet", margin=0.5, copy_margin=3.0)
+                 if check.name == "clearly_d_s_prime")
+    assert clear.detail == "+5.00 dB, 4 examples, all of one view: no standard error over views"
+
+
 def test_a_lead_that_is_no_number_is_no_lead() -> None:
     assert not any(verdicts([float("nan"), 5, 5, 5, 5, 5]).values())
 

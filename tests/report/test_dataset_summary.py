@@ -8,8 +8,9 @@ from PIL import Image
 
 from dataset_builder.errors import OutputError
 from dataset_builder.report import example_sheet
-from dataset_builder.report.dataset_summary import PALETTE, cell_pixels, contact_rows, spread, write_contact_sheet
+from dataset_builder.report.dataset_summary import PALETTE, cell_pixels, contact_rows, write_contact_sheet
 from dataset_builder.report.example_sheet import GAP, HEADER, LABEL_WIDTH, MARGIN
+from dataset_builder.report.gallery.shown_examples import chosen
 from dataset_builder.shards.reader import open_dataset
 
 CELL, CELL_HEIGHT = 128, 107
@@ -44,10 +45,14 @@ def test_no_picture_is_blank_and_each_has_its_label(sheet: np.ndarray) -> None:
 
 def test_all_splits_are_among_few_rows(small_dataset: Path) -> None:
     dataset = open_dataset(small_dataset, layers=())
-    assert spread(dataset, 2) == ["00000000", "00000008"] == spread(dataset, 1)
-    assert spread(dataset, 5) == ["00000000", "00000002", "00000004", "00000006", "00000008"]
-    assert len(spread(dataset, 3)) == 3 and spread(dataset, 3)[-1] == "00000008"
-    assert len(spread(dataset, 100)) == 10 == len(set(spread(dataset, 100)))
+
+    def spread(count: int) -> list[str]:
+        return [key for own in chosen(dataset, (), count).values() for key in own]
+
+    assert spread(2) == ["00000000", "00000008"] == spread(1)
+    assert spread(5) == ["00000000", "00000002", "00000004", "00000006", "00000008"]
+    assert len(spread(3)) == 3 and spread(3)[-1] == "00000008"
+    assert len(spread(100)) == 10 == len(set(spread(100)))
 
 
 def test_what_values_look_like() -> None:

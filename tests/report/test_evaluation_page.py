@@ -141,3 +141,11 @@ def test_files_are_written_whole(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(OutputError, match="choose another output folder"):
         write_page(evaluation(), tmp_path / "file")
+
+
+def test_one_object_has_no_error_over_objects_and_that_is_said() -> None:
+    """Nothing that is no number is printed for it."""
+    said = "One object: no standard error over objects, and no difference is told apart"
+    texts = [markdown(evaluation(1)), "\n".join(verdict_lines(evaluation(1)))]
+    assert all(said in text and not re.search(r"\b(nan|inf)\b", text) for text in texts)
+    assert said not in markdown(evaluation(2)) and said not in verdict_lines(evaluation(2))

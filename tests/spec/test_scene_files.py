@@ -127,7 +127,7 @@ def test_a_scene_gives_its_things_once_and_to_one_split(tmp_path: Path) -> None:
         "dataset.yaml:11: splits[0].scenes.count: expected <= 1, since the things of a scene file are the same each "
         "time, got 2",
         "dataset.yaml:14: splits[1].scenes.from[0]: expected scenes that no other split has, got a scene file of split "
-        "train"]
+        "train (give it others, or write `allow_shared: [scenes]` in one of both splits)"]
 
 
 def test_an_orbit_places_cameras_where_a_scene_has_none_of_its_own(tmp_path: Path) -> None:

@@ -197,7 +197,8 @@ def test_splits_share_no_mesh_file(in_folder) -> None:
             "objects/stool.yaml": "file: b.obj\nlicence: CC0-1.0\n"}
     assert load_dataset(in_folder(**{"tiny.yaml": text, "objects/b.obj": TRIANGLE + "# other\n"} | mesh)).meshes
     assert messages(in_folder(**{"tiny.yaml": text, "objects/b.obj": TRIANGLE} | mesh)) == [
-        "tiny.yaml:4: splits[1].objects.from[0]: expected objects that no other split has, got a mesh file of split a"]
+        "tiny.yaml:4: splits[1].objects.from[0]: expected objects that no other split has, got a mesh file of split a "
+        "(give it others, or write `allow_shared: [objects]` in one of both splits)"]
 
 
 def test_a_mesh_file_is_one_object(in_folder) -> None:

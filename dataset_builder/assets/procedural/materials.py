@@ -148,13 +148,21 @@ def plaster(rng: np.random.Generator, name: str | None = None) -> Finish:
     return _textured(f"{name} plaster", textures.plaster(rng, _shade(rng, WALLS[name], 0.05)), 1.5, specular=0.0)
 
 
+def boards(rng: np.random.Generator, name: str | None = None) -> Finish:
+    """A floor of boards; `name` is a key of WOODS."""
+    name = _pick(rng, WOODS, name)
+    return _textured(f"{name} boards", textures.planks(rng, *(_shade(rng, colour) for colour in WOODS[name])), 1.2)
+
+
+def tiles(rng: np.random.Generator, name: str | None = None) -> Finish:
+    """Glossy square tiles; `name` is a key of TILE_COLOURS."""
+    name = _pick(rng, TILE_COLOURS, name)
+    return _textured(f"{name} tiles", textures.tiles(rng, _shade(rng, TILE_COLOURS[name])), 1.2)
+
+
 def floor(rng: np.random.Generator) -> Finish:
     """Boards or tiles."""
-    if rng.uniform() < 0.65:
-        name = _pick(rng, WOODS)
-        return _textured(f"{name} boards", textures.planks(rng, *(_shade(rng, colour) for colour in WOODS[name])), 1.2)
-    name = _pick(rng, TILE_COLOURS)
-    return _textured(f"{name} tiles", textures.tiles(rng, _shade(rng, TILE_COLOURS[name])), 1.2)
+    return boards(rng) if rng.uniform() < 0.65 else tiles(rng)
 
 
 def books(rng: np.random.Generator) -> Finish:
@@ -187,3 +195,10 @@ def frame(rng: np.random.Generator) -> Finish:
 def cover(rng: np.random.Generator) -> Finish:
     """What seats are covered with."""
     return one_of(rng, linen, linen, velvet, leather)
+
+
+FAMILIES_OF_FINISHES: dict[str, tuple[Callable[[np.random.Generator, str | None], Finish], dict[str, Any]]] = {
+    "plaster": (plaster, WALLS), "paint": (paint, PAINTS), "boards": (boards, WOODS), "tiles": (tiles, TILE_COLOURS),
+    "wood": (wood, WOODS), "stone": (stone, STONES), "metal": (metal, METALS), "ceramic": (ceramic, PAINTS),
+    "lacquer": (lacquer, PAINTS), "linen": (linen, CLOTHS), "velvet": (velvet, CLOTHS)}
+"""Finishes that rooms may ask for by `spec.scene.FinishName`: what makes them, and the tones that each has."""

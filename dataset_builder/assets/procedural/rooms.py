@@ -1,5 +1,7 @@
 """Rooms: floor, walls with window openings, skirting and trim, ceiling; no light gets in except through the windows."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from dataset_builder.assets.asset import Asset
@@ -31,14 +33,15 @@ SIDES = (("+y", 0), ("-x", 90), ("+x", -90), ("-y", 180))
 
 
 def make_room(*, width: float, depth: float, height: float, ceiling: bool, windows: int, skirting: float,
-              seed: int) -> dict[str, Asset]:
+              seed: int, finish: Callable[[str, Finish], Finish] | None = None) -> dict[str, Asset]:
     """Assets `floor`, `walls` and, if asked for, `ceiling`, in the room's frame.
 
     The interior is x in [-width/2, width/2], y in [-depth/2, depth/2], z in [0, height], in metres (at least
     1, 1 and 1.5). `windows` walls (0 to 4: +Y, -X, +X, -Y) have an opening with frame and sill, without glass, which
     `make_panes` adds.
     `skirting` is the height of the skirting board, 0 for none. Boards stand out by 1.5 cm, sills by 4 cm.
-    Raises UserError for sizes that make no room.
+    `finish` gives the finish of `floor`, `wall`, `trim` and `ceiling` from its name and what is drawn for it; it moves
+    no draw. Raises UserError for sizes that make no room.
     """
     if not (width >= 1 and depth >= 1 and height >= 1.5 and 0 <= windows <= 4 and 0 <= skirting <= height / 2):
         raise UserError("room: expected width and depth >= 1, height >= 1.5, 0 to 4 windows and skirting in "
@@ -47,6 +50,8 @@ def make_room(*, width: float, depth: float, height: float, ceiling: bool, windo
     wall, trim = materials.plaster(finish_rng), materials.paint(finish_rng, "white")
     finishes = {"floor": materials.floor(finish_rng), "wall": wall, "trim": trim,
                 "ceiling": materials.plaster(finish_rng, "white")}
+    if finish is not None:
+        finishes = {name: finish(name, drawn) for name, drawn in finishes.items()}
     extent = ((-width / 2 - THICKNESS, width / 2 + THICKNESS), (-depth / 2 - THICKNESS, depth / 2 + THICKNESS))
     walls = [part for index, (_, turn) in enumerate(SIDES)
              for part in _wall(*_wall_size(index, width, depth), height, window=index < windows, skirting=skirting,

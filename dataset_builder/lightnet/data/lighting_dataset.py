@@ -81,7 +81,13 @@ class LightingDataset(Dataset[Batch]):
     @property
     def notes(self) -> tuple[str, ...]:
         """What a user should know about what is read, one sentence each."""
-        return (f"split {self.split}" + self._left_out(),) if self.left_out else ()
+        left_out = (f"split {self.split}" + self._left_out(),) if self.left_out else ()
+        return (*left_out, *self.in_common)
+
+    @property
+    def in_common(self) -> tuple[str, ...]:
+        """What its split shares with others, one sentence each."""
+        return tuple(one.sentence for one in self._data.manifest.in_common if self.split in one.splits)
 
     def __len__(self) -> int:
         return len(self._entries)

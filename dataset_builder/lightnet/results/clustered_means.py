@@ -23,6 +23,8 @@ from dataset_builder.lightnet.results.evaluate import ScoreRow
 
 LEVEL = 0.95
 """Of intervals."""
+ONE_OBJECT = "One object: no standard error over objects, and no difference is told apart"
+"""What is to be known of figures on a single object."""
 
 Verdict = Literal["better", "worse", "open"]
 

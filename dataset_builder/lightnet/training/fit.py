@@ -145,7 +145,8 @@ class _Training:
         return Started(parameters=self.optimisers.counts(), first=self.first, steps=self.spec.steps,
                        train=len(self.train), held_out=len(self.held_out or ()), device=str(self.device),
                        precision=self.precision, off=self.method.off,
-                       notes=(*self.train.notes, *(self.held_out.notes if self.held_out else [ALONE])))
+                       notes=tuple(dict.fromkeys((*self.train.notes,
+                                                  *(self.held_out.notes if self.held_out else [ALONE])))))
 
     def run(self) -> Iterator[Event]:
         """All steps that are left, with their checks."""

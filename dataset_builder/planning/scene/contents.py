@@ -1,4 +1,5 @@
-"""Contents of a split: its objects and its scenes, with every parameter drawn; no two splits share one."""
+"""Contents of a split: its objects and its scenes, with every parameter drawn; no two splits share one
+unless they say so."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -11,17 +12,18 @@ from dataset_builder.digest import digest
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.label.scene_plan import FogPlan, ObjectPlan, Param, RoomPlan
 from dataset_builder.label.scene_source import PartPatterns, SceneFilePlan, SceneKind, SceneSource, VariantChoice
-from dataset_builder.planning.scene.assets_of_plan import drawn_changes, require_roles
 from dataset_builder.planning.scene.layout import Place
+from dataset_builder.planning.scene.material_changes import drawn_changes, require_roles
+from dataset_builder.planning.scene.room_finishes import room_materials
 from dataset_builder.seeding import derive_seed, rng
-from dataset_builder.spec.dataset import SplitSpec
+from dataset_builder.spec.dataset import Shareable, SplitSpec
 from dataset_builder.spec.families import FAMILIES, FamilyParam
 from dataset_builder.spec.file_scene import SceneFileSpec, ThingQuery
 from dataset_builder.spec.licences import FREE
 from dataset_builder.spec.name_patterns import WILD
 from dataset_builder.spec.numbers import AnyNumber, draw
 from dataset_builder.spec.resolve import LoadedSpec
-from dataset_builder.spec.scene import FogSpec, ObjectSpec, RoomSpec
+from dataset_builder.spec.scene import FogSpec, ObjectSpec
 from dataset_builder.spec.scene_files import FRONT_SUFFIX
 from dataset_builder.spec.usd_references import USD_SUFFIXES
 
@@ -69,6 +71,8 @@ class SplitContents:
     """Which things of its scenes are targets, where they are."""
     count: int
     """Number of objects, of things in each scene."""
+    allow_shared: tuple[Shareable, ...] = ()
+    """What it may have in common with other splits."""
 
 
 def _parameter(param: FamilyParam, given: AnyNumber | None, seed: int, path: Path) -> Param:
@@ -117,15 +121,17 @@ def place_of(loaded: LoadedSpec, plan: ObjectPlan) -> str:
                  and _source(spec, key) == plan.source and drawn(spec.scale, spec.up, spec.materials) == wanted), "")
 
 
-def room_plan(spec: RoomSpec, name: str, seed: int, path: Path) -> RoomPlan:
-    """Draw a room."""
+def room_plan(loaded: LoadedSpec, key: str, name: str, path: Path) -> RoomPlan:
+    """Draw the room of file `key`. Raises PlanError for materials that there are not."""
+    spec, seed = loaded.rooms[key], loaded.dataset.seed
 
     def number(key: str) -> float:
         return draw(getattr(spec, key), rng(seed, *path, key))
 
     return RoomPlan(name=name, seed=str(derive_seed(seed, *path, "material")), width=number("width"),
                     depth=number("depth"), height=number("height"), ceiling=spec.ceiling, glazing=spec.glazing,
-                    windows=round(number("windows")), skirting=number("skirting"))
+                    windows=round(number("windows")), skirting=number("skirting"),
+                    materials=room_materials(spec.materials, loaded.images, seed, (*path, "materials"), key))
 
 
 def fog_plan(spec: FogSpec | None, seed: int, path: Path) -> FogPlan:
@@ -145,7 +151,7 @@ def _scene_plan(loaded: LoadedSpec, split: str, index: int, key: str, things: Th
             pieces.append(PiecePlan(object=plan, place=furniture.place, number=(entry, copy)))
     name = f"{split}-room-{index:02d}"
     room = (_file_room(loaded, spec.file, key, name, things) if spec.file is not None else
-            room_plan(loaded.rooms[str(spec.room)], name, seed, (*path, "room")))
+            room_plan(loaded, str(spec.room), name, (*path, "room")))
     return ScenePlan(room=room, furniture=tuple(pieces), target=spec.target, space=spec.space,
                      fog=fog_plan(spec.fog, seed, (*path, "fog")), number=index, key=key, file=spec.file)
 
@@ -178,7 +184,7 @@ def split_contents(loaded: LoadedSpec, split: SplitSpec) -> SplitContents:
     scenes = tuple(_scene_plan(loaded, split.name, index, key, split.objects.things)
                    for index, key in enumerate(_in_turn(split.scenes.source, split.scenes.count)))
     return SplitContents(name=split.name, objects=objects, scenes=scenes, things=split.objects.things,
-                         count=split.objects.count)
+                         count=split.objects.count, allow_shared=split.allow_shared)
 
 
 def shape_digest(plan: ObjectPlan) -> str:
@@ -195,7 +201,8 @@ def _object_digest(plan: ObjectPlan) -> str:
     return digest([shape_digest(plan), plan.seed if plan.kind == "procedural" else "", materials])
 
 
-def _scene_digest(plan: ScenePlan) -> str:
+def scene_digest(plan: ScenePlan) -> str:
+    """Digest of a room and what stands in it, or of a scene's file."""
     if plan.file is not None:
         return plan.room.scene.file.source_sha256
     room = plan.room.model_dump(exclude={"name"})
@@ -217,7 +224,7 @@ def contents(loaded: LoadedSpec) -> dict[str, SplitContents]:
     """Objects and scenes of every split, by its name.
 
     Raises PlanError where two objects or two scenes of a split are the same, or where splits share an object's shape
-    or a scene; every clash is named.
+    or a scene and neither allows it; every clash is named.
     """
     drawn = {split.name: split_contents(loaded, split) for split in loaded.dataset.splits}
     problems = list[Problem]()
@@ -226,17 +233,17 @@ def contents(loaded: LoadedSpec) -> dict[str, SplitContents]:
                              "list more files, or lower the count")
     problems += across(drawn, lambda split: [(plan.name, shape_digest(plan)) for plan in split.objects], "objects",
                         "give each split its own files, or draw parameters from distributions")
-    problems += across(drawn, lambda split: [(plan.room.name, _scene_digest(plan)) for plan in split.scenes], "scenes",
+    problems += across(drawn, lambda split: [(plan.room.name, scene_digest(plan)) for plan in split.scenes], "scenes",
                         "give each split its own scene files")
     if problems:
         raise PlanError(problems)
     return drawn
 
 
-def across(drawn: Mapping[str, SplitContents], named: Callable[[SplitContents], list[tuple[str, str]]], path: str,
+def across(drawn: Mapping[str, SplitContents], named: Callable[[SplitContents], list[tuple[str, str]]], path: Shareable,
            hint: str) -> list[Problem]:
-    """Clashes between splits; repetitions within a split count once, under the first name."""
+    """Clashes between splits that do not allow them; repetitions within a split count once, under the first name."""
     once = list[tuple[str, str]]()
-    for split in drawn.values():
+    for split in (each for each in drawn.values() if path not in each.allow_shared):
         once += {content: (name, content) for name, content in reversed(named(split))}.values()
     return clashes(once, path, hint)

@@ -54,11 +54,11 @@ def room_parts(plan: RoomPlan, mesh_root: Path) -> tuple[RoomPart, ...]:
 
     Raises UserError where the scene file cannot be read, PlanError where it is not the one that was planned.
     """
-    return _things(plan, mesh_root) if plan.kind != "procedural" else _procedural(plan)
+    return _things(plan, mesh_root) if plan.kind != "procedural" else _procedural(plan, mesh_root)
 
 
-def _procedural(plan: RoomPlan) -> tuple[RoomPart, ...]:
-    shell = room_shell(plan)
+def _procedural(plan: RoomPlan, mesh_root: Path) -> tuple[RoomPart, ...]:
+    shell = room_shell(plan, mesh_root)
     parts = [RoomPart(name=name, part=name, asset=shell[name], instance=ROOM_INSTANCE)
              for name in ("floor", "walls", "ceiling") if name in shell]
     if plan.glazing and plan.windows:

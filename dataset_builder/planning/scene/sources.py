@@ -1,12 +1,16 @@
-"""What the objects of a dataset, and its scenes from files, were made from, and under which licences."""
+"""What the objects of a dataset, and its scenes from files, were made from, under which licences, and in which splits.
+"""
 
 from collections.abc import Iterator, Mapping
+from itertools import combinations
 from typing import Literal
 
 from dataset_builder.label.scene_plan import ObjectSource
-from dataset_builder.planning.scene.contents import SplitContents
+from dataset_builder.label.shared_content import SharedContent
+from dataset_builder.planning.scene.contents import SplitContents, scene_digest, shape_digest
 from dataset_builder.planning.scene.scene_models import scene_facts
 from dataset_builder.planning.scene.things import left_out, targets
+from dataset_builder.spec.dataset import Shareable
 from dataset_builder.spec.resolve import LoadedSpec
 
 Part = tuple[Literal["procedural", "file", "thing"], str, str]
@@ -41,3 +45,25 @@ def _things(loaded: LoadedSpec, split: SplitContents) -> Iterator[tuple[Part, li
         for licence in dict.fromkeys([scene.file.licence, *(thing.licence for thing in facts.things
                                                             if thing.name not in gone)]):
             yield ("thing", scene.file.path, licence), [plan.name for plan in chosen if plan.licence == licence]
+
+
+def shared_contents(loaded: LoadedSpec, drawn: Mapping[str, SplitContents]) -> tuple[SharedContent, ...]:
+    """What every two splits share, where one of them allows it. Raises UserError where a scene cannot be read."""
+    kinds: tuple[Shareable, ...] = ("objects", "scenes")
+    found = list[SharedContent]()
+    for what in kinds:
+        if not any(what in split.allow_shared for split in drawn.values()):
+            continue
+        has = {name: _digests(loaded, split, what) for name, split in drawn.items()}
+        found += [SharedContent(what=what, splits=(one, two), count=len(has[one] & has[two]),
+                                of=(len(has[one]), len(has[two])))
+                  for one, two in combinations(has, 2) if has[one] & has[two]]
+    return tuple(found)
+
+
+def _digests(loaded: LoadedSpec, split: SplitContents, what: Shareable) -> set[str]:
+    if what == "scenes":
+        return {scene_digest(scene) for scene in split.scenes}
+    if split.things is None:
+        return {shape_digest(plan) for plan in split.objects}
+    return {plan.source_sha256 for scene in split.scenes for plan in targets(loaded, split, scene)}

@@ -12,39 +12,16 @@ from dataset_builder.label.scene_plan import IlluminationPlan, LightPlan
 from dataset_builder.light_kinds import LIGHT_KINDS, LightName
 from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.planning.view.cameras import inside, towards, vector
-from dataset_builder.planning.view.daylight import (
-    LIFT,
-    ORIGIN,
-    Stream,
-    image_of,
-    outside,
-    sky_share,
-    sunlit,
-    weighed,
-)
-from dataset_builder.planning.view.emission import LUMINANCE, colour, direct_irradiance, facing_irradiance
+from dataset_builder.planning.view.daylight import ORIGIN, Stream, image_of, outside, sky_share
+from dataset_builder.planning.view.emission import colour, facing_irradiance
+from dataset_builder.planning.view.exposure import MIN_CLEARANCE, expose, in_the_way, weighed_outside
 from dataset_builder.planning.view.lit_view import LitView
 from dataset_builder.planning.view.own_lights import one_dome
-from dataset_builder.planning.view.visibility import Sight
+from dataset_builder.planning.view.placed_lamps import placed_lamps, require_brightness
 from dataset_builder.spec.light import SourceSpec, TargetSpec
 from dataset_builder.spec.numbers import draw
-from dataset_builder.spread import spaced
 
-__all__ = ["Exposure", "expose", "sky_share", "source_light", "target_light", "unit_irradiance"]
-
-MIN_CLEARANCE = 0.02
-"""Metres between surfaces and a light without extent."""
-MAX_POINTS = 192
-
-
-@dataclass(frozen=True, kw_only=True)
-class Exposure:
-    """How target light meets the visible part of the object."""
-
-    mean: float
-    """Direct irradiance (luminance, mean over visible points) in units of the source's."""
-    lit: float
-    """Share of these points that any light reaches."""
+__all__ = ["sky_share", "source_light", "target_light", "unit_irradiance"]
 
 
 def source_light(spec: SourceSpec, stream: Stream, root: Path = Path()) -> IlluminationPlan:
@@ -92,55 +69,14 @@ def _candidate(arrangement: Arrangement, spec: TargetSpec, emitter: _Emitter, ir
         **emitter.image})
 
 
-def _in_the_way(light: LightPlan, camera: np.ndarray, points: np.ndarray) -> bool:
-    """Whether an emitter with an extent comes between the camera and points (N, 3) that it should see."""
-    along, to_light = points - camera, np.asarray(light.position) - camera
-    share = np.clip(along @ to_light / np.einsum("ij,ij->i", along, along), 0, 1)
-    return bool((np.linalg.norm(to_light - share[:, None] * along, axis=1) < light.size).any())
-
-
 def _stands_free(view: LitView, light: LightPlan) -> bool:
     """Whether an emitter is in the room or scene, clear of surfaces by its size, and in no camera's way."""
     position, clearance = np.asarray(light.position), max(light.size, MIN_CLEARANCE)
     if not inside(view.arrangement, position, clearance):
         return False
-    if any(_in_the_way(light, np.asarray(camera.position), view.sight.points) for camera in view.cameras):
+    if any(in_the_way(light, light.size, np.asarray(camera.position), view.sight.points) for camera in view.cameras):
         return False
     return float(view.arrangement.surfaces.distance(position[None])[0]) >= clearance
-
-
-def expose(arrangement: Arrangement, sight: Sight, lights: Sequence[LightPlan], unit: float, sky: float, *,
-           shadows: bool = True) -> Exposure:
-    """How the visible part of the object is lit directly; `sky` is its `sky_share`, `unit` the source's irradiance.
-    shadows: whether what is in the way of the other lights counts."""
-    pick = spaced(len(sight.points), MAX_POINTS)
-    normals = sight.normals[pick]
-    points = sight.points[pick] + LIFT * normals
-    total, reached = np.zeros(len(points)), np.zeros(len(points), dtype=bool)
-    for light in lights:
-        if LIGHT_KINDS[light.kind].all_round:
-            total += facing_irradiance(light.kind, 0.0, 1.0) * (light.radiance @ LUMINANCE) * sky
-            continue
-        sent = direct_irradiance(light, points, normals) @ LUMINANCE
-        open_way = (sent > 0) & _unhindered(arrangement, light, points) if shadows else sent > 0
-        total += sent * open_way
-        reached |= open_way
-    return Exposure(mean=float(total.mean()) / unit, lit=float(reached.mean()))
-
-
-def _unhindered(arrangement: Arrangement, light: LightPlan, points: np.ndarray) -> np.ndarray:
-    """(N,) bool: whether nothing stands between points (N, 3) and a light's centre."""
-    if LIGHT_KINDS[light.kind].parallel:
-        return sunlit(arrangement, light, points)
-    return ~arrangement.everything.occluded(points, np.broadcast_to(light.position, points.shape))
-
-
-def weighed_outside(view: LitView, light: LightPlan) -> LightPlan:
-    """A light outside, weighed by what of it reaches the visible part of the object."""
-    if LIGHT_KINDS[light.kind].all_round:
-        return weighed(light, view.sky)
-    found = expose(view.arrangement, view.sight, [light], max(light.radiance), view.sky)
-    return weighed(light, found.mean)
 
 
 def _place_all(view: LitView, spec: TargetSpec, emitters: Sequence[_Emitter]) -> list[LightPlan] | None:
@@ -173,21 +109,26 @@ def _refuse(where: str, rule: str, hint: str) -> PlanError:
 
 
 def target_light(view: LitView, spec: TargetSpec, stream: Stream, where: str, root: Path = Path(),
-                 own: Sequence[SceneLight] = ()) -> tuple[IlluminationPlan, str]:
+                 own: Sequence[SceneLight] = (), alone: int | None = None) -> tuple[IlluminationPlan, str]:
     """Target lights for a view, and a note on how they were found. root: folder of the dataset file. own: lights that
-    the scene has besides, weighed.
+    the scene has besides, weighed. alone: the placed lamp that shines without any other light.
 
-    Each of n lights sends 1/n of its drawn strength, so that energy does not grow with their number. Positions are
-    redrawn, at most `spec.attempts` times, until the mean direct irradiance on the visible part is within
-    `spec.brightness` and at least `view.least_lit` of it is reached. Light from outside counts where it gets in, and is
-    weighed by that. Raises PlanError where no draw is right, no light is drawn, or an image cannot be read.
+    Each of n random lights sends 1/n of its drawn strength, so that energy does not grow with their number. Positions
+    are redrawn, at most `spec.attempts` times, until the mean direct irradiance on the visible part is within
+    `spec.brightness` and at least `view.least_lit` of it is reached; lamps that are placed stay there. Light from
+    outside counts where it gets in, and is weighed by that. Raises PlanError where no draw is right, a lamp cannot be
+    where it is put, no light is drawn, or an image cannot be read.
     """
+    drawn = [weighed_outside(view, light) for light in outside(spec, stream, root, "target")] if alone is None else []
+    found, merged = one_dome([*(SceneLight(name=f"the dataset's {light.kind}", light=light) for light in drawn), *own])
+    others = [each.light for each in found]
+    if isinstance(spec.lights, tuple):
+        lamps, off = placed_lamps(view, spec, stream, where, root, alone)
+        note = require_brightness(view, spec, lamps, others, where)
+        return IlluminationPlan(lights=(*lamps, *others), open=()), "; ".join((note, *off, *merged))
     count = round(draw(spec.lights, stream("count")))
     if count < 1:
         raise _refuse(where, f"expected at least one target light, got {count}", "set target.lights >= 1")
-    drawn = [weighed_outside(view, light) for light in outside(spec, stream, root, "target")]
-    found, merged = one_dome([*(SceneLight(name=f"the dataset's {light.kind}", light=light) for light in drawn), *own])
-    others = [each.light for each in found]
     emitters = _emitters(spec, count, stream, root)
     means, lits = list[float](), list[float]()
     for attempt in range(spec.attempts):

@@ -10,8 +10,9 @@ from dataset_builder.errors import PlanError, Problem
 from dataset_builder.label.scene_plan import IlluminationPlan, LightPlan
 from dataset_builder.light_kinds import LIGHT_KINDS
 from dataset_builder.planning.view.daylight import MIN_WEIGHT, Stream
-from dataset_builder.planning.view.emission import direct_irradiance, facing_irradiance
-from dataset_builder.planning.view.lights import expose, target_light, weighed_outside
+from dataset_builder.planning.view.emission import facing_irradiance
+from dataset_builder.planning.view.exposure import expose, weighed_lamp, weighed_outside
+from dataset_builder.planning.view.lights import target_light
 from dataset_builder.planning.view.lit_view import LitView
 from dataset_builder.planning.view.own_lights import TOLD, OwnLights, named, own_lights, refused, times
 from dataset_builder.spec.file_scene import SceneLightsSpec
@@ -24,15 +25,15 @@ that is lit by way of its walls is not made brighter without bound."""
 
 
 def scene_light(view: LitView, lights: Sequence[SceneLight], spec: SceneLightsSpec, target: TargetSpec, stream: Stream,
-                where: str, scene: Path, root: Path = Path()) -> tuple[IlluminationPlan, str]:
+                where: str, scene: Path, root: Path = Path(), alone: int | None = None) -> tuple[IlluminationPlan, str]:
     """The target light of a view in a scene with lights of its own, and a note on what became of them.
 
-    scene: its file, for messages. root: folder of the dataset file. Raises PlanError as `own_lights` and `target_light`
-    do; where the scene's lights are kept and it has none; and where they leave the object dark or too bright, each
-    named with what it sends. `target.brightness` with a minimum of 0 allows the dark.
+    scene: its file, for messages. root, alone: as `target_light` has them. Raises PlanError as it and `own_lights` do;
+    where the scene's lights are kept and it has none; and where they leave the object dark or too bright, each named
+    with what it sends. `target.brightness` with a minimum of 0 allows the dark.
     """
     if spec.use == "replaced":
-        plan, note = target_light(view, target, stream, where, root)
+        plan, note = target_light(view, target, stream, where, root, alone=alone)
         gone = f"; lights of the scene replaced: {named(each.name for each in lights)}" if lights else ""
         return plan, note + gone
     own = own_lights(lights, spec.dim, scene)
@@ -72,7 +73,8 @@ def _scaled(view: LitView, own: OwnLights, spec: SceneLightsSpec, target: Target
             f" of which things hide all but {hindered / unhindered:.0%}" if hindered < HIDDEN * unhindered else "")
     elif spec.scale != "auto":
         factor = float(spec.scale)
-    lights = [SceneLight(name=each.name, light=_weighed(view, times(each.light, factor))) for each in own.lights]
+    lights = [SceneLight(name=each.name, light=_weighed(view, times(each.light, factor)).model_copy(
+        update={"name": each.name})) for each in own.lights]
     note = f"lights of the scene: {named(each.name for each in lights) or 'none'}, times {factor:.3g}{how}"
     return lights, "; ".join((note, *own.said))
 
@@ -85,19 +87,11 @@ def _mean(view: LitView, lights: Sequence[LightPlan], *, shadows: bool = True) -
 
 def _weighed(view: LitView, light: LightPlan) -> LightPlan:
     """A light of a scene with its weight: what it sends to the object's centre, or, from outside, what gets in."""
-    mean = float(np.mean(light.radiance))
     if LIGHT_KINDS[light.kind].outside:
+        mean = float(np.mean(light.radiance))
         full = light.model_copy(update={"weight": facing_irradiance(light.kind, 0.0, 1.0) * mean})
         return weighed_outside(view, full)
-    away = np.asarray(light.position) - view.arrangement.centre
-    apart = float(np.linalg.norm(away))
-    normal = away / apart if apart > 0 else np.array([0.0, 0.0, 1.0])
-    # A lamp in the object is no reason to sample nothing else
-    distance = max(apart, view.arrangement.radius)
-    most = facing_irradiance(light.kind, light.size, distance, light.length) * mean
-    at = np.asarray(light.position) - distance * normal
-    sent = float(direct_irradiance(light, at[None], normal[None])[0].mean())
-    return light.model_copy(update={"weight": max(sent, MIN_WEIGHT * most)})
+    return weighed_lamp(view, light)
 
 
 def _kept(view: LitView, lights: Sequence[SceneLight], target: TargetSpec, where: str) -> IlluminationPlan:

@@ -1,9 +1,10 @@
-"""What is wrong with the images that a dataset's lights show, before anything is rendered."""
+"""What is wrong with the images that a dataset's lights and rooms show, before anything is rendered."""
 
 from dataclasses import replace
 
-from dataset_builder.errors import PlanError, Problem
-from dataset_builder.spec.image_uses import ENVIRONMENT_SUFFIXES, ImageUse
+from dataset_builder.assets.image_maps import ImageFile, read_texels
+from dataset_builder.errors import PlanError, Problem, UserError
+from dataset_builder.spec.image_uses import ENVIRONMENT_SUFFIXES, SURFACE_SUFFIXES, ImageUse
 from dataset_builder.spec.resolve import LoadedSpec
 
 SHAPES = (1.5, 3.0)
@@ -17,6 +18,8 @@ def check_images(loaded: LoadedSpec) -> None:
 
 
 def _problems(use: ImageUse, loaded: LoadedSpec) -> list[Problem]:
+    if use.suffixes == SURFACE_SUFFIXES:
+        return _surface_problems(use, loaded)
     # It loads the renderer's library, which specs without images do not wait for
     from dataset_builder.rendering.scene.images import read_image
 
@@ -30,4 +33,14 @@ def _problems(use: ImageUse, loaded: LoadedSpec) -> list[Problem]:
         return [Problem(where=use.where, path=use.key, hint="convert mirror balls, fisheyes and cubes to it",
                         rule=f"{use.name}: expected latitude and longitude, twice as wide as high, got {width} x "
                         f"{height} pixels")]
+    return []
+
+
+def _surface_problems(use: ImageUse, loaded: LoadedSpec) -> list[Problem]:
+    path = loaded.path.parent / use.name
+    try:
+        read_texels(ImageFile(name=path.name, content=path), srgb=True, max_size=1, opaque=True)
+    except UserError as error:
+        return [replace(problem, where=use.where, path=use.key, rule=f"{use.name}: {problem.rule}")
+                for problem in error.problems]
     return []

@@ -83,6 +83,8 @@ _known_normals: WeakKeyDictionary[Asset, Recent[np.ndarray]] = WeakKeyDictionary
 class RoughTwin:
     """A placed R3DM."""
 
+    mesh: TriangleMesh
+    """In the object's frame."""
     soup: Soup
     figures: Mapping[str, float]
     """Its measured distance from the 3DM, as `Roughness` names it; of an object that is a field, its `radius` alone."""
@@ -178,7 +180,7 @@ def rough_twin(placed: PlacedObject, plan: RoughPlan, mesh_root: Path) -> RoughT
     rough = roughened(base, asset.mesh, plan)
     mesh, normals = rough.mesh, corner_normals(rough.mesh, creases=rough.creases)
     soup = soup_of(mesh, normals, asset.materials, world_from_object(placed), placed.instance)
-    return RoughTwin(soup=soup, figures=_measured(mesh, asset.mesh, plan))
+    return RoughTwin(mesh=mesh, soup=soup, figures=_measured(mesh, asset.mesh, plan))
 
 
 def field_twin(placed: PlacedObject, plan: RoughPlan, mesh_root: Path, mesh: TriangleMesh | None) -> RoughTwin:
@@ -187,7 +189,7 @@ def field_twin(placed: PlacedObject, plan: RoughPlan, mesh_root: Path, mesh: Tri
     asset = asset_of(placed.object, mesh_root)
     rough, materials = (mesh, (MATT,)) if mesh is not None else (asset.mesh, asset.materials)
     soup = soup_of(rough, corner_normals(rough), materials, world_from_object(placed), placed.instance)
-    return RoughTwin(soup=soup, figures={"radius": bounding_radius(rough)} if mesh is None else
+    return RoughTwin(mesh=rough, soup=soup, figures={"radius": bounding_radius(rough)} if mesh is None else
                      _measured(rough, asset.mesh, plan))
 
 

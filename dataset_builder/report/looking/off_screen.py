@@ -7,7 +7,7 @@ if TYPE_CHECKING:
 
 
 def plotter(width: int, height: int, shape: tuple[int, int] = (1, 1)) -> "Plotter":
-    """A PyVista plotter that draws into memory, white, with `shape` panels. Say `with` or close it."""
+    """A PyVista plotter that draws into memory, white, with `shape` panels. Close it."""
     from vtkmodules.vtkCommonCore import vtkLogger
 
     # It says that there is no display before it does without

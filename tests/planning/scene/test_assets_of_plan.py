@@ -17,14 +17,9 @@ from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.label.scene_plan import ObjectPlan, PlacedObject
 from dataset_builder.planning.plan import Planner
 from dataset_builder.planning.scene import assets_of_plan
-from dataset_builder.planning.scene.assets_of_plan import (
-    asset_of,
-    changed,
-    drawn_changes,
-    matches,
-    world_from_object,
-)
+from dataset_builder.planning.scene.assets_of_plan import asset_of, world_from_object
 from dataset_builder.planning.scene.contents import contents
+from dataset_builder.planning.scene.material_changes import changed, drawn_changes, matches
 from dataset_builder.planning.scene.room_parts import room_parts
 from dataset_builder.planning.view.visibility import look
 from dataset_builder.spec.mesh_source import companions, mesh_source

@@ -6,7 +6,9 @@ from typing import Any
 import pytest
 
 from dataset_builder.errors import PlanError
+from dataset_builder.label.shared_content import SharedContent
 from dataset_builder.planning.scene.contents import contents
+from dataset_builder.planning.scene.sources import shared_contents
 from dataset_builder.spec.families import FAMILIES
 from dataset_builder.spec.mesh_source import MeshSource
 from dataset_builder.spec.resolve import LoadedSpec
@@ -95,6 +97,17 @@ def test_one_mesh_file_in_two_splits_is_a_clash_that_is_named(load: Load, datase
     dataset_data["splits"][1]["objects"] = {"from": ["copy.yaml"], "count": 1}
     with pytest.raises(PlanError, match="eval-lamp-00 to differ from train-lamp-01"):
         contents(_with_file(load, dataset_data, ("lamp.yaml", "copy.yaml")))
+
+
+def test_a_mesh_file_in_two_splits_on_purpose_is_counted(load: Load, dataset_data: dict[str, Any]) -> None:
+    """As one shape, though its two names and materials differ; nothing is said where nothing is allowed."""
+    dataset_data["splits"][0]["objects"] = {"from": ["chair.yaml", "lamp.yaml"], "count": 2}
+    dataset_data["splits"][1] |= {"objects": {"from": ["copy.yaml"], "count": 1}, "allow_shared": ["objects", "scenes"]}
+    loaded = _with_file(load, dataset_data, ("lamp.yaml", "copy.yaml"))
+    shared, = shared_contents(loaded, contents(loaded))
+    assert shared == SharedContent(what="objects", splits=("train", "eval"), count=1, of=(2, 1))
+    assert shared.sentence.startswith("splits train and eval share 1 object (train has 2, eval 1): figures on eval")
+    assert shared_contents(load(), contents(load())) == ()
 
 
 def test_one_mesh_file_twice_in_a_split_is_a_clash(load: Load, dataset_data: dict[str, Any]) -> None:

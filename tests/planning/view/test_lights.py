@@ -16,6 +16,7 @@ from dataset_builder.planning.scene.box_shell import BoxShell
 from dataset_builder.planning.view import lights as planned
 from dataset_builder.planning.view.cameras import place_camera
 from dataset_builder.planning.view.emission import LUMINANCE, direct_irradiance
+from dataset_builder.planning.view.exposure import expose
 from dataset_builder.planning.view.lights import Stream, sky_share, source_light, target_light
 from dataset_builder.planning.view.lit_view import LitView
 from dataset_builder.seeding import rng
@@ -76,7 +77,7 @@ def test_lights_are_in_the_room_clear_of_things_and_within_the_brightness_asked(
         if LIGHT_KINDS[light.kind].aimed:
             aim = view.arrangement.centre - np.array(light.position)
             assert light.direction == pytest.approx(aim / np.linalg.norm(aim))
-    shown = planned.expose(view.arrangement, view.sight, plan.lights, view.unit, view.sky)
+    shown = expose(view.arrangement, view.sight, plan.lights, view.unit, view.sky)
     assert 0.3 <= shown.mean <= 3 and shown.lit >= 0.25 and f"{shown.mean:.2f}" in note
     assert outside.kind == "dome" and outside.weight == pytest.approx(0.02 * 0.05 * pi) and plan.open == ()
 

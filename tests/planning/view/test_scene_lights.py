@@ -14,7 +14,7 @@ from dataset_builder.errors import PlanError
 from dataset_builder.label.scene_plan import IlluminationPlan, LightPlan
 from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.planning.view.emission import direct_irradiance
-from dataset_builder.planning.view.lights import expose
+from dataset_builder.planning.view.exposure import expose
 from dataset_builder.planning.view.lit_view import LitView
 from dataset_builder.planning.view.own_lights import one_dome, own_lights
 from dataset_builder.planning.view.scene_lights import HIDDEN, check_lights_differ, scene_light
