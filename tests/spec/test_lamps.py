@@ -46,8 +46,11 @@ def test_a_lamp_is_said_once_and_of_its_kind(lamp: dict[str, Any], rule: str) ->
 def test_lamps_are_told_apart_and_have_kinds_of_their_own() -> None:
     with pytest.raises(ValidationError, match="names of lamps to differ, got left again"):
         target(LEFT, LEFT)
-    with pytest.raises(ValidationError, match="no `kinds` beside a list of lamps"):
+    with pytest.raises(ValidationError, match="a `kind` of every lamp beside `kinds`, which is about random lights"):
         target(LEFT, kinds=("spot",))
+    assert target({**LEFT, "kind": "area"}, kinds=("spot",)).lamps[0].kind == "area"
+    with pytest.raises(ValidationError, match="no `textures` beside a list of lamps"):
+        target(LEFT, textures=("a.png",))
 
 
 def test_a_colour_in_digits_is_linear() -> None:
