@@ -141,7 +141,8 @@ class TargetSpec(Model):
             raise broken("expected a lamp that is on, got none", path=("lights",))
         unsaid = any("kind" not in lamp.model_fields_set for lamp in self.lamps)
         if unsaid and self.kinds != type(self).model_fields["kinds"].default:
-            raise broken("expected a `kind` of every lamp beside `kinds`, which is about random lights", path=("kinds",))
+            raise broken("expected a `kind` of every lamp beside `kinds`, which is about random lights",
+                         path=("kinds",))
         if self.lamps and self.textures:
             raise broken("expected no `textures` beside a list of lamps, each has its own `texture`",
                          path=("textures",))

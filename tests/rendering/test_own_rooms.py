@@ -49,7 +49,7 @@ def shown(plan, root):
 
 
 def test_lamps_one_at_a_time_add_up_to_all_of_them(tmp_path):
-    """A Z-test of the means of three channels over independent seeds; it fails in one of 1000 runs by chance (Sidak)."""
+    """A test of the means of three channels over independent seeds; it fails in one of 1000 runs by chance (Sidak)."""
     together, root = plans(tmp_path, "1")
     alone, _ = plans(tmp_path, "each")
     assert [[light.name for light in plan.target_light.lights] for plan in (*together, *alone)] == [

@@ -15,8 +15,8 @@ from dataset_builder.errors import PlanError
 from dataset_builder.planning.scene import assets_of_plan
 from dataset_builder.planning.scene.assets_of_plan import room_shell
 from dataset_builder.planning.scene.contents import contents, room_plan
-from dataset_builder.spec.scene import FinishName, RoomSpec
 from dataset_builder.spec.load import load_dataset
+from dataset_builder.spec.scene import FinishName, RoomSpec
 from tests.small_specs import FILES, write_spec
 
 Room = Callable[..., dict[str, Asset]]
@@ -63,7 +63,7 @@ def test_a_colour_takes_the_place_of_what_is_drawn_and_moves_nothing_else(room: 
 
 
 def test_a_texture_repeats_every_so_many_metres(room: Room, tmp_path: Path) -> None:
-    """188 of 255 is 0.5029 in linear light; the floor of 4 m and twice the walls' 0.1 m is 8.4 repeats of 0.5 m wide."""
+    """188 of 255 is 0.5029 in linear light; a floor of 4 m and twice 0.1 m of wall is 8.4 repeats of 0.5 m wide."""
     Image.new("RGB", (8, 4), (255, 188, 0)).save(tmp_path / "floor.png")
     floor = room("materials: {floor: {texture: ../floor.png, size: 0.5, roughness: 0.25, base_color: [0.5, 1, 1]}}\n")
     found = material(floor["floor"], "floor")

@@ -42,8 +42,8 @@ def test_a_lamp_stands_where_it_is_put(box_arrangement: BoxStage) -> None:
 @pytest.mark.parametrize("kind", ["area", "sphere", "spot", "point"])
 def test_every_lamp_sends_what_it_says_however_many_there_are(kind: str, box_arrangement: BoxStage) -> None:
     view = lit_view(box_arrangement(CHAIR))
-    lamps = [{**FRONT, "name": str(k), "kind": kind, "azimuth": 180 * k, "elevation": 60, "strength": 3, "dim": 0.5, "color": "#ff8040"}
-             for k in range(2)]
+    both = {**FRONT, "kind": kind, "elevation": 60, "strength": 3, "dim": 0.5, "color": "#ff8040"}
+    lamps = [{**both, "name": str(k), "azimuth": 180 * k} for k in range(2)]
     plan, _ = lit(view, *lamps)
     centre = view.arrangement.centre[None]
     for light in plan.lights:
