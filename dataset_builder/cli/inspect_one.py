@@ -31,7 +31,7 @@ def inspect_one(options: argparse.Namespace) -> bool:
             raise UserError(f"{option}: expected {' or '.join(f'--{name} KEY' for name in wanted)} with it, got none")
     if options.example:
         found = look_at_example(options.folder, options.example, options.out)
-        print(f"page: {found.page}\npicture: {found.picture}")
+        print(f"page: {found.page}\npicture: {found.picture or 'none, without pixels'}")
     if options.mesh:
         from dataset_builder.report.looking.level_meshes import fields_of_dataset, view_meshes
         from dataset_builder.report.mesh_sheet import write_mesh_sheet
@@ -40,6 +40,7 @@ def inspect_one(options: argparse.Namespace) -> bool:
         meshes = view_meshes(options.folder, options.mesh, options.meshes or Path(), fields)
         target = (options.out or previews_of(options.folder)) / f"{meshes.own.key}-mesh.png"
         write_mesh_sheet(meshes, target)
-        for line in [*meshes.missing, f"picture of {len(meshes.levels)} noise levels: {target}"]:
+        count = len(meshes.levels)
+        for line in [*meshes.missing, f"picture of {count} noise level{'s' * (count > 1)}: {target}"]:
             common.plain_console().print(line, highlight=False, soft_wrap=True)
     return bool(options.example or options.mesh)
