@@ -22,7 +22,7 @@ from dataset_builder.shards.identities import identity_table
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.load import load_dataset
 from dataset_builder.spec.mesh_source import MESH_SUFFIXES
-from dataset_builder.spec.scene import ObjectSpec
+from dataset_builder.spec.scene import ObjectSpec, RoomSpec
 from tests.docs_site import write_flat, write_houses, write_models, write_photographs, write_splats, write_teapot
 from tools import spec_tables
 
@@ -280,11 +280,13 @@ def test_keys_of_specs_exist(page: Path) -> None:
 @pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "yaml") and page.stem not in OWN_SPECS],
                          ids=lambda page: page.stem)
 def test_yaml_blocks_are_valid(page: Path) -> None:
-    """Parts of dataset files fit into the mini dataset's, whole object files are object files."""
+    """Parts of dataset files fit into the mini dataset's, whole object and room files are such files."""
     for block in blocks(page, "yaml"):
         parts = YAML(typ="safe").load(block)
         if "family" in parts or isinstance(parts.get("file"), str):
             assert ObjectSpec.model_validate(parts)
+        elif "materials" in parts:
+            assert RoomSpec.model_validate(parts)
         else:
             spec = SEEN if "source" in str(parts.get("splits")) else MINI
             assert load_dataset(ROOT / "scene_specs" / f"{spec}.yaml", [f"{key}={json.dumps(part)}" for key, part

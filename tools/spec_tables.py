@@ -50,7 +50,9 @@ class TablePage:
         return DOCS / self.name
 
     def sections(self) -> Iterator[tuple[str, type[Model]]]:
-        """Heading and model of every table, in reading order; a model that several keys hold has one table."""
+        """Heading and model of every table, in reading order; a model that several keys hold has one table, and no two
+        headings are the same."""
+        headings = set[str]()
         for title, model in self.kinds.items():
             yield f"## {title}", model
             paths: dict[type[Model], list[str]] = {}
@@ -59,7 +61,9 @@ class TablePage:
             for inner, found in paths.items():
                 kinds = get_args(inner.model_fields["kind"].annotation) if "kind" in inner.model_fields else ()
                 kind = f", kind `{kinds[0]}`" if len(kinds) == 1 else ""
-                yield f"### {', '.join(found)}{kind}", inner
+                heading = f"### {', '.join(found)}{kind}"
+                yield f"{heading} of {title.lower()}" if heading in headings else heading, inner
+                headings.add(heading)
 
     def tables(self) -> str:
         """Everything between the two marks."""
@@ -139,7 +143,7 @@ def kind_of(annotation: Any) -> str:
     if is_number(annotation):
         return "number or distribution"
     if origin in (Union, types.UnionType):
-        return " or ".join(kind_of(part) for part in parts if part is not type(None))
+        return " or ".join(dict.fromkeys(kind_of(part) for part in parts if part is not type(None)))
     if parts in ((float, float), (float, float, float)):
         return f"{'two' if len(parts) == 2 else 'three'} numbers"
     if origin is tuple and Ellipsis not in parts:

@@ -1,5 +1,6 @@
 """What the terminal shows: tables, and hard cases as they are done."""
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -22,13 +23,22 @@ NAME, NUMBER, VERDICT = 31, 10, 7
 """Widths of columns; the expectation takes what is left."""
 MOST_REASONS = 3
 """Reasons why views cannot be planned that are printed."""
+MOST_REJECTED = 20
+"""Rejected examples of a gate that have a line each."""
 
 
 def rejected_lines(rejected: Iterable[Rejected], folder: Path) -> list[str]:
-    """One line per example that is not shipped: its key, the gate that it failed, the figures, and where its pixels
-    are."""
-    return [f"rejected {item.key} ({item.gate}): {item.reason}" + (f" (pixels: {pixels})" if pixels else "")
-            for item in rejected for pixels in [pixels_of(folder, item.key)]]
+    """A line for each of the first examples that every gate refused: its key, the gate, the figures, and where its
+    pixels are; then a line with the number of the others."""
+    lines, counts = list[str](), Counter[str]()
+    for item in rejected:
+        counts[item.gate] += 1
+        if counts[item.gate] <= MOST_REJECTED:
+            pixels = pixels_of(folder, item.key)
+            lines.append(f"rejected {item.key} ({item.gate}): {item.reason}"
+                         + (f" (pixels: {pixels})" if pixels else ""))
+    return lines + [f"rejected {count - MOST_REJECTED} more ({gate})" for gate, count in counts.items()
+                    if count > MOST_REJECTED]
 
 
 def finding_table(findings: Sequence[Finding]) -> Table:

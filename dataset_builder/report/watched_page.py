@@ -22,6 +22,9 @@ from dataset_builder.report.rate_curve import rate_curve
 from dataset_builder.report.small_pictures import small_picture
 from dataset_builder.shards.staging import Staging
 
+TEMPLATE, SCRIPTS = "watched_build.html", ("scripts/watched_build.js",)
+STYLES = ("styles/page.css", "styles/watched_build.css")
+
 EVERY = 5.0
 """Seconds between two writings, and between two pictures of examples."""
 
@@ -86,8 +89,7 @@ class WatchedPage:
             if state == "running" and self._ended.is_set():
                 return
             try:
-                text = fill("watched_build.html", scripts=("scripts/watched_build.js",),
-                            styles=("styles/page.css", "styles/watched_build.css"), **self._values(state, reasons))
+                text = fill(TEMPLATE, scripts=SCRIPTS, styles=STYLES, **self._values(state, reasons))
                 # A page of a moment ago is no loss in a power cut
                 write_partial(self._path, [text.encode()], flush=False)
                 commit(self._path, flush=False)

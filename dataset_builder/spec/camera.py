@@ -49,8 +49,8 @@ class CameraSpec(Model):
     def _no_orbit(cls, data: Any) -> Any:
         if isinstance(data, dict) and "orbit" in data:
             orbit = data["orbit"]
-            written = {"kind": "orbit", **orbit} if isinstance(orbit, dict) else {"kind": "orbit"}
-            does = "leave it out" if orbit is None else f"write `path: {flow(written)}`"
+            keys = f", {flow(orbit)[1:]}" if isinstance(orbit, dict) and orbit else "}"
+            does = "leave it out" if orbit is None else f"write `path: {{kind: orbit{keys}`"
             raise broken(f"expected no `orbit`, which is a kind of `path` now: {does}", path=("orbit",))
         return data
 

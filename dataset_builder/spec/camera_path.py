@@ -68,7 +68,7 @@ class PathKeySpec(Model):
     """Degrees about the object, 0 in front of it. 0, 180, 360 goes once round."""
     elevation: Annotated[float, Field(ge=-STEEPEST_KEY, le=STEEPEST_KEY)] = 0.0
     """Degrees above the horizon, seen from the object's centre."""
-    distance: Annotated[float, Field(gt=0, le=1e4)] | None = None
+    distance: Annotated[float, Field(ge=1e-3, le=1e4)] | None = None
     """Metres from the object's centre; if omitted, as far as the object's silhouettes ask for `coverage`."""
     position: Vector3 | None = None
     """In the room, metres, in place of the three above."""
@@ -129,7 +129,7 @@ class PosesSpec(Model):
     to the dataset file. Only poses and lenses are read: photographs need not be there."""
     about: Literal["object", "room"] = "object"
     """Where the file's origin is: at the object's centre, its axes turned with the object, or at the room's origin."""
-    scale: Annotated[float, Field(gt=0, le=1e6)] = 1.0
+    scale: Annotated[float, Field(ge=1e-6, le=1e6)] = 1.0
     """Metres per unit of the file."""
     fov: Annotated[float, Field(ge=1, le=170)] | None = None
     """Horizontal field of view in degrees; if omitted, that of each pose in the file."""

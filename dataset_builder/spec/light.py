@@ -139,10 +139,13 @@ class TargetSpec(Model):
     def _lamps_are_whole(self) -> "TargetSpec":
         if self.lamps and not any(lamp.shines for lamp in self.lamps):
             raise broken("expected a lamp that is on, got none", path=("lights",))
-        for name in ("kinds", "textures"):
-            if self.lamps and getattr(self, name) != type(self).model_fields[name].default:
-                one = "kind" if name == "kinds" else "texture"
-                raise broken(f"expected no `{name}` beside a list of lamps, each has its own `{one}`", path=(name,))
+        unsaid = any("kind" not in lamp.model_fields_set for lamp in self.lamps)
+        if unsaid and self.kinds != type(self).model_fields["kinds"].default:
+            raise broken("expected a `kind` of every lamp beside `kinds`, which is about random lights",
+                         path=("kinds",))
+        if self.lamps and self.textures:
+            raise broken("expected no `textures` beside a list of lamps, each has its own `texture`",
+                         path=("textures",))
         names = [lamp.name for lamp in self.lamps if lamp.name]
         for index, lamp in enumerate(self.lamps):
             if names.count(lamp.name) > 1:

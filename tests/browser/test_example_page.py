@@ -86,8 +86,8 @@ def test_the_pointer_reads_values_and_standard_errors(viewer: "Page", tmp_path: 
     shown = viewer.locator("[data-spread=i_t]").inner_text().removeprefix("±").split()
     assert [np.float16(text) for text in shown] == list(EXAMPLES[0]["i_t_se"][9, 14].astype(np.float16))
     said = viewer.locator("[data-spread=i_s]").inner_text()
-    assert said == "no standard error per pixel; relative error of the layer 3.4 %"
-    assert viewer.locator("[data-spread=mask]").inner_text() == "no standard error per pixel"
+    assert said == "no error per pixel; relative error 3.4 %"
+    assert viewer.locator("[data-spread=mask]").inner_text() == "no error per pixel"
     assert "pixel 14, 9" in viewer.locator(".head").inner_text()
     viewer.screenshot(path=tmp_path / "pointed.png")
 

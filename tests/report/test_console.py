@@ -95,6 +95,14 @@ def test_rejected_examples_are_lines(tmp_path: Path) -> None:
         f"rejected 00000007 (coverage): expected more, got 0.1 (pixels: {tmp_path}/.build/rejected/00000007.npz)"]
 
 
+def test_thousands_of_rejected_examples_are_few_lines(tmp_path: Path) -> None:
+    many = [Rejected(key=f"{number:08d}", view="train/000003", gate="coverage" if number % 10 else "planning",
+                     reason="expected more") for number in range(5000)]
+    lines = rejected_lines(many, tmp_path)
+    assert len(lines) == 42 and len(set(lines)) == 42
+    assert lines[-2:] == ["rejected 480 more (planning)", "rejected 4480 more (coverage)"]
+
+
 def test_what_a_dataset_will_cost(small_spec: Path) -> None:
     text = printed([estimate_table(estimate(Planner(load_dataset(small_spec)), views=3), Fleet(workers=2))])
     assert "10 examples in 3 views, 3 of them planned in full" in " ".join(text.split())

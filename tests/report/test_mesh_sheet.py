@@ -7,8 +7,9 @@ import pytest
 from PIL import Image
 
 from dataset_builder.cli.main import main
-from dataset_builder.report.looking.level_meshes import ViewMeshes, view_meshes
+from dataset_builder.report.looking.level_meshes import ViewMeshes, fields_of_dataset, view_meshes
 from dataset_builder.report.mesh_sheet import HEAT, LEAST, PANEL, heat_colours, heat_limit, heat_panel
+from tests.file_servers import range_server
 
 
 @pytest.fixture(scope="module")
@@ -39,6 +40,18 @@ def test_one_scale_for_all_levels(meshes: ViewMeshes) -> None:
 def test_colours_run_from_the_first_to_the_last() -> None:
     colours = heat_colours(401)
     assert [tuple(colours[place]) for place in (0, 100, 200, 300, 400)] == list(HEAT)
+
+
+def test_a_dataset_at_an_address_has_the_same_pictures_here(
+        small_dataset: Path, small_spec: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with range_server(small_dataset) as address:
+        found = view_meshes(address, "train:1", small_spec.parent, fields_of_dataset(address))
+        assert main(["inspect", address, "--example", "train:1"]) == 0
+    assert [level.rms for level in found.levels] == [level.label.record.roughness_rms for level in found.levels]
+    assert main(["inspect", str(small_dataset), "--example", "1", "--out", "local"]) == 0
+    for name in ("00000001.html", "00000001.png"):
+        assert Path(name).read_bytes() == (tmp_path / "local" / name).read_bytes()
 
 
 def test_the_picture_is_written_and_told(small_dataset: Path, small_spec: Path, tmp_path: Path,

@@ -153,7 +153,7 @@ def _examples(dataset: Dataset, keys: Iterable[str], seconds: Mapping[str, float
         example = dataset[key]
         label = example["meta"]
         title = f"{label['plan']['target']['object']['name']} in {label['plan']['room']['name']}"
-        found = keep(key, example_payload(example, title=f"{key} {title}"), thumbnail(example))
+        found = keep(key, example_payload(example, title=title), thumbnail(example))
         yield entry(label, dataset.layers, seconds.get(key), found)
 
 
@@ -161,7 +161,7 @@ def _rejected(dataset: Dataset, splits: Sequence[str], keep: Keep) -> Iterator[P
     for item, path in rejected_in(dataset, splits):
         layers = rejected_layers(path, dataset.layers) if path else {}
         if layers:
-            keep(item.key, example_payload(layers, key=item.key, title=f"{item.key} rejected",
+            keep(item.key, example_payload(layers, key=item.key, title="Rejected example",
                                            note=f"{item.gate}: {item.reason}"), b"")
         yield rejected_entry(item, bool(layers))
 

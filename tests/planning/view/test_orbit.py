@@ -131,7 +131,7 @@ def test_what_is_in_the_way_shortens_the_distance_for_all(box_arrangement: BoxSt
     ({"path": {"kind": "orbit", "elevation": (40, 10)}}, "low <= high|expected"),
     ({"path": {"kind": "circle"}}, "expected a mapping whose kind is one of orbit, turntable, spline, poses"),
     ({"orbit": {"elevation": (0, 90), "azimuth": 5}},
-     r"write `path: {kind: 'orbit', elevation: \[0, 90\], azimuth: 5}`"),
+     r"write `path: {kind: orbit, elevation: \[0, 90\], azimuth: 5}`"),
 ])
 def test_an_orbit_that_says_two_things_is_refused(broken: dict[str, Any], rule: str) -> None:
     with pytest.raises(ValidationError, match=rule):

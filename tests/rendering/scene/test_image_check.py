@@ -44,3 +44,12 @@ def test_an_environment_is_twice_as_wide_as_high(tmp_path):
     check_images(load_dataset(spec(tmp_path, sky=even, good=even, bad=np.ones((16, 8, 3)))))
     with pytest.raises(PlanError, match=r"expected latitude and longitude, twice as wide as high, got 16 x 16"):
         check_images(load_dataset(spec(tmp_path, sky=np.ones((16, 16, 3)), good=even, bad=even)))
+
+
+def test_a_texture_of_a_room_is_looked_at_too(tmp_path):
+    (tmp_path / "a.png").write_bytes(b"no picture")
+    path = write_spec(tmp_path, {"rooms/den.yaml": "width: 4\nmaterials:\n  wall: {texture: ../a.png}\n"})
+    with pytest.raises(PlanError) as caught:
+        check_images(load_dataset(path))
+    assert str(caught.value).startswith(f"{tmp_path / 'rooms/den.yaml'}:3: materials.wall.texture: a.png: expected a "
+                                        "readable image")

@@ -67,9 +67,11 @@ Vue.createApp({
           <p v-else class="quiet">Drag to turn, scroll to come closer, click a thing to see what it is.</p>
           <section v-if="camera"><h2>Camera</h2><FactRows :rows="camera.rows" /></section>
           <details v-for="light in lights" :open="light.of === 'target'"><summary><i class="dot-of"
-            :style="{ background: light.colour }"></i>{{ light.name }}</summary><FactRows :rows="light.rows" /></details>
+            :style="{ background: light.colour }"></i>{{ light.name }}</summary>
+            <FactRows :rows="light.rows" /></details>
           <details><summary>{{ things.length }} things</summary>
-            <button v-for="thing in things" type="button" class="thing" @click="picked = thing">{{ thing.name }}</button>
+            <button v-for="thing in things" type="button" class="thing" @click="picked = thing">
+              {{ thing.name }}</button>
           </details>
         </aside>
       </div>
