@@ -20,10 +20,10 @@ WALLS = """# Walls and a floor of your own, by colour, finish or picture; else t
 #materials: {wall: {base_color: "#c8d4c0"}, floor: {family: boards, tone: oak}}
 """
 CAMERA = """# One camera before which the model turns, once round in `views` pictures; else cameras all about it:
-#camera: {path: {kind: turntable, elevation: 20, azimuth: 30}}
+#camera: {path: {kind: turntable}}
 """
 LAMP = """  # Or lamps where you put them, in place of `kinds`: degrees about the model, metres from it
-  #lights: [{kind: area, azimuth: -40, elevation: 40, distance: DISTANCE, size: 0.4}]
+  #lights: [{kind: area, azimuth: 30, elevation: 60, distance: DISTANCE, size: 0.4, strength: 3, temperature: 4000}]
 """
 ALONE = """  # Pictures of the same model in other rooms, to measure on what was trained on this one:
   #- {name: evaluation, allow_shared: [objects], objects: {count: 1, from: [objects/NAME.yaml]}, SCENES}
