@@ -11,7 +11,7 @@ from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.label.scene_plan import IlluminationPlan
 from dataset_builder.light_kinds import LIGHT_KINDS
 from dataset_builder.planning.scene.arrangement import Arrangement
-from dataset_builder.report.looking.light_shapes import SYMBOL, Illumination, LightShape, Stage, light_shapes
+from dataset_builder.report.looking.light_shapes import SYMBOL, Illumination, LightShape, SymbolPlaces, light_shapes
 from dataset_builder.report.looking.standing import StandingThing, roof_above, standing
 
 AROUND = 3.0
@@ -82,7 +82,7 @@ def shown_example(plan: ExamplePlan, mesh_root: Path) -> ShownArrangement:
     # Across the view, so that the symbol of one sky is not in front of the other
     across = camera.basis[0, :2] * 2 * SYMBOL
     lights = tuple(shape for (of, light), side in zip(lit, (-across, across), strict=True)
-                   for shape in light_shapes(light, of, Stage(centre, low, high, side)))
+                   for shape in light_shapes(light, of, SymbolPlaces(centre, low, high, side)))
     return ShownArrangement(key=plan.key, things=things, lights=lights, camera=camera, roof=roof_above(things, points))
 
 
