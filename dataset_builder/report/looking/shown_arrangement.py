@@ -54,14 +54,14 @@ class ShownArrangement:
                                                                        if not light.outside]))
 
     def eye(self, width: int, height: int) -> Pinhole:
-        """A viewer above and beside the camera who sees all of `bounds`, and symbols above them."""
+        """A viewer above and beside the camera who sees all of `bounds`, and symbols of what shines from outside."""
         low, high = self.bounds
         middle = (low + high) / 2
         back = self.camera.position - self.centre if self.camera else np.array([0.6, -1.0, 0])
         turn = np.arctan2(back[1], back[0]) + np.radians(EYE_TURN)
         rise = np.radians(EYE_RISE)
         toward = np.array([np.cos(turn) * np.cos(rise), np.sin(turn) * np.cos(rise), np.sin(rise)])
-        symbols = [light.at for light in self.lights if LIGHT_KINDS[light.light.kind].all_round]
+        symbols = [light.at for light in self.lights if light.outside]
         seen = np.vstack([np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T, *symbols])
         right, up, forward = look_at(toward, (0, 0, 0)) @ (seen - middle).T
         wide = np.tan(np.radians(EYE_FOV) / 2)
