@@ -81,6 +81,8 @@ def cheap(arguments: list[str]) -> list[str]:
     """A command as the pages show it, made to take seconds."""
     if arguments[0] == "plan":
         return [*arguments, "--views", "2"]
+    if arguments[0] == "view":
+        return [*arguments, "--no-preview"]
     if arguments[:2] == ["study", "noise"]:
         tiny = [text if text != "--set" else "--train-set" for text in TINY_TRAINING]
         return [*arguments, *CHEAP_MINI, "--levels", "0,0.01", *tiny, "--steps", "2", "--per-level-steps", "1"]

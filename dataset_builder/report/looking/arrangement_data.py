@@ -48,7 +48,7 @@ def _thing(thing: StandingThing) -> dict[str, Any]:
 
 def _light(each: LightShape, shown: ShownArrangement) -> dict[str, Any]:
     light = each.light
-    rows = [("kind", light.kind), ("illumination", each.of)]
+    rows: list[tuple[str, str]] = [("kind", light.kind), ("illumination", each.of)]
     if not each.outside:
         away = np.linalg.norm(each.at - shown.centre)
         rows += [("position", _place(light.position)),

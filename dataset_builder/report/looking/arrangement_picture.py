@@ -125,8 +125,8 @@ def names(shown: ShownArrangement) -> list[tuple[str, np.ndarray, tuple[int, int
         away = np.linalg.norm(shown.camera.position - shown.centre)
         found.append((f"camera, {away:.2f} m", shown.camera.position, CAMERA_COLOUR))
     for light in shown.lights:
-        away = "" if light.outside else f", {np.linalg.norm(light.at - shown.centre):.2f} m"
-        found.append((light.name + away, light.at, COLOURS[light.of]))
+        distance = "" if light.outside else f", {np.linalg.norm(light.at - shown.centre):.2f} m"
+        found.append((light.name + distance, light.at, COLOURS[light.of]))
     pieces = [thing for thing in shown.things if thing.part == "furniture"]
     pieces.sort(key=lambda thing: float(np.linalg.norm(thing.box.mean(axis=0) - shown.centre)))
     return found + [(thing.category, np.append(thing.box[:, :2].mean(axis=0), thing.box[1, 2]), INK)

@@ -55,7 +55,7 @@ class LightShape:
         return UNITS[LIGHT_KINDS[self.light.kind].quantity]
 
 
-class Stage(NamedTuple):
+class SymbolPlaces(NamedTuple):
     """What symbols are put around."""
 
     centre: np.ndarray
@@ -78,26 +78,26 @@ NO_FACES, NO_LINES = np.zeros((0, 3), int), np.zeros((0, 2, 3))
 
 
 def light_shapes(illumination: IlluminationPlan, of: Illumination,
-                 stage: Stage) -> tuple[LightShape, ...]:
+                 stage: SymbolPlaces) -> tuple[LightShape, ...]:
     """Every light of an illumination, in its order."""
     return tuple(LightShape(light=light, of=of, number=number, **_MAKERS[light.kind](light, stage)._asdict())
                  for number, light in enumerate(illumination.lights))
 
 
-def _area(light: LightPlan, _: Stage) -> _Drawn:
+def _area(light: LightPlan, _: SymbolPlaces) -> _Drawn:
     at, (first, second) = np.array(light.position), rectangle_axes(light.direction, light.turn)
     a, b = first * light.size / 2, second * (light.length or light.size) / 2
     corners = at + np.array([-a - b, a - b, a + b, b - a])
     return _Drawn(at, corners, np.array([[0, 1, 2], [0, 2, 3]]), _arrow(at, light, max(light.size, light.length)))
 
 
-def _disk(light: LightPlan, _: Stage) -> _Drawn:
+def _disk(light: LightPlan, _: SymbolPlaces) -> _Drawn:
     at = np.array(light.position)
     rim = at + light.size * _circle(light)
     return _Drawn(at, np.vstack([at, rim]), _fan(), _arrow(at, light, light.size))
 
 
-def _cylinder(light: LightPlan, _: Stage) -> _Drawn:
+def _cylinder(light: LightPlan, _: SymbolPlaces) -> _Drawn:
     at, half = np.array(light.position), np.array(light.direction) * light.length / 2
     rim = light.size * _circle(light)
     k, after = np.arange(ROUND), (np.arange(ROUND) + 1) % ROUND
@@ -105,17 +105,17 @@ def _cylinder(light: LightPlan, _: Stage) -> _Drawn:
     return _Drawn(at, np.vstack([at - half + rim, at + half + rim]), faces, NO_LINES)
 
 
-def _sphere(light: LightPlan, _: Stage) -> _Drawn:
+def _sphere(light: LightPlan, _: SymbolPlaces) -> _Drawn:
     return _ball(np.array(light.position), light.size)
 
 
-def _point(light: LightPlan, _: Stage) -> _Drawn:
+def _point(light: LightPlan, _: SymbolPlaces) -> _Drawn:
     at = np.array(light.position)
     rays = sphere_lattice(14)
     return _ball(at, POINT)._replace(lines=np.stack([at + 1.5 * POINT * rays, at + 3 * POINT * rays], axis=1))
 
 
-def _spot(light: LightPlan, stage: Stage) -> _Drawn:
+def _spot(light: LightPlan, stage: SymbolPlaces) -> _Drawn:
     """A small cone, and the edge of the beam as far as the target."""
     at, along = np.array(light.position), np.array(light.direction)
     spread = along + np.tan(np.radians(min(light.cutoff, 80.0))) * _circle(light)
@@ -125,7 +125,7 @@ def _spot(light: LightPlan, stage: Stage) -> _Drawn:
     return _Drawn(at, np.vstack([at, at + 2 * POINT * spread]), _fan(), np.concatenate([lines, rim]))
 
 
-def _dome(_: LightPlan, stage: Stage) -> _Drawn:
+def _dome(_: LightPlan, stage: SymbolPlaces) -> _Drawn:
     """A small hemisphere of wires above all, beside that of the other illumination."""
     at = np.array([*(stage.low[:2] + stage.high[:2]) / 2, stage.high[2] + 2 * SYMBOL])
     at[:2] += stage.aside
@@ -138,7 +138,7 @@ def _dome(_: LightPlan, stage: Stage) -> _Drawn:
     return _Drawn(at, np.zeros((0, 3)), NO_FACES, at + SYMBOL * lines)
 
 
-def _sun(light: LightPlan, stage: Stage) -> _Drawn:
+def _sun(light: LightPlan, stage: SymbolPlaces) -> _Drawn:
     """A ball outside of all, and an arrow from it to the target."""
     along = np.array(light.direction)
     at = stage.centre - along * (np.linalg.norm(stage.high - stage.low) / 2 + SYMBOL)
@@ -187,7 +187,7 @@ def _head(tip: np.ndarray, along: np.ndarray, size: float) -> np.ndarray:
     return np.array([[tip, tip - size * (along + side / 2)] for side in (first, -first, second, -second)])
 
 
-_MAKERS: dict[LightName, Callable[[LightPlan, Stage], _Drawn]] = {
+_MAKERS: dict[LightName, Callable[[LightPlan, SymbolPlaces], _Drawn]] = {
     "dome": _dome, "sun": _sun, "area": _area, "sphere": _sphere, "point": _point, "spot": _spot, "disk": _disk,
     "cylinder": _cylinder,
 }

@@ -11,7 +11,7 @@ from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.label.scene_plan import IlluminationPlan
 from dataset_builder.light_kinds import LIGHT_KINDS
 from dataset_builder.planning.scene.arrangement import Arrangement
-from dataset_builder.report.looking.light_shapes import SYMBOL, Illumination, LightShape, Stage, light_shapes
+from dataset_builder.report.looking.light_shapes import SYMBOL, Illumination, LightShape, SymbolPlaces, light_shapes
 from dataset_builder.report.looking.standing import StandingThing, roof_above, standing
 
 AROUND = 3.0
@@ -54,14 +54,14 @@ class ShownArrangement:
                                                                        if not light.outside]))
 
     def eye(self, width: int, height: int) -> Pinhole:
-        """A viewer above and beside the camera who sees all of `bounds`, and symbols above them."""
+        """A viewer above and beside the camera who sees all of `bounds`, and symbols of what shines from outside."""
         low, high = self.bounds
         middle = (low + high) / 2
         back = self.camera.position - self.centre if self.camera else np.array([0.6, -1.0, 0])
         turn = np.arctan2(back[1], back[0]) + np.radians(EYE_TURN)
         rise = np.radians(EYE_RISE)
         toward = np.array([np.cos(turn) * np.cos(rise), np.sin(turn) * np.cos(rise), np.sin(rise)])
-        symbols = [light.at for light in self.lights if LIGHT_KINDS[light.light.kind].all_round]
+        symbols = [light.at for light in self.lights if light.outside]
         seen = np.vstack([np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T, *symbols])
         right, up, forward = look_at(toward, (0, 0, 0)) @ (seen - middle).T
         wide = np.tan(np.radians(EYE_FOV) / 2)
@@ -82,7 +82,7 @@ def shown_example(plan: ExamplePlan, mesh_root: Path) -> ShownArrangement:
     # Across the view, so that the symbol of one sky is not in front of the other
     across = camera.basis[0, :2] * 2 * SYMBOL
     lights = tuple(shape for (of, light), side in zip(lit, (-across, across), strict=True)
-                   for shape in light_shapes(light, of, Stage(centre, low, high, side)))
+                   for shape in light_shapes(light, of, SymbolPlaces(centre, low, high, side)))
     return ShownArrangement(key=plan.key, things=things, lights=lights, camera=camera, roof=roof_above(things, points))
 
 

@@ -7,9 +7,9 @@ import pytest
 
 from dataset_builder.label.scene_plan import IlluminationPlan, LightPlan
 from dataset_builder.light_kinds import LIGHT_KINDS, LightName
-from dataset_builder.report.looking.light_shapes import LightShape, Stage, light_shapes
+from dataset_builder.report.looking.light_shapes import LightShape, SymbolPlaces, light_shapes
 
-STAGE = Stage(np.array([0.0, 0.0, 0.5]), np.array([-2.0, -2.0, 0.0]), np.array([2.0, 2.0, 2.5]))
+STAGE = SymbolPlaces(np.array([0.0, 0.0, 0.5]), np.array([-2.0, -2.0, 0.0]), np.array([2.0, 2.0, 2.5]))
 AT = np.array([0.8, -0.4, 2.0])
 DOWN = (0.6, 0.0, -0.8)
 
