@@ -141,7 +141,7 @@ def summary(standing: BuildStanding, now: float, *, ended: bool = False) -> str:
     """A line on a build: examples, rate, time left or taken, what was rejected, noise."""
     left = standing.left(now)
     parts = [f"{standing.done}/{standing.wanted if standing.wanted is not None else '?'} examples",
-             rate_text(standing.rate(now)),
+             rate_text(standing.rate(now, ended=ended)),
              duration(now - standing.start) if ended else f"{duration(left)} left" if left is not None else ""]
     gates = ", ".join(f"{gate} {refused.count}" for gate, refused in standing.refused.items())
     return "; ".join([", ".join(filter(None, parts)), *([f"rejected {standing.rejected} ({gates})"] if gates else []),

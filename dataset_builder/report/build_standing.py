@@ -94,8 +94,10 @@ class BuildStanding:
             if event.outcomes:
                 self._take(event, now)
 
-    def rate(self, now: float) -> float | None:
-        """Examples per second in the last minutes."""
+    def rate(self, now: float, *, ended: bool = False) -> float | None:
+        """Examples per second in the last minutes, or of the whole build once it ended; None where nothing is known."""
+        if ended:
+            return self._rendered / (now - self.start) if self._rendered and now > self.start else None
         return self._pace.rate(now)
 
     def left(self, now: float) -> float | None:

@@ -109,7 +109,8 @@ class WatchedPage:
                 "about": self._about, "every": EVERY, "written": f"{time():.1f}",
                 "written_text": f"{datetime.now().astimezone():%F %T %Z}", "done": standing.done, "wanted": wanted,
                 "kept": standing.kept, "share": standing.done / wanted if wanted else float(wanted == 0),
-                "rate": rate_text(standing.rate(now)), "elapsed": duration(now - standing.start),
+                "rate": rate_text(standing.rate(now, ended=state != "running")),
+                "elapsed": duration(now - standing.start),
                 "left": "" if left is None or state != "running" else duration(left),
                 "rejected": standing.rejected, "gates": standing.refused,
                 "noise": [(name, f"{spread.median:.2%}", spread.median / top if top else 0.0)

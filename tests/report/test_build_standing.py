@@ -35,6 +35,7 @@ def test_what_was_there_already_is_done_and_tells_no_rate() -> None:
     for step in range(1, 5):
         found.add(Event(outcomes=(outcome(90 + step),)), 10.0 * step)
     assert found.rate(40.0) == pytest.approx(0.1) and found.left(40.0) == pytest.approx(60.0)
+    assert found.rate(80.0, ended=True) == pytest.approx(4 / 80)
     assert found.curve == [(0.0, 0), (10.0, 1), (20.0, 2), (30.0, 3), (40.0, 4)]
 
 

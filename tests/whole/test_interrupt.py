@@ -10,6 +10,7 @@ from time import monotonic, sleep
 import pytest
 
 from dataset_builder.cli.interrupt import INTERRUPTED, guarded
+from dataset_builder.cli.main import main
 from tests.small_specs import write_spec
 
 
@@ -30,6 +31,15 @@ def test_a_build_ends_in_one_line(tmp_path: Path, seconds: float, workers: int) 
     # Early on there is no page yet
     for page in tmp_path.glob("page.html*"):
         assert page.suffix == ".html" and '<main data-state="interrupted"' in page.read_text()
+
+
+def test_a_build_whose_processes_die_says_so_on_its_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    page = tmp_path / "page.html"
+    assert main(["build", str(write_spec(tmp_path)), "--out", str(tmp_path / "out"), "--example", "0", "--unit-limit",
+                 "0.01", "--workers", "1", "--html", str(page)]) == 2
+    said = "its process was killed since it took longer than 0.01 s, 3 times"
+    assert said in capsys.readouterr().err
+    assert '<main data-state="stopped"' in page.read_text() and said in page.read_text()
 
 
 def strike() -> None:
