@@ -72,7 +72,7 @@ def estimate_table(estimate: CostEstimate, fleet: Fleet) -> Table:
     for label in ("passes", "pixels", "paths"):
         table.add_row(label, f"{getattr(total, label):,.4g}{_plus_minus(getattr(error, label))}")
     paid = bill(estimate, fleet)
-    table.add_row(*_time_row(fleet, f"{duration(paid.seconds)}" + f" ± {duration(paid.error)}" * bool(paid.error)))
+    table.add_row(*_time_row(fleet, f"{duration(paid.seconds)}" + f" ± {duration(paid.error)}" * (paid.error >= 0.5)))
     table.add_row("size", size_text(total.bytes, error.bytes))
     if fleet.price:
         table.add_row("price", f"{paid.money:,.2f} for {paid.worker_hours:,.1f} worker-hours")

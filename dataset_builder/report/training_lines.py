@@ -59,7 +59,7 @@ def forecast_line(found: Forecast | None, count: int) -> str:
         return f"{count_of(count, 'training')}: too few steps are left to time them beforehand"
     spread = f" ± {duration(found.error)}" if found.error >= 0.5 else ""
     return (f"{count_of(count, 'training')}, {found.steps:,} steps: about {duration(found.total)}{spread}, by "
-            f"{count_of(STEPS, 'real step')} of each of {count_of(found.kinds, 'kind')}, timed now")
+            f"{count_of(STEPS, 'real step')} of each of {count_of(found.kinds, 'kind')}, at the load of now")
 
 
 def left_text(left: TimeLeft | None, number: int, event: Event, steps: int) -> str:

@@ -64,18 +64,19 @@ def forecast(jobs: Sequence[TrainingJob | None]) -> Forecast | None:
     left = [0 if job is None else steps_left(job) for job in jobs]
     if max(left, default=0) < WORTH:
         return None
-    times, seconds, variance = dict[str, TrialTimes](), list[float](), 0.0
-    for job, steps in zip(jobs, left, strict=True):
-        if job is None or not steps:
-            seconds.append(0.0)
-            continue
-        kind = changed(job.spec, seed=0, steps=1).model_dump_json() + str(job.levels)
-        if kind not in times:
-            times[kind] = trial(job)
-        own, error = times[kind].of(job, steps)
-        seconds.append(own)
-        variance = hypot(variance, error)
-    return Forecast(seconds=tuple(seconds), error=variance, steps=sum(left), kinds=len(times))
+    kinds = {_kind(job): job for job, steps in zip(jobs, left, strict=True) if job and steps}
+    times = {kind: trial(job) for kind, job in kinds.items()}
+    # The first trial also does what a process does once
+    setup = min(one.setup for one in times.values())
+    found = [replace(times[_kind(job)], setup=setup).of(job, steps) if job and steps else (0.0, 0.0)
+             for job, steps in zip(jobs, left, strict=True)]
+    return Forecast(seconds=tuple(own for own, _ in found), error=hypot(*(error for _, error in found)),
+                    steps=sum(left), kinds=len(times))
+
+
+def _kind(job: TrainingJob) -> str:
+    """The same for trainings whose steps take as long."""
+    return changed(job.spec, seed=0, steps=1).model_dump_json() + str(job.levels)
 
 
 def steps_left(job: TrainingJob) -> int:
