@@ -69,7 +69,7 @@ class PathKeySpec(Model):
     elevation: Annotated[float, Field(ge=-STEEPEST_KEY, le=STEEPEST_KEY)] = 0.0
     """Degrees above the horizon, seen from the object's centre."""
     distance: Annotated[float, Field(ge=1e-3, le=1e4)] | None = None
-    """Metres from the object's centre; if omitted, as far as the object's silhouettes ask for `coverage`."""
+    """Metres from the object's centre; if omitted, found as that of an orbit."""
     position: Vector3 | None = None
     """In the room, metres, in place of the three above."""
     look_at: Annotated[

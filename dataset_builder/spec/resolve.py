@@ -11,6 +11,7 @@ from typing import Any
 
 from dataset_builder.digest import digest
 from dataset_builder.errors import Problem, SpecError
+from dataset_builder.spec.camera_path import PosesSpec
 from dataset_builder.spec.check import (
     check_lamps,
     check_licence,
@@ -107,6 +108,7 @@ class LoadedSpec:
         Not over other splits and what only they use, nor over what is said of the dataset as a whole.
         """
         rooms, objects = set[str](), set(split.objects.source)
+        own_poses = isinstance((split.camera or self.dataset.camera).path, PosesSpec)
         for name in split.scenes.source:
             if (room := self.scenes[name].room) is not None:
                 rooms.add(room)
@@ -117,7 +119,7 @@ class LoadedSpec:
         own = {"scenes": scenes, "scene_files": scenes, "rooms": rooms, "objects": objects, "meshes": objects}
         return digest({"dataset": dataset, "split": split.model_dump(mode="json", by_alias=True,
                                                                      exclude={"allow_shared"}), "first": first,
-                       "images": content["images"], "pose_files": content["pose_files"],
+                       "images": content["images"], "pose_files": content["pose_files"] if own_poses else {},
                        **{kind: {key: value for key, value in content[kind].items() if key in names}
                           for kind, names in own.items()}})
 

@@ -7,6 +7,7 @@ import pytest
 
 from dataset_builder.digest import sha256_bytes
 from dataset_builder.errors import SpecError
+from dataset_builder.spec.camera import CameraSpec
 from dataset_builder.spec.load import load_dataset
 from dataset_builder.spec.spec_files import SpecFiles
 
@@ -28,6 +29,9 @@ def test_files_are_found_and_change_the_digest(tiny) -> None:
     assert again.spec_digest != loaded.spec_digest
     split = loaded.dataset.splits[0]
     assert again.split_digest(split, 0) != loaded.split_digest(split, 0)
+    # Of a split with cameras of its own, nothing changed
+    drawn = split.model_copy(update={"camera": CameraSpec()})
+    assert again.split_digest(drawn, 0) == loaded.split_digest(drawn, 0)
 
 
 def test_both_files_of_a_model_count(tiny) -> None:

@@ -6,15 +6,13 @@ import numpy as np
 
 from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.planning.scene.arrangement import Arrangement
-from dataset_builder.planning.view.cameras import clearance_of, towards
-from dataset_builder.planning.view.view_path import PathFrame, ViewPath, fitting
+from dataset_builder.planning.view.cameras import towards
+from dataset_builder.planning.view.view_path import PathFrame, ViewPath, fitting, free_distances
 from dataset_builder.spec.camera import CameraSpec
 from dataset_builder.spec.camera_path import OrbitSpec
 from dataset_builder.spec.numbers import draw
 from dataset_builder.spec.render import ImageSpec
 
-SLANT = 2.0
-"""Clearances along the view that a camera stops before a surface: as much as one that is slanted by 60 degrees asks."""
 HINT = ("make the room larger, take a smaller object or less furniture about it, widen `fov`, narrow "
         "`camera.path.elevation`, or widen `camera.coverage` and lower `camera.visibility`")
 
@@ -51,7 +49,7 @@ def plan_orbit(arrangement: Arrangement, path: OrbitSpec, spec: CameraSpec, imag
     directions = np.array([towards(a, e) for a, e in zip(azimuths, elevations, strict=True)])
     fits = fitting(arrangement, spec, image, fov, directions)
     wanted = fits.drawn(share)
-    free = _free(arrangement, spec, directions)
+    free = free_distances(arrangement, spec, directions)
     distance = min([wanted, *free[free >= fits.near]])
     blocked = int((free < distance).sum())
     note = f"orbit: {views} views at {distance:.2f} m" + (
@@ -69,12 +67,3 @@ def placed_about(arrangement: Arrangement, azimuth: float, elevation: float, dis
     """A place about the object in words. azimuth: in the world, degrees."""
     about = (azimuth - arrangement.target.yaw + 180) % 360 - 180
     return f"{about:.0f} degrees about the object, {elevation:.0f} above the horizon, {distance:.2f} m away"
-
-
-def _free(arrangement: Arrangement, spec: CameraSpec, directions: np.ndarray) -> np.ndarray:
-    """(V,) how far from the object's centre a camera can be along unit directions (V, 3), metres: as far as the room
-    goes and nothing is between it and the object's bounding sphere, less the clearance."""
-    clear = clearance_of(arrangement, spec)
-    room = np.array([arrangement.shell.depth(arrangement.centre, way, clear) for way in directions])
-    _, met = arrangement.surfaces.first_hit(arrangement.centre + arrangement.radius * directions, directions)
-    return np.minimum(room, arrangement.radius + met - SLANT * clear)

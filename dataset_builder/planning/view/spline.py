@@ -11,7 +11,7 @@ from dataset_builder.geometry.edges import unit
 from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.planning.view.cameras import towards
-from dataset_builder.planning.view.view_path import PathFrame, ViewPath, fitting
+from dataset_builder.planning.view.view_path import PathFrame, ViewPath, fitting, free_distances
 from dataset_builder.spec.camera import CameraSpec
 from dataset_builder.spec.camera_path import STEEPEST_KEY, SplineSpec
 from dataset_builder.spec.numbers import draw
@@ -21,6 +21,8 @@ Curve = Callable[[np.ndarray], np.ndarray]
 """(N, D) values at (N,) places; places of keys are `Flight.knots`."""
 FINE = 128
 """Pieces of a path between two keys whose straight lengths stand for its own."""
+BETWEEN = 8
+"""Directions from each key to the next that a distance is found for."""
 HINT = ("move keys away from walls and furniture, make the room larger, or widen `camera.coverage` and lower "
         "`camera.visibility`")
 
@@ -72,8 +74,9 @@ def flight(arrangement: Arrangement, path: SplineSpec, spec: CameraSpec, image: 
         spread = np.array([[key.azimuth or 0.0, key.elevation] for key in keys])
         if path.closed:
             spread[-1, 0] += 360 * np.round((spread[-2, 0] - spread[0, 0]) / 360)
-        ways = np.array([towards(a + arrangement.target.yaw, e) for a, e in spread])
-        usual = 0.0 if all(key.distance for key in keys) else fitting(arrangement, spec, image, fov, ways).drawn(share)
+        between = np.linspace(0, len(spread) - 1, BETWEEN * (len(spread) - 1) + 1)
+        usual = 0.0 if all(key.distance for key in keys) else _distance(arrangement, spec, image, fov, share, np.array([
+            np.interp(between, np.arange(len(spread)), column) for column in spread.T]).T)
         away = np.array([[key.distance or usual] for key in keys])
         values = np.hstack([spread, np.log(away)])
         level = np.cos(np.radians(spread[:, 1]))
@@ -82,15 +85,23 @@ def flight(arrangement: Arrangement, path: SplineSpec, spec: CameraSpec, image: 
         steps = np.linalg.norm(np.hstack([across, np.diff(values[:, 2:], axis=0)]), axis=1)
         return _flight(steps, values, lenses, path, lambda found: _about(arrangement, found))
     centre = arrangement.centre
-    ways = np.array([towards(key.azimuth + arrangement.target.yaw, key.elevation) for key in keys
-                     if key.azimuth is not None])
-    usual = fitting(arrangement, spec, image, fov, ways).drawn(share) if len(ways) else 0.0
+    about = [(key.azimuth, key.elevation) for key in keys if key.azimuth is not None and key.distance is None]
+    usual = _distance(arrangement, spec, image, fov, share, np.array(about)) if about else 0.0
     places = [key.position if key.position is not None else centre + (key.distance or usual) * towards(
         (key.azimuth or 0.0) + arrangement.target.yaw, key.elevation) for key in keys]
     aims = [centre if isinstance(key.look_at, str) else key.look_at for key in keys]
     values = np.hstack([np.array(places), np.array(aims)])
     steps = np.linalg.norm(np.diff(values, axis=0), axis=1)
     return _flight(steps, values, lenses, path, lambda found: (found[:, :3], found[:, 3:]))
+
+
+def _distance(arrangement: Arrangement, spec: CameraSpec, image: ImageSpec, fov: float, share: float,
+              angles: np.ndarray) -> float:
+    """Metres from the object's centre of keys that do not say it, along (N, 2) azimuths about the object and
+    elevations: drawn and shortened as an orbit's."""
+    ways = np.array([towards(azimuth + arrangement.target.yaw, elevation) for azimuth, elevation in angles])
+    fits, free = fitting(arrangement, spec, image, fov, ways), free_distances(arrangement, spec, ways)
+    return float(min([fits.drawn(share), *free[free >= fits.near]]))
 
 
 def _flight(steps: np.ndarray, values: np.ndarray, lenses: np.ndarray, path: SplineSpec,

@@ -24,6 +24,9 @@ from dataset_builder.spread import spaced
 OUTLINES = 16
 """Views whose silhouettes a distance follows from."""
 
+SLANT = 2.0
+"""Clearances along the view that a camera stops before a surface: as much as one that is slanted by 60 degrees asks."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PathFrame:
@@ -79,6 +82,15 @@ def fitting_areas(arrangement: Arrangement, spec: CameraSpec, image: ImageSpec, 
     half = np.arctan(tan(radians(fov) / 2) * min(image.height / image.width, 1.0))
     near = max(distance_for(max(areas), high, fov, image), arrangement.radius / sin(half))
     return FittingRange(near=near, far=max(distance_for(min(areas), low, fov, image), near))
+
+
+def free_distances(arrangement: Arrangement, spec: CameraSpec, directions: np.ndarray) -> np.ndarray:
+    """(V,) how far from the object's centre a camera can be along unit directions (V, 3), metres: as far as the room
+    goes and nothing is between it and the object's bounding sphere, less the clearance."""
+    clear = clearance_of(arrangement, spec)
+    room = np.array([arrangement.shell.depth(arrangement.centre, way, clear) for way in directions])
+    _, met = arrangement.surfaces.first_hit(arrangement.centre + arrangement.radius * directions, directions)
+    return np.minimum(room, arrangement.radius + met - SLANT * clear)
 
 
 def path_camera(arrangement: Arrangement, path: ViewPath, spec: CameraSpec, frame: int, where: str) -> PlannedCamera:
