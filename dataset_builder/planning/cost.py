@@ -213,8 +213,8 @@ def estimate(planner: Planner, views: int = 24, rates: Rates | None = None, core
         whole, error = extrapolate([cost for _, cost in costs], len(own))
         total, variance = total + astuple(whole), variance + np.square(astuple(error))
         tried, planned = tried + len(chosen), planned + [plan for plan, _ in costs]
-        runs = pass_runs(layers_asked(spec), spec.target.count_of(split.lights), len(split.levels(spec.rough)))
-        for name, times in runs.items():
+        one_view = pass_runs(layers_asked(spec), spec.target.count_of(split.lights), len(split.levels(spec.rough)))
+        for name, times in one_view.items():
             runs[name] += times * len(own)
     made = field_cost(planner, known, rates or Rates(), cores)
     total += astuple(calibration_cost(planner, rates or Rates(), cores)) + np.array([0, 0, 0, made.seconds, 0])
