@@ -30,7 +30,7 @@ from dataset_builder.planning.plan import Planner
 from dataset_builder.planning.precheck import probe
 from dataset_builder.processes import cores
 from dataset_builder.rendering import oidn
-from dataset_builder.rendering.backend import choose
+from dataset_builder.rendering.backend import default_workers
 from dataset_builder.rendering.scene.image_check import check_images
 from dataset_builder.shards.folder import Claim, require_ours
 from dataset_builder.shards.manifest import Manifest, Rejected
@@ -94,7 +94,7 @@ def build(loaded: LoadedSpec, folder: Path, *, backend: str = "auto", workers: i
         require_store(cache, folder)
     if workers is not None and (not isinstance(workers, int) or workers < 1):
         raise UserError(f"workers: expected a whole number >= 1, or None for one per core, got {workers!r}")
-    workers = workers or (1 if choose(backend).variant.startswith("cuda") else cores())
+    workers = workers or default_workers(backend)
     job = BuildJob.of(loaded, folder, backend=backend, threads=max(1, cores() // workers), cache=cache,
                       cache_size=cache_size, staging_url=staging_url)
     if part and staging_url:

@@ -75,3 +75,8 @@ class OutputError(UserError):
 
 class ShardError(UserError):
     """A shard or a manifest does not hold what it says it holds."""
+
+
+def count_of(number: int, what: str) -> str:
+    """So many things: `1 object`, `2 objects`."""
+    return f"{number:,} {what}{'s' if number != 1 else ''}"

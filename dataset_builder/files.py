@@ -15,6 +15,8 @@ PARTIAL = ".partial"
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _FORBIDDEN = (errno.EACCES, errno.EPERM, errno.EROFS)
 _HANDLES = (errno.EMFILE, errno.ENFILE)
+UNITS = ("bytes", "KiB", "MiB", "GiB", "TiB", "PiB")
+"""Of sizes, each 1024 of the one before."""
 
 
 @contextmanager
@@ -122,11 +124,23 @@ def require_writable(folder: Path) -> None:
             pass
 
 
+def size_text(size: float, error: float = 0.0) -> str:
+    """Bytes for people, in the largest unit of which there is 1 or more; error: a standard error of them, or 0.
+
+    >>> size_text(500), size_text(2**30 - 1), size_text(10e9, 2e9)
+    ('500 bytes', '1.0 GiB', '9.3 ± 1.9 GiB')
+    """
+    power = next((power for power in range(len(UNITS)) if round(size / 1024**power, 1) < 1024), len(UNITS) - 1)
+    digits = 1 if power else 0
+    spread = f" ± {error / 1024**power:,.2g}" if error else ""
+    return f"{size / 1024**power:,.{digits}f}{spread} {UNITS[power]}"
+
+
 def require_space(folder: Path, size: int) -> None:
     """Raise OutputError where the disk that holds (or will hold) `folder` has fewer than `size` bytes free."""
     existing = next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
     with output_errors(folder):
         free = shutil.disk_usage(existing).free
     if free < size:
-        rule, hint = f"expected {size / 1e9:.3f} GB free, got {free / 1e9:.3f} GB", "choose another disk"
+        rule, hint = f"expected {size_text(size)} free, got {size_text(free)}", "choose another disk"
         raise OutputError([Problem(where=str(folder), path="", rule=rule, hint=hint)])

@@ -143,7 +143,7 @@ def kind_of(annotation: Any) -> str:
     if is_number(annotation):
         return "number or distribution"
     if origin in (Union, types.UnionType):
-        return " or ".join(kind_of(part) for part in parts if part is not type(None))
+        return " or ".join(dict.fromkeys(kind_of(part) for part in parts if part is not type(None)))
     if parts in ((float, float), (float, float, float)):
         return f"{'two' if len(parts) == 2 else 'three'} numbers"
     if origin is tuple and Ellipsis not in parts:

@@ -20,8 +20,8 @@ from dataset_builder.cli.common import (
     positive_number,
 )
 from dataset_builder.cli.engine import add_engine, engine_of
+from dataset_builder.cli.watched import add_html, followed
 from dataset_builder.errors import UserError
-from dataset_builder.processes import cores
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -41,12 +41,13 @@ def add(verbs: Verbs) -> None:
     plan.add_argument("--example", type=int, action="append", default=[],
                       help="print the whole plan of example N as JSON")
     plan.add_argument("--views", type=positive, default=24, help="views to plan in full; the rest is extrapolated")
-    plan.add_argument("--workers", type=positive, help="processes that are to share the build (default: one per core)")
-    plan.add_argument("--speed", type=positive_number, default=1.0, metavar="X",
-                      help="of a worker, over the core that rates were measured on (default: 1)")
+    plan.add_argument("--workers", type=positive, help="processes that are to share the build (default: as of `build`)")
+    plan.add_argument("--speed", type=positive_number, metavar="X",
+                      help="of a worker, over the core that rates were measured on (default: 1; on a GPU, of which no "
+                           "rate is known, time is predicted only with it)")
     plan.add_argument("--price", type=positive_number, default=0.0, metavar="X", help="of a worker for an hour")
     plan.add_argument("--egress", type=positive_number, default=0.0, metavar="X",
-                      help="price of a GB that leaves the place where it was made")
+                      help="price of a GB (1e9 bytes) that leaves the place where it was made")
     plan.add_argument("--against", type=local_folder, metavar="DIR",
                       help="compare with the dataset in DIR: what would run again, and what changed")
     add_cache(plan)
@@ -67,11 +68,13 @@ def add(verbs: Verbs) -> None:
     build.add_argument("--example", type=int, action="append", default=[],
                        help="only stage example N, and write a page of it; repeat for more")
     build.add_argument("--part", metavar="K/N", help="only stage part K of N, for `merge`")
+    add_html(build)
     merge = add_verb(verbs, "merge", _merge, "publish the dataset whose parts `build --part` staged")
     add_spec(merge)
     merge.add_argument("parts", type=local_folder, nargs="+", metavar="DIR", help="folders of all parts, in any order")
     merge.add_argument("--out", type=out_folder, help=f"output folder (default: {DATASETS}/NAME)")
     merge.add_argument("--replace", action="store_true", help="as in `build`")
+    add_html(merge)
 
 
 def _seconds(text: str) -> float:
@@ -93,6 +96,7 @@ def _plan(options: argparse.Namespace) -> int:
     from dataset_builder.planning.fleet import Fleet
     from dataset_builder.planning.plan import Planner, first_plan, plan_example
     from dataset_builder.planning.precheck import meshes_named
+    from dataset_builder.rendering.backend import default_workers, gpu_usable, on_gpu
     from dataset_builder.rendering.scene.image_check import check_images
     from dataset_builder.report.against_table import against_table
     from dataset_builder.report.console import decisions_table, estimate_table, files_table
@@ -109,9 +113,13 @@ def _plan(options: argparse.Namespace) -> int:
     if options.against:
         plain_console().print(against_table(against(planner, options.against, job)))
     elif not options.example:
-        fleet = Fleet(workers=options.workers or cores(), speed=options.speed, price=options.price,
-                      egress=options.egress)
-        cost = estimate(planner, views=options.views, cores=fleet.workers, known=fields_known(job))
+        gpu = on_gpu(options.backend)
+        if gpu and options.price and not options.speed:
+            raise UserError("--price: expected --speed with it on a GPU, of which no rate is known")
+        fleet = Fleet(workers=options.workers or default_workers(options.backend), gpu=gpu, speed=options.speed,
+                      price=options.price, egress=options.egress)
+        known = fields_known(job) if not gpu or gpu_usable() else lambda *_: False
+        cost = estimate(planner, views=options.views, cores=fleet.workers, known=known)
         plain_console().print(estimate_table(cost, fleet))
         if cost.files:
             plain_console().print(files_table(cost.files))
@@ -126,7 +134,6 @@ def _build(options: argparse.Namespace) -> int:
     from dataset_builder.engine.outcomes import Tally
     from dataset_builder.engine.unit import BuildJob, Outcome
     from dataset_builder.report.against_table import runs_line
-    from dataset_builder.report.build_progress import Following
     from dataset_builder.report.console import build_table, rejected_lines
     from dataset_builder.shards.staging import Staging
     from dataset_builder.spec.load import load_dataset
@@ -135,13 +142,12 @@ def _build(options: argparse.Namespace) -> int:
     part = DatasetPart.parse(options.part) if options.part is not None else None
     loaded = load_dataset(options.spec, options.overrides)
     folder = options.out or DATASETS / (loaded.dataset.name + (f"-part-{part.number}-of-{part.of}" if part else ""))
-    shown = Following(console)
     tally, manifest, record, single = Tally(), None, None, list[Outcome]()
-    with engine_of(options, console) as engine:
+    with followed(options, loaded, folder, console) as (told, follow), engine_of(options, console) as engine:
         news = build(loaded, folder, backend=engine.backend, workers=engine.workers, only=options.example, part=part,
                      replace_other=options.replace, cache=options.cache, cache_size=options.cache_size,
-                     told=shown.field, run=engine.run, staging_url=engine.staging_url, unit_limit=options.unit_limit)
-        for event in shown.events(news):
+                     told=told, run=engine.run, staging_url=engine.staging_url, unit_limit=options.unit_limit)
+        for event in follow(news):
             tally.add(event.outcomes)
             single += event.outcomes if options.example else ()
             manifest, record = event.manifest or manifest, event.part or record
@@ -170,16 +176,17 @@ def _build(options: argparse.Namespace) -> int:
 def _merge(options: argparse.Namespace) -> int:
     from dataset_builder.engine.outcomes import Tally
     from dataset_builder.merge import merge
-    from dataset_builder.report.build_progress import Following
     from dataset_builder.report.console import build_table, rejected_lines
     from dataset_builder.spec.load import load_dataset
 
     console, start = plain_console(), perf_counter()
     loaded = load_dataset(options.spec, options.overrides)
     folder = options.out or DATASETS / loaded.dataset.name
-    news = merge(loaded, options.parts, folder, replace_other=options.replace,
-                 said=lambda text: console.print(text, highlight=False, soft_wrap=True))
-    for manifest in [event.manifest for event in Following(console).events(news) if event.manifest]:
+    with followed(options, loaded, folder, console) as (_, follow):
+        news = merge(loaded, options.parts, folder, replace_other=options.replace,
+                     said=lambda text: console.print(text, highlight=False, soft_wrap=True))
+        manifests = [event.manifest for event in follow(news) if event.manifest]
+    for manifest in manifests:
         for line in rejected_lines(manifest.rejected, folder):
             console.print(line, highlight=False, soft_wrap=True)
         console.print(build_table(manifest, Tally(), perf_counter() - start))

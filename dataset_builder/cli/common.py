@@ -19,6 +19,9 @@ STUDIES, TRAININGS = Path("studies"), Path("trainings")
 """Where results go unless `--out` says otherwise."""
 
 MAX_GB = 1_000_000
+SIZE_UNITS = {f"{letter}{end}": base**power for power, letter in enumerate("kmgt", start=1)
+              for end, base in (("b", 1000), ("ib", 1024))}
+"""Bytes of a unit, in small letters."""
 MOST = 1e9
 """Of prices and speeds."""
 BACKENDS = ("auto", "cuda", "llvm")
@@ -92,7 +95,8 @@ def add_cache(verb: argparse.ArgumentParser) -> None:
     verb.add_argument("--cache", type=out_folder, metavar="DIR",
                       help="folder for results of passes, which datasets may share (default: in the output folder)")
     verb.add_argument("--cache-size", type=gigabytes, default=CACHE_SIZE, metavar="GB",
-                      help=f"most that is kept there; 0 keeps nothing (default: {CACHE_SIZE / GB:g})")
+                      help=f"most that is kept there, in GB (1e9 bytes) or with a unit, as 4GiB; 0 keeps nothing "
+                           f"(default: {CACHE_SIZE / GB:g})")
 
 
 def local_folder(text: str) -> Path:
@@ -128,14 +132,16 @@ def _dataset(text: str) -> Path | str:
 
 
 def gigabytes(text: str) -> int:
-    """Bytes of a number of gigabytes."""
+    """Bytes of a number of gigabytes, or of a number with a unit: `4`, `4GB`, `3.7GiB`, `500 MiB`."""
+    number = text.rstrip().rstrip("BGIKMTbgikmt")
     try:
-        size = float(text)
-    except ValueError:
+        size = float(number) * SIZE_UNITS[text[len(number):].strip().lower() or "gb"]
+    except (ValueError, KeyError):
         size = -1.0
-    if not 0 <= size <= MAX_GB:
-        raise argparse.ArgumentTypeError(f"expected a number from 0 to {MAX_GB:,}, got {text}")
-    return round(size * GB)
+    if not 0 <= size <= MAX_GB * GB:
+        raise argparse.ArgumentTypeError(f"expected GB from 0 to {MAX_GB:,}, or a number with a unit, such as 500MiB, "
+                                         f"got {text}")
+    return round(size)
 
 
 def positive(text: str) -> int:

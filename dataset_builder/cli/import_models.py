@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dataset_builder.cli import common
-from dataset_builder.errors import UserError, printable
+from dataset_builder.errors import UserError, count_of, printable
 
 if TYPE_CHECKING:
     from dataset_builder.importing.proposal import Proposal
@@ -49,9 +49,11 @@ def _import(options: argparse.Namespace) -> int:
     console.print(model_table(proposals.made))
     unsure = sum(bool(each.notes) for each in proposals.made)
     lines = [*model_lines(proposals.made, proposals.left_out),
-             f"{len(proposals.made)} models written, {len(proposals.left_out)} files left out, {unsure} to look at",
+             f"{count_of(len(proposals.made), 'model')} written, {count_of(len(proposals.left_out), 'file')} left out, "
+             f"{unsure} to look at",
              *([f"contact sheet: {out / SHEET}"] if out / SHEET in done.files else []),
-             f"next: dataset-builder build {done.dataset}"]
+             f"your own camera path and lamps, commented: {done.dataset}; walls: {out / 'rooms' / 'room.yaml'}",
+             f"next: dataset-builder view {done.dataset} --example 0, then dataset-builder build {done.dataset}"]
     for line in lines:
         console.print(printable(line), highlight=False, markup=False, soft_wrap=True)
     return 1 if proposals.left_out else 0

@@ -71,6 +71,7 @@ def _inspect(options: argparse.Namespace) -> int:
     from dataset_builder.report.dataset_summary import summary_tables, write_contact_sheet
     from dataset_builder.report.sequence_preview import write_preview
 
+    _require_together(options)
     if options.sequence:
         if isinstance(options.folder, str):
             rule = f"--sequence: expected a folder on this machine, got the address {shown(options.folder)}"
@@ -78,14 +79,10 @@ def _inspect(options: argparse.Namespace) -> int:
         found = write_preview(options.folder, options.sequence)
         print(f"strip: {found.strip}\nanimation of {found.views} views: {found.animation}")
         return 0
-    one = inspect_one(options)
     if options.html:
         return _gallery(options)
-    if one:
+    if inspect_one(options):
         return 0
-    if given := [name for name, value in (("--count", options.count), ("--split", options.splits),
-                                         ("--layers", options.layers)) if value]:
-        raise UserError(f"{given[0]}: expected --html OUT with it, since it chooses what a gallery shows")
     for table in summary_tables(options.folder):
         common.plain_console().print(table)
     if isinstance(options.folder, str) and not options.sheet:
@@ -95,6 +92,18 @@ def _inspect(options: argparse.Namespace) -> int:
     write_contact_sheet(options.folder, sheet, rows=options.rows)
     print(f"contact sheet: {sheet}")
     return 0
+
+
+def _require_together(options: argparse.Namespace) -> None:
+    """Raise UserError where an option would be passed over without a word."""
+    if not options.html:
+        given = [name for name, value in (("--count", options.count), ("--split", options.splits),
+                                          ("--layers", options.layers)) if value]
+        if given:
+            raise UserError(f"{given[0]}: expected --html OUT with it, since it chooses what a gallery shows")
+    alone = [f"--{name}" for name in ("html", "example", "mesh", "sequence", "sheet") if getattr(options, name)]
+    if len(alone) > 1 and alone != ["--example", "--mesh"]:
+        raise UserError(f"{alone[0]}: expected no {alone[-1]} with it, since nothing else is written (run it apart)")
 
 
 def _gallery(options: argparse.Namespace) -> int:

@@ -11,14 +11,14 @@ def add_one(inspect: argparse.ArgumentParser) -> None:
     """Add the options."""
     inspect.add_argument("--example", metavar="KEY", help="write a page and a picture of all layers of an example, "
                          "by its key, index or place in a split (00000012, 12, train:0), and nothing else")
-    inspect.add_argument("--mesh", metavar="KEY", help="write a picture of the 3DM, of the R3DM of every noise level "
-                         "and of the distances between them, for an example's view, and nothing else")
+    inspect.add_argument("--mesh", metavar="KEY", help="write a picture of the 3DM, of the R3DM of every noise "
+                         "level and of the distances between them, for an example's view, and nothing else")
     inspect.add_argument("--out", type=common.out_folder, metavar="DIR", help="folder for both (default: previews in "
                          "the dataset; here for one at an address)")
     inspect.add_argument("--meshes", type=Path, metavar="DIR", help="for --mesh: folder of the "
                          "dataset's spec, where mesh files are looked for (default: here)")
-    inspect.add_argument("--fields", type=Path, metavar="DIR", help="for --mesh: folder of the fields that rough meshes "
-                         "were taken from (default: the dataset's own)")
+    inspect.add_argument("--fields", type=Path, metavar="DIR", help="for --mesh: folder of the fields that rough "
+                         "meshes were taken from (default: the dataset's own)")
 
 
 def inspect_one(options: argparse.Namespace) -> bool:

@@ -8,7 +8,8 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import FrameType
 
 INTERRUPTED = 130
@@ -17,10 +18,34 @@ INTERRUPTED = 130
 PATIENCE = 4.0
 """Seconds that a command has to end by itself."""
 
+LAST = 2.0
+"""Seconds that what is said at last may take."""
+
+_last_words: list[Callable[[], None]] = []
+_struck, _told = threading.Event(), threading.Lock()
+
+
+@contextmanager
+def last_words(say: Callable[[], None]) -> Iterator[None]:
+    """Have `say` called, in any thread, if Ctrl-C ends the process while this lasts before it ends by itself."""
+    _last_words.append(say)
+    try:
+        yield
+    finally:
+        _last_words.remove(say)
+
+
+def interrupted(error: BaseException) -> bool:
+    """Whether Ctrl-C is behind an error, whatever became of it on the way."""
+    return isinstance(error, KeyboardInterrupt) or _struck.is_set()
+
 
 def guarded(work: Callable[[], int]) -> int:
     """The exit code of `work`, or 130 where Ctrl-C ended it; a second Ctrl-C ends the process at once."""
-    struck, timer = threading.Event(), threading.Timer(PATIENCE, _end)
+    struck, timer = _struck, threading.Timer(PATIENCE, _end)
+    struck.clear()
+    if _told.locked():
+        _told.release()
     timer.daemon = True
 
     def strike(number: int, frame: FrameType | None) -> None:
@@ -60,6 +85,9 @@ def leave(code: int) -> None:
 
 
 def _tell() -> None:
+    """Say it, once, though a thread and the command may end at the same moment."""
+    if not _told.acquire(blocking=False):
+        return
     print("interrupted: what was finished is kept, nothing is half written; run the same command again to continue",
           file=sys.stderr, flush=True)
 
@@ -67,4 +95,8 @@ def _tell() -> None:
 def _end() -> None:
     """End the process where it stands: what it writes is written aside and renamed, and its children follow it."""
     _tell()
+    for say in tuple(_last_words):
+        speaking = threading.Thread(target=say, daemon=True)
+        speaking.start()
+        speaking.join(LAST)
     os._exit(INTERRUPTED)

@@ -19,6 +19,7 @@ from dataset_builder.cli import (
     study,
     table,
     transfer,
+    view,
 )
 from dataset_builder.cli.interrupt import guarded
 from dataset_builder.errors import UserError
@@ -53,7 +54,7 @@ def parser() -> argparse.ArgumentParser:
     root = argparse.ArgumentParser(prog="dataset-builder", description="Build 3DF-Lighting datasets from specs.")
     root.add_argument("--version", action="version", version=__version__)
     verbs = root.add_subparsers(required=True, metavar="VERB")
-    for group in (import_models, import_capture, import_front3d, build, inspect, integrity, transfer, export,
+    for group in (import_models, import_capture, import_front3d, view, build, inspect, integrity, transfer, export,
                   export_dataset, export_field, study, evaluate, table):
         group.add(verbs)
     return root

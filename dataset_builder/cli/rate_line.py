@@ -5,6 +5,8 @@ import sys
 from datetime import timedelta
 from time import monotonic
 
+from dataset_builder.files import size_text
+
 OFTEN, SELDOM = 0.2, 60.0
 """Seconds between two lines, on a terminal and elsewhere."""
 WIDTH = 70
@@ -37,9 +39,9 @@ def rate_text(done: int, of: int, rate: float) -> str:
     """Bytes, bytes per second, and time left at that rate; where nobody knows yet how many there will be, only that.
 
     >>> rate_text(250_000_000, 1_000_000_000, 50e6)
-    '250 of 1000 MB, 50.0 MB/s, 0:00:15 left'
+    '238.4 MiB of 953.7 MiB, 47.7 MiB/s, 0:00:15 left'
     """
     if not of:
         return "looking at indexes"
     left = f"{timedelta(seconds=round((of - done) / rate))} left" if rate else "looking"
-    return f"{done / 1e6:.0f} of {of / 1e6:.0f} MB, {rate / 1e6:.1f} MB/s, {left}"
+    return f"{size_text(done)} of {size_text(of)}, {size_text(rate)}/s, {left}"

@@ -130,12 +130,13 @@ def _noise(options: argparse.Namespace) -> int:
     from dataset_builder.report.build_progress import Following
     from dataset_builder.report.console import rejected_lines
     from dataset_builder.report.noise_page import NoiseResults, sentences, write_page
-    from dataset_builder.report.training_lines import lines_of
+    from dataset_builder.report.training_lines import forecast_line, left_text, lines_of
     from dataset_builder.studies.noise import level_trainings
     from dataset_builder.studies.noise.axes import axis_of
     from dataset_builder.studies.noise.levels import crops, levels_of, write_table
     from dataset_builder.studies.noise.likeness import likenesses, write_likeness
     from dataset_builder.studies.noise.noise_study import count_passes, make, pass_lines, require
+    from dataset_builder.studies.trial_times import TimeLeft, forecast, steps_left
 
     study = _noise_study(options)
     require(study)
@@ -146,9 +147,14 @@ def _noise(options: argparse.Namespace) -> int:
             print(line)
     passes = count_passes(study)
     print("\n".join(pass_lines(passes)), flush=True)
+    jobs = [*level_trainings.jobs(study).values()]
+    ahead = forecast(jobs)
+    print(forecast_line(ahead, sum(map(bool, map(steps_left, jobs)))), flush=True)
+    left = TimeLeft(ahead) if ahead else None
     for news in level_trainings.train_all(study):
+        after = left_text(left, news.number, news.event, jobs[news.number - 1].spec.steps)
         for line in () if isinstance(news.event, Finished) else lines_of(news.event):
-            print(f"{news.number}/{news.count} {news.name}: {line}", flush=True)
+            print(f"{news.number}/{news.count} {news.name}: {line}{after}", flush=True)
     split = level_trainings.held_out(study)
     levels = levels_of(study, split, level_trainings.measure(study, split))
     write_table(levels, study.out / "levels.csv", axis_of(study.axis))

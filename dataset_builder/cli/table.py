@@ -46,9 +46,11 @@ def _options(table: argparse.ArgumentParser, name: str) -> None:
 
 def _table(options: argparse.Namespace) -> int:
     from dataset_builder.report.table_page import cautions, order_lines, row_line, write_page
+    from dataset_builder.report.training_lines import forecast_line, left_text
     from dataset_builder.shards.reader import load_manifest
     from dataset_builder.studies.tables.result import orders, verdict, write_files
-    from dataset_builder.studies.tables.table_study import RowMeasured, TableStudy, results, run
+    from dataset_builder.studies.tables.table_study import RowMeasured, TableStudy, jobs_left, results, run
+    from dataset_builder.studies.trial_times import TimeLeft, forecast
 
     base = common.lightnet(options.config, options.overrides, options.steps)
     if options.table == "stability":
@@ -59,9 +61,14 @@ def _table(options: argparse.Namespace) -> int:
                        vgg_weights=options.vgg_weights, device=options.device)
     print(f"{table.number}: {table.question}\n{study.sentence}", flush=True)
     measured: list[RowMeasured] = []
+    jobs = jobs_left(study)
+    ahead = forecast(jobs)
+    print(forecast_line(ahead, sum(job is not None for job in jobs)), flush=True)
+    left = TimeLeft(ahead) if ahead else None
     for news in run(study):
         for line in _lines(news):
-            print(line, flush=True)
+            print(line + ("" if isinstance(news, RowMeasured) or news.row.spec is None else
+                          left_text(left, news.number, news.event, news.row.spec.steps)), flush=True)
         if isinstance(news, RowMeasured):
             measured.append(news)
     found = results(table, measured)

@@ -30,7 +30,8 @@ def add(verbs: Verbs) -> None:
                       help="only these layers; labels and previews always come with them")
     pull.add_argument("--count", type=positive, metavar="N", help="the first N examples of every split that match")
     pull.add_argument("--pin", type=_sha256, metavar="HEX", help="SHA-256 that dataset.json at the address must have")
-    pull.add_argument("--most", type=gigabytes, metavar="GB", help="refuse to fetch more")
+    pull.add_argument("--most", type=gigabytes, metavar="GB",
+                      help="refuse to fetch more GB (1e9 bytes), or bytes with a unit, as 4GiB")
     pull.add_argument("--replace", action="store_true",
                       help="replace another dataset, major version or choice in the folder")
     push = add_verb(verbs, "push", _push, "send a finished dataset to where others pull it, or resume a push")

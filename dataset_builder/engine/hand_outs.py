@@ -46,7 +46,7 @@ def unit_costs(planner: Planner, units: Sequence[ViewUnit]) -> dict[str, Cost]:
             plan = planner.example(unit.examples[0])
         except PlanError:
             continue
-        window = window_share(planner.arrangement(unit.view.pair),
+        window = window_share(planner.view(unit.view).arrangement,
                               Pinhole.of(plan.camera, spec.image.width, spec.image.height))
         cost = view_cost(plan, len(unit.lights), len(unit.levels), window, spec.storage.dtype, Rates())
         count = len(unit.lights) * len(unit.levels)

@@ -18,7 +18,7 @@ from dataset_builder.engine.parcel import Parcel
 from dataset_builder.engine.ray_process import News, do
 from dataset_builder.engine.unit import BuildJob, planner_of, run_unit
 from dataset_builder.errors import OutputError, Problem
-from dataset_builder.files import require_space
+from dataset_builder.files import require_space, size_text
 from dataset_builder.remote.address import local_path
 from dataset_builder.shards.published_examples import published_in
 
@@ -167,7 +167,7 @@ class RayRunning:
         if not self._pending:
             require_space(folder, needed)
         if not self._waiting:
-            self._cluster.say(f"waiting for room: less than {needed / 1e9:.3f} GB free in {folder}")
+            self._cluster.say(f"waiting for room: less than {size_text(needed)} free in {folder}")
             self._waiting = True
         return False
 

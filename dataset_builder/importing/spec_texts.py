@@ -16,6 +16,19 @@ SCENES = {"train": 4, "evaluation": 2}
 FURNITURE = {"cabinet": "wall", "floor_lamp": "near", "plant": "near"}
 """Embedded furniture of the scene, by family, and where it stands."""
 MOST_WIDE, MOST_HIGH = 100.0, 30.0
+WALLS = """# Walls and a floor of your own, by colour, finish or picture; else they are drawn:
+#materials: {wall: {base_color: "#c8d4c0"}, floor: {family: boards, tone: oak}}
+"""
+CAMERA = """# One camera before which the model turns, once round in `views` pictures; else cameras all about it:
+#camera: {path: {kind: turntable}}
+"""
+LAMP = """  # Or lamps where you put them, in place of `kinds`: degrees about the model, metres from it
+  #lights: [{kind: area, azimuth: 30, elevation: 60, distance: DISTANCE, size: 0.4, strength: 3, temperature: 4000}]
+"""
+ALONE = """  # Pictures of the same model in other rooms, to measure on what was trained on this one:
+  #- {name: evaluation, allow_shared: [objects], objects: {count: 1, from: [objects/NAME.yaml]}, SCENES}
+"""
+"""What may be written in place of what is drawn, as comments: `#` without a space stands before what counts."""
 
 
 def spec_texts(proposals: Sequence[Proposal], *, name: str, licence: str, parent: Path) -> dict[str, str]:
@@ -73,7 +86,7 @@ def _room(largest: float, highest: float) -> str:
     wide, high = min(max(4.5, 2.2 * largest + 1), MOST_WIDE), min(max(2.6, 1.3 * highest + 0.4), MOST_HIGH)
     across = _uniform(wide, min(wide + 1.5, MOST_WIDE))
     return (f"width: {across}\ndepth: {across}\n"
-            f"height: {_uniform(high, min(high + 0.4, MOST_HIGH))}\nwindows: {{choice: [1, 2]}}\n")
+            f"height: {_uniform(high, min(high + 0.4, MOST_HIGH))}\nwindows: {{choice: [1, 2]}}\n" + WALLS)
 
 
 def _uniform(low: float, high: float) -> str:
@@ -84,9 +97,10 @@ def _dataset(proposals: Sequence[Proposal], name: str, licence: str, largest: fl
     near = max(1.2, 0.6 * largest)
     said = f"licence: {licence}\n" * bool(licence)
     text = (f"# Written by `dataset-builder import`; every line is yours to change.\nname: {name}\n{said}"
-            "image: {width: 128, height: 128}\n"
+            "image: {width: 128, height: 128}\n" + CAMERA +
             "rough: {sigma: {log_uniform: [2e-3, 8e-3]}}\n"
-            "target:\n  kinds: [area, sphere, spot, point]\n  strength: {log_uniform: [1.5, 5]}\n"
+            f"target:\n  kinds: [area, sphere, spot, point]\n{LAMP.replace('DISTANCE', f'{near:.1f}')}"
+            "  strength: {log_uniform: [1.5, 5]}\n"
             f"  temperature: {{uniform: [2700, 7500]}}\n  distance: {_uniform(near, 2 * near)}\n"
             "  elevation: {uniform: [15, 75]}\n"
             "gates: {mask_overlap: 0.5}\nsplits:\n")
@@ -95,4 +109,7 @@ def _dataset(proposals: Sequence[Proposal], name: str, licence: str, largest: fl
         text += (f"  - name: {split}\n    objects:\n      count: {len(names)}\n      from:\n{files}"
                  f"    scenes: {{count: {SCENES[split]}, from: [scenes/room.yaml]}}\n"
                  f"    pairs: {2 * len(names)}\n    views: 2\n")
+    if len(proposals) == 1:
+        scenes = f"scenes: {{count: {SCENES['evaluation']}, from: [scenes/room.yaml]}}"
+        text += ALONE.replace("NAME", proposals[0].name).replace("SCENES", scenes)
     return text

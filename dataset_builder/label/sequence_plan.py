@@ -4,7 +4,7 @@ from dataset_builder.spec.model import Model
 
 
 class SequencePlan(Model):
-    """The views of an orbit in order; empty for a view that follows no other."""
+    """The views of a path in order; empty for a view that follows no other."""
 
     name: str = ""
     """Of the sequence, unique over the dataset: `turn-00-03`, split, object and scene; empty for none. Its examples

@@ -84,18 +84,18 @@ def pairs_of(split: SplitSpec) -> tuple[PairRef, ...]:
 
 
 def views_of(spec: DatasetSpec, split: SplitSpec) -> tuple[ViewRef, ...]:
-    """All views of a split, shuffled so that neighbours in a shard differ in object and scene; those of orbits pair by
+    """All views of a split, shuffled so that neighbours in a shard differ in object and scene; those of paths pair by
     pair in their order."""
     cameras = list(product(pairs_of(split), range(split.views)))
-    order = range(len(cameras)) if spec.camera_of(split.name).orbit else \
+    order = range(len(cameras)) if spec.camera_of(split.name).path else \
         rng(spec.seed, split.name, "order").permutation(len(cameras))
     return tuple(ViewRef(number=number, pair=cameras[k][0], camera=cameras[k][1]) for number, k in enumerate(order))
 
 
 def sequence_of(spec: DatasetSpec, view: ViewRef) -> SequencePlan:
-    """The place of a view among those of its orbit; empty where it is of none."""
+    """The place of a view among those of its path; empty where it is of none."""
     pair, split = view.pair, spec.split_of(view.pair.split)
-    if spec.camera_of(pair.split).orbit is None:
+    if spec.camera_of(pair.split).path is None:
         return SequencePlan()
     return SequencePlan(name=f"{pair.split}-{pair.object:02d}-{pair.scene:02d}", frame=view.camera, frames=split.views)
 

@@ -144,7 +144,7 @@ def calibration_cost(planner: Planner, rates: Rates, cores: int = 1) -> Cost:
     layers = tuple((name, extent) for name, extent in plan.render.layers if name in denoise.layers)
     plan = plan.model_copy(update={"render": plan.render.model_copy(update={"layers": layers})})
     count = min(denoise.examples, sum(len(views_of(spec, split)) for split in spec.splits))
-    window = window_share(planner.arrangement(planner.examples[plan.index].view.pair),
+    window = window_share(planner.view(planner.examples[plan.index].view).arrangement,
                           Pinhole.of(plan.camera, spec.image.width, spec.image.height))
     one = view_cost(plan, 1, 1, window, spec.storage.dtype, rates, min(cores, count))
     renders, times = count * (REPEATS + 1), count * (REPEATS + FACTOR)
@@ -182,7 +182,7 @@ def _split_cost(planner: Planner, views: Sequence[ViewRef], split: SplitSpec, ra
         except PlanError as error:
             problems += error.problems
             continue
-        window = window_share(planner.arrangement(ref.pair),
+        window = window_share(planner.view(ref).arrangement,
                               Pinhole.of(plan.camera, spec.image.width, spec.image.height))
         costs.append((plan, view_cost(plan, spec.target.count_of(split.lights), len(split.levels(spec.rough)), window,
                                       spec.storage.dtype, rates, cores, _files(spec, split))))
@@ -213,8 +213,8 @@ def estimate(planner: Planner, views: int = 24, rates: Rates | None = None, core
         whole, error = extrapolate([cost for _, cost in costs], len(own))
         total, variance = total + astuple(whole), variance + np.square(astuple(error))
         tried, planned = tried + len(chosen), planned + [plan for plan, _ in costs]
-        one_view = pass_runs(layers_asked(spec), spec.target.count_of(split.lights), len(split.levels(spec.rough)))
-        for name, times in one_view.items():
+        times_of = pass_runs(layers_asked(spec), spec.target.count_of(split.lights), len(split.levels(spec.rough)))
+        for name, times in times_of.items():
             runs[name] += times * len(own)
     made = field_cost(planner, known, rates or Rates(), cores)
     total += astuple(calibration_cost(planner, rates or Rates(), cores)) + np.array([0, 0, 0, made.seconds, 0])

@@ -13,8 +13,10 @@ class Fleet:
 
     workers: int
     """Processes that render, each with a core or a GPU to itself."""
-    speed: float = 1.0
-    """Of a worker, over the core that `Rates` were measured on."""
+    gpu: bool = False
+    """Whether workers render on GPUs, for which `Rates` hold nothing."""
+    speed: float | None = None
+    """Of a worker, over the core that `Rates` were measured on; None for 1, on a GPU for what nobody knows."""
     price: float = 0.0
     """Per worker and hour."""
     egress: float = 0.0
@@ -37,8 +39,10 @@ class Bill:
 
 
 def bill(estimate: CostEstimate, fleet: Fleet) -> Bill:
-    """The bill of an estimate for `cores=fleet.workers`: no worker is lost, and nothing is done twice."""
-    seconds = estimate.total.seconds / fleet.speed
+    """The bill of an estimate for `cores=fleet.workers`: no worker is lost, and nothing is done twice. Of GPUs whose
+    speed is not known, that of as many cores."""
+    speed = fleet.speed or 1.0
+    seconds = estimate.total.seconds / speed
     hours = fleet.workers * seconds / HOUR
-    return Bill(seconds=seconds, error=estimate.error.seconds / fleet.speed, worker_hours=hours,
+    return Bill(seconds=seconds, error=estimate.error.seconds / speed, worker_hours=hours,
                 money=hours * fleet.price, egress=estimate.total.bytes / GB * fleet.egress)

@@ -24,9 +24,10 @@ from dataset_builder.planning.scene.things import target_plan
 from dataset_builder.planning.view.cameras import PlannedCamera, place_camera
 from dataset_builder.planning.view.lights import source_light, target_light, unit_irradiance
 from dataset_builder.planning.view.lit_view import lit_view
-from dataset_builder.planning.view.orbit import Orbit, orbit_camera, plan_orbit
+from dataset_builder.planning.view.paths import plan_path
 from dataset_builder.planning.view.scene_cameras import own_camera
 from dataset_builder.planning.view.scene_lights import check_lights_differ, scene_light
+from dataset_builder.planning.view.view_path import ViewPath, path_camera
 from dataset_builder.seeding import derive_seed, rng
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.field import FieldSpec
@@ -59,7 +60,7 @@ class Planner:
         self.loaded = loaded
         self._arrangements = Recent[Arrangement](4, KEPT_BYTES, _bytes_of)
         self._views = Recent[ViewPlan](4, KEPT_BYTES, lambda view: _bytes_of(view.arrangement))
-        self._orbits = Recent[Orbit](4)
+        self._paths = Recent[ViewPath](4)
         self._lights = Recent[tuple[IlluminationPlan, str]](64)
 
     @cached_property
@@ -102,38 +103,41 @@ class Planner:
     def _view(self, ref: ViewRef) -> ViewPlan:
         spec, arrangement = self.loaded.dataset, self.arrangement(ref.pair)
         with self._odd_size_named(arrangement.target.object):
-            view = self._camera(ref, arrangement)
+            arrangement, view = self._camera(ref, arrangement)
         seen, root = spec.split_of(ref.pair.split).source, self.loaded.path.parent
         field = field_plan(spec, seen if seen.image else None, ref.pair, arrangement.target.object, root)
         source = (in_world(field.light, arrangement.target.yaw, spec.source.open) if field.light.lights else
                   source_light(spec.source, partial(rng, spec.seed, *self._lit(ref).path, "source"), root))
         return ViewPlan(arrangement=arrangement, view=view, source=source, field=field)
 
-    def _camera(self, ref: ViewRef, arrangement: Arrangement) -> PlannedCamera:
-        spec, scene, where = self.loaded.dataset, self._scene(ref.pair), _where(ref, arrangement)
+    def _camera(self, ref: ViewRef, placed: Arrangement) -> tuple[Arrangement, PlannedCamera]:
+        """What stands where in a view, and its camera. placed: what the views of its pair share."""
+        spec, scene, where = self.loaded.dataset, self._scene(ref.pair), _where(ref, placed)
         camera = spec.camera_of(ref.pair.split)
         if scene.file is not None and scene.file.cameras == "own":
             found = scene_facts(scene.room, self.loaded.path.parent).cameras
-            return own_camera(arrangement, found, camera, spec.image, ref.camera, where)
-        if camera.orbit is None:
-            return place_camera(arrangement, camera, spec.image, rng(spec.seed, *ref.path, "camera"), where)
-        views = spec.split_of(ref.pair.split).views
-        orbit = self._orbits.get(ref.pair, lambda: plan_orbit(arrangement, camera, spec.image, views,
-                                                              rng(spec.seed, *ref.pair.path, "orbit")))
-        return orbit_camera(arrangement, orbit, camera, spec.image, ref.camera, where)
+            return placed, own_camera(placed, found, camera, spec.image, ref.camera, where)
+        if camera.path is None:
+            return placed, place_camera(placed, camera, spec.image, rng(spec.seed, *ref.path, "camera"), where)
+        path = self._paths.get(ref.pair, lambda: plan_path(self.loaded, ref.pair, placed, where))
+        arrangement = placed.turned(path.frames[ref.camera].turn, self.loaded.path.parent)
+        return arrangement, path_camera(arrangement, path, camera, ref.camera, where)
 
     def _lit(self, ref: ViewRef) -> ViewRef | PairRef:
         """What has the lights of a view: itself, or its pair."""
         return ref.pair if self.loaded.dataset.split_of(ref.pair.split).lights_per == "pair" else ref
 
-    def _lit_views(self, ref: ViewRef) -> list[PlannedCamera]:
-        """The views that the lights of a view are for: itself, or all of its pair that can be had."""
+    def _lit_views(self, ref: ViewRef) -> list[ViewPlan]:
+        """The views that the lights of a view are for: itself, or all of its pair that can be had; of a target that
+        turns, the first of these."""
         if self._lit(ref) == ref:
-            return [self.view(ref).view]
-        spec, found = self.loaded.dataset, list[PlannedCamera]()
+            return [self.view(ref)]
+        spec, found = self.loaded.dataset, list[ViewPlan]()
         for other in views_of(spec, spec.split_of(ref.pair.split)):
             with suppress(PlanError):
-                found += [self.view(other).view] if other.pair == ref.pair else []
+                found += [self.view(other)] if other.pair == ref.pair else []
+            if found and found[0].arrangement.sweep is not None:
+                break
         return found
 
     def light(self, ref: ViewRef, number: int) -> tuple[IlluminationPlan, str]:
@@ -141,8 +145,8 @@ class Planner:
         return self._lights.get((self._lit(ref), number), lambda: self._light(ref, number))
 
     def _light(self, ref: ViewRef, number: int) -> tuple[IlluminationPlan, str]:
-        spec, plan = self.loaded.dataset, self.view(ref)
-        lit = lit_view(plan.arrangement, self._lit_views(ref), unit_irradiance(plan.source))
+        spec, plan, views = self.loaded.dataset, self.view(ref), self._lit_views(ref)
+        lit = lit_view(views[0].arrangement, [each.view for each in views], unit_irradiance(plan.source))
         # A lamp that shines alone is drawn as it is among all of them
         alone = dict(enumerate(spec.target.alone_of(spec.split_of(ref.pair.split).lights))).get(number)
         stream = partial(rng, spec.seed, *self._lit(ref).path, "light", number if alone is None else 0)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import cache
 
 from dataset_builder.errors import UserError
+from dataset_builder.processes import cores
 
 GOOD_LLVM = range(17, 22)
 """Major versions that Dr.Jit 1.5 runs with; 14 is refused by it, 15 and 16 abort the process."""
@@ -85,12 +86,27 @@ def optix_available() -> bool:
     return True
 
 
+def gpu_usable() -> bool:
+    """Whether a GPU is here, and all that rendering on it needs."""
+    return cuda_available() and optix_available()
+
+
+def on_gpu(wanted: str) -> bool:
+    """Whether `wanted` means a GPU, be there one here or not; `auto` does where one can be used."""
+    return wanted == "cuda" or (wanted == "auto" and gpu_usable())
+
+
+def default_workers(wanted: str) -> int:
+    """Processes of a build that is told no number: one on a GPU, else one per core."""
+    return 1 if on_gpu(wanted) else cores()
+
+
 def choose(wanted: str = "auto") -> Backend:
     """Backend for `wanted` in auto | cuda | llvm. Raises UserError where it cannot run, with the command that mends
     it."""
     if wanted not in ("auto", "cuda", "llvm"):
         raise UserError(f"backend: expected auto, cuda or llvm, got {wanted!r}")
-    if wanted != "llvm" and cuda_available() and optix_available():
+    if wanted != "llvm" and gpu_usable():
         return Backend(variant="cuda_ad_rgb", llvm="", summary="cuda_ad_rgb on the NVIDIA GPU")
     if wanted == "cuda" and cuda_available():
         raise UserError("backend: expected OptiX beside the NVIDIA driver for cuda, found no libnvoptix.so.1; "

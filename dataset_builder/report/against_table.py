@@ -3,9 +3,9 @@
 from rich.markup import escape
 from rich.table import Table
 
-from dataset_builder.byte_store import GB
 from dataset_builder.engine.against import Against
 from dataset_builder.engine.outcomes import Tally
+from dataset_builder.files import size_text
 from dataset_builder.rendering.pass_inputs import RUNS
 
 
@@ -26,5 +26,5 @@ def runs_line(tally: Tally, kept: int | None) -> str:
     machines keep them."""
     ran = sum(count for name, count in tally.runs.items() if name in RUNS)
     size = "their machines keep the results" if kept is None else \
-        f"{kept / GB:.2f} GB of results are kept (--cache-size)" if kept else "no results are kept"
+        f"{size_text(kept)} of results are kept (--cache-size)" if kept else "no results are kept"
     return f"passes: {ran} ran, {tally.recalled} were known from an earlier build; {size}"

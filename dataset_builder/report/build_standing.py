@@ -16,7 +16,7 @@ from dataset_builder.shards.manifest import Rejected
 from dataset_builder.spec.dataset import DatasetSpec
 
 REASONS = 3
-"""Rejected examples of each gate that are kept."""
+"""Rejected examples of each gate that are kept, each of another view."""
 
 VALUES = 2048
 """Values of a layer that are kept; of more, every other goes, and every other of what comes."""
@@ -34,7 +34,7 @@ class Refused:
     """The first few."""
 
 
-class Spread:
+class RunningMedian:
     """Median of any number of values, from an even choice of them."""
 
     def __init__(self) -> None:
@@ -69,7 +69,7 @@ class BuildStanding:
         """Those that were there."""
         self.refused = dict[str, Refused]()
         """By gate."""
-        self.noise = dict[str, Spread]()
+        self.noise = dict[str, RunningMedian]()
         """Relative error of what was rendered, by layer."""
         self.stopped = Counter[str]()
         """How often sampling of a layer ended for what reason."""
@@ -139,12 +139,12 @@ class BuildStanding:
         if outcome.rejected:
             known = self.refused.setdefault(outcome.rejected.gate, Refused())
             known.count += 1
-            if len(known.first) < REASONS:
+            if len(known.first) < REASONS and outcome.rejected.view not in {item.view for item in known.first}:
                 known.first.append(outcome.rejected)
         for layer, (stopped, error) in outcome.noise.items():
             self.stopped[stopped] += 1
             if isfinite(error):
-                self.noise.setdefault(layer, Spread()).add(error)
+                self.noise.setdefault(layer, RunningMedian()).add(error)
 
     def _point(self, now: float) -> None:
         if self._passing:

@@ -1,5 +1,6 @@
 """What the terminal shows: tables, and hard cases as they are done."""
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -9,26 +10,35 @@ from rich.text import Text
 
 from dataset_builder.engine.outcomes import Tally
 from dataset_builder.engine.rejected_pixels import pixels_of
-from dataset_builder.errors import printable
+from dataset_builder.errors import count_of, printable
+from dataset_builder.files import size_text
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.planning.cost import CostEstimate
-from dataset_builder.planning.fleet import GB, Fleet, bill
+from dataset_builder.planning.fleet import Fleet, bill
 from dataset_builder.report.doctor import Finding
 from dataset_builder.shards.manifest import Manifest, Rejected
 from dataset_builder.studies.stress.case import CaseResult
 
-MIB = 2**20
 NAME, NUMBER, VERDICT = 31, 10, 7
 """Widths of columns; the expectation takes what is left."""
 MOST_REASONS = 3
 """Reasons why views cannot be planned that are printed."""
+MOST_REJECTED = 20
+"""Rejected examples of a gate that have a line each."""
 
 
 def rejected_lines(rejected: Iterable[Rejected], folder: Path) -> list[str]:
-    """One line per example that is not shipped: its key, the gate that it failed, the figures, and where its pixels
-    are."""
-    return [f"rejected {item.key} ({item.gate}): {item.reason}" + (f" (pixels: {pixels})" if pixels else "")
-            for item in rejected for pixels in [pixels_of(folder, item.key)]]
+    """A line for each of the first examples that every gate refused: its key, the gate, the figures, and where its
+    pixels are; then a line with the number of the others."""
+    lines, counts = list[str](), Counter[str]()
+    for item in rejected:
+        counts[item.gate] += 1
+        if counts[item.gate] <= MOST_REJECTED:
+            pixels = pixels_of(folder, item.key)
+            lines.append(f"rejected {item.key} ({item.gate}): {item.reason}"
+                         + (f" (pixels: {pixels})" if pixels else ""))
+    return lines + [f"rejected {count - MOST_REJECTED} more ({gate})" for gate, count in counts.items()
+                    if count > MOST_REJECTED]
 
 
 def finding_table(findings: Sequence[Finding]) -> Table:
@@ -57,20 +67,28 @@ def estimate_table(estimate: CostEstimate, fleet: Fleet) -> Table:
     if (fields := estimate.field_cost).count:
         table.add_row("fields", f"{fields.count}, {fields.known} of them made already; the others take "
                                 f"{fields.images:,} images, {duration(fields.seconds)} and "
-                                f"{fields.bytes / MIB:,.1f} MiB beside the dataset")
+                                f"{size_text(fields.bytes)} beside the dataset")
     total, error = estimate.total, estimate.error
     for label in ("passes", "pixels", "paths"):
         table.add_row(label, f"{getattr(total, label):,.4g}{_plus_minus(getattr(error, label))}")
     paid = bill(estimate, fleet)
-    spread = f" ± {duration(paid.error)}" if paid.error else ""
-    pace = f" of speed {fleet.speed:g}" if fleet.speed != 1 else ""
-    table.add_row(f"time on {fleet.workers:,} workers{pace}", f"{duration(paid.seconds)}{spread}")
-    table.add_row("size", f"{total.bytes / MIB:,.1f} MiB{_plus_minus(error.bytes / MIB, ' MiB')}")
+    table.add_row(*_time_row(fleet, f"{duration(paid.seconds)}" + f" ± {duration(paid.error)}" * (paid.error >= 0.5)))
+    table.add_row("size", size_text(total.bytes, error.bytes))
     if fleet.price:
         table.add_row("price", f"{paid.money:,.2f} for {paid.worker_hours:,.1f} worker-hours")
     if fleet.egress:
-        table.add_row("egress", f"{paid.egress:,.2f} for {total.bytes / GB:,.1f} GB")
+        table.add_row("egress", f"{paid.egress:,.2f} for {size_text(total.bytes)}")
     return table
+
+
+def _time_row(fleet: Fleet, time: str) -> tuple[str, str]:
+    """The time on a fleet; on GPUs only where their speed is given."""
+    kind = "GPU" if fleet.gpu else "worker"
+    pace = f" of speed {fleet.speed:g}" if fleet.speed and (fleet.gpu or fleet.speed != 1) else ""
+    if fleet.gpu and not fleet.speed:
+        time = (f"not predicted: rates are those of a CPU core, and none of a GPU is known; "
+                f"{count_of(fleet.workers, 'core')} would take {time}. Say how many times as fast a GPU is: --speed X")
+    return f"time on {count_of(fleet.workers, kind)}{pace}", time
 
 
 def files_table(files: Mapping[str, Sequence[tuple[str, str]]]) -> Table:
@@ -95,12 +113,16 @@ def decisions_table(plan: ExamplePlan) -> Table:
     """What an example's passes simulate and why, and what was decided about it; `files_table` tells of its scene."""
     title = f"What is simulated: example {plan.key}, {plan.target.object.name} in {plan.room.name}"
     table = Table("effect", "choice", "why", title=title, title_justify="left")
-    for decision in plan.effects.decisions:
-        if decision.effect != "scene file" or decision.choice == "taken away":
-            table.add_row(*map(cell, (decision.effect, decision.choice, decision.reason)))
-    for note in plan.notes:
-        table.add_row("note", "", cell(note))
+    for row in decision_rows(plan):
+        table.add_row(*map(cell, row))
     return table
+
+
+def decision_rows(plan: ExamplePlan) -> list[tuple[str, str, str]]:
+    """Effect, choice and reason of every decision about an example, then its notes."""
+    decided = [(each.effect, each.choice, each.reason) for each in plan.effects.decisions
+               if each.effect != "scene file" or each.choice == "taken away"]
+    return decided + [("note", "", note) for note in plan.notes]
 
 
 def build_table(manifest: Manifest, tally: Tally, seconds: float) -> Table:
@@ -111,7 +133,7 @@ def build_table(manifest: Manifest, tally: Tally, seconds: float) -> Table:
     if manifest.totals.rejected:
         table.add_row("rejected", f"{manifest.totals.rejected}", "", style="red")
     table.add_row("all", f"{manifest.totals.examples}", f"{manifest.totals.shards}", end_section=True)
-    table.add_row("size", f"{manifest.totals.bytes / MIB:.1f} MiB", "")
+    table.add_row("size", size_text(manifest.totals.bytes), "")
     table.add_row("time", duration(seconds), f"{tally.paths / max(seconds, 1e-9) / 1e6:.2f} M paths/s")
     for name, spent in tally.seconds.most_common():
         table.add_row(f"  {name}", f"{spent:.1f} s", "")
@@ -128,8 +150,8 @@ def duration(seconds: float) -> str:
     return f"{minutes // 60} h {minutes % 60:02d} min"
 
 
-def _plus_minus(deviation: float, unit: str = "") -> str:
-    return f" ± {deviation:,.2g}{unit}" if deviation else ""
+def _plus_minus(deviation: float) -> str:
+    return f" ± {deviation:,.2g}" if deviation else ""
 
 
 def case_header() -> Table:

@@ -10,6 +10,7 @@ import psutil
 
 from dataset_builder import __version__
 from dataset_builder.errors import UserError
+from dataset_builder.files import size_text
 from dataset_builder.geometry.raycast import RayScene
 from dataset_builder.processes import cores
 from dataset_builder.rendering import oidn
@@ -87,8 +88,8 @@ def _machine(folder: Path) -> list[Finding]:
     disk = shutil.disk_usage(place).free
     return [
         Finding(what="cores", value=str(cores())),
-        Finding(what="memory free", value=f"{memory / GIB:.1f} GiB",
-                mend="" if memory > MIN_MEMORY else f"expected {MIN_MEMORY // GIB} GiB: close other programs"),
-        Finding(what="disk free", value=f"{disk / GIB:.1f} GiB at {place}",
-                mend="" if disk > MIN_DISK else f"expected {MIN_DISK // GIB} GiB: choose another --out"),
+        Finding(what="memory free", value=size_text(memory),
+                mend="" if memory > MIN_MEMORY else f"expected {size_text(MIN_MEMORY)}: close other programs"),
+        Finding(what="disk free", value=f"{size_text(disk)} at {place}",
+                mend="" if disk > MIN_DISK else f"expected {size_text(MIN_DISK)}: choose another --out"),
     ]

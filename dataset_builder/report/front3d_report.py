@@ -7,6 +7,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
+from dataset_builder.files import size_text
 from dataset_builder.importing.front3d_import import Front3dImported, fault_counts
 from dataset_builder.importing.front3d_split import PAPER, SplitChoice, SplitProposal
 from dataset_builder.importing.index_folder import IndexedFile
@@ -48,9 +49,9 @@ def front3d_lines(done: Front3dImported, *, seconds: float, models_named: bool) 
     index, broken = done.index, [scene for scene in done.index.scenes if scene.broken]
     kept = len(index.scenes) - index.read
     # Files that the index holds take time, too, to see that their bytes are the same
-    rate = (f", {index.read / seconds:,.1f} files/s, {index.read_bytes / 1e6 / seconds:,.0f} MB/s"
+    rate = (f", {index.read / seconds:,.1f} files/s, {size_text(index.read_bytes / seconds)}/s"
             if seconds > 0 and not kept else "")
-    lines = [f"{index.read:,} scenes read ({index.read_bytes / 1e6:,.0f} MB in {seconds:,.1f} s{rate})"
+    lines = [f"{index.read:,} scenes read ({size_text(index.read_bytes)} in {seconds:,.1f} s{rate})"
              + f", {kept:,} taken from the index" * bool(kept)]
     lines += [f"cannot be read: {scene.file}: {scene.broken}" for scene in broken[:SHOWN]]
     if len(broken) > SHOWN:

@@ -43,7 +43,8 @@ def layer_tiles(example: Mapping[str, Any], title: Sequence[str]) -> Image.Image
 def _tile(name: str, image: np.ndarray, factor: float, error: float | None, times: int) -> Tile:
     layer, kind = LAYERS[name], look(name)
     unit = UNITS.get(layer.unit, layer.unit)
-    lines = [f"{image.min():.4g} to {image.max():.4g} {unit}, mean {image.mean():.4g}".replace(" ,", ",")]
+    lines = [] if kind in ("number", "direction") else [
+        f"{image.min():.4g} to {image.max():.4g} {unit}".rstrip() + f", mean {image.mean():.4g}"]
     if error is not None:
         lines.append(f"relative error {error:.2%}")
     if kind == "light" and (below := int(np.count_nonzero(image < 0))):

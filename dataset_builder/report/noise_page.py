@@ -4,11 +4,12 @@ reconstructed meshes are like, the passes."""
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from dataset_builder.errors import count_of
 from dataset_builder.lightnet.measures.metrics import METRICS
 from dataset_builder.lightnet.results.clustered_means import ONE_OBJECT, ClusteredMean
 from dataset_builder.report.example_sheet import png_of
 from dataset_builder.report.noise_figures import LINES, PSNR, changes_figure, crop_pictures, quality_figure
-from dataset_builder.report.page_parts import Section, count_of, plus_minus, png, write_study
+from dataset_builder.report.page_parts import Section, plus_minus, png, write_study
 from dataset_builder.studies.noise.axes import axis_of
 from dataset_builder.studies.noise.level_trainings import MIXED
 from dataset_builder.studies.noise.levels import OWN, TRIVIAL, Crop, Level, noise_of

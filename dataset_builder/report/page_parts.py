@@ -1,9 +1,8 @@
-"""What pages share: sections of HTML with figures inside, panels of figures, estimates in words, Markdown tables."""
+"""What pages share: the page of a study, panels of figures, estimates in words, Markdown tables."""
 
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from html import escape
 from io import BytesIO
 from math import isfinite
 from pathlib import Path
@@ -14,21 +13,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dataset_builder.files import write_atomic
+from dataset_builder.report.front.fill_page import fill
 
 if TYPE_CHECKING:
     from dataset_builder.lightnet.measures.metrics import Metric
     from dataset_builder.lightnet.results.clustered_means import ClusteredMean
 
-STYLE = """body { font: 16px/1.5 system-ui, sans-serif; max-width: 72rem; margin: 2rem auto; padding: 0 1rem;
-  color: #202020 }
-h1 { line-height: 1.2 } h2 { margin: 2.5rem 0 .5rem; font-size: 1.2rem }
-img { max-width: 100%; height: auto } pre { background: #f4f4f4; padding: .8rem; overflow-x: auto }
-table { border-collapse: collapse; font-size: .85rem } th, td { padding: .2rem .7rem; border-bottom: 1px solid #ddd }
-td { font-variant-numeric: tabular-nums } th { text-align: left } .answer { font-weight: 600 }"""
-
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 """Okabe and Ito's, told apart by colour-blind readers, too."""
 
+STYLES = ("styles/page.css", "styles/study.css")
 PALE, DPI, PANEL = "#b8b8b8", 110, (5.2, 4.6)
 DIGITS = {"psnr": 2}
 """After the point by metric, `OTHERWISE` where not stated."""
@@ -57,27 +51,10 @@ def write_study(folder: Path, title: str, lead: Sequence[str], sections: Sequenc
 
 
 def page(title: str, lead: Sequence[str], sections: Sequence[Section], settings: str = "") -> str:
-    """The page. lead: paragraphs on top; settings: lines to be copied, at the end."""
-    parts = [f"<h1>{escape(title)}</h1>", *(f"<p>{escape(text)}</p>" for text in lead),
-             *(_section(section) for section in sections)]
-    if settings:
-        parts.append("<h2>Recommended settings</h2><p>Options of <code>dataset-builder build</code>, also in "
-                     f"<code>recommended.txt</code>:</p><pre>{escape(settings)}</pre>")
-    return (f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>'
-            f"<style>{STYLE}</style></head>\n<body>\n" + "\n".join(parts) + "\n</body></html>\n")
-
-
-def _section(section: Section) -> str:
-    parts = [f"<h2>{escape(section.question)}</h2>"]
-    if section.figure:
-        data = b64encode(section.figure).decode()
-        parts.append(f'<p><img alt="{escape(section.question)}" src="data:image/png;base64,{data}"></p>')
-    parts.append(f'<p class="answer">{escape(section.answer)}</p>')
-    if section.rows:
-        head = "".join(f"<th>{escape(name)}</th>" for name in section.head)
-        body = "".join("<tr>" + "".join(f"<td>{escape(text)}</td>" for text in row) + "</tr>" for row in section.rows)
-        parts.append(f"<table><tr>{head}</tr>{body}</table>")
-    return "\n".join(parts)
+    """The page of `report.front`. lead: paragraphs on top; settings: lines to be copied, at the end."""
+    shown = [{"question": section.question, "answer": section.answer, "figure": b64encode(section.figure).decode(),
+              "head": section.head, "rows": section.rows} for section in sections]
+    return fill("study.html", styles=STYLES, title=title, lead=lead, sections=shown, settings=settings)
 
 
 def rounded(value: float, metric: str, sign: str = "") -> str:
@@ -89,11 +66,6 @@ def plus_minus(found: "ClusteredMean", metric: str, sign: str = "") -> str:
     """A mean and its standard error, which one object does not have."""
     error = f" ± {rounded(found.error, metric)}" if isfinite(found.error) else ""
     return rounded(found.mean, metric, sign) + error
-
-
-def count_of(number: int, what: str) -> str:
-    """So many things: `1 object`, `2 objects`."""
-    return f"{number:,} {what}{'s' if number != 1 else ''}"
 
 
 def heading(metric: "Metric") -> str:

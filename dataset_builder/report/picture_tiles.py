@@ -47,7 +47,8 @@ def tiled(title: Sequence[str], rows: Sequence[Sequence[Tile]]) -> Image.Image:
     page = Image.new("RGB", (width + 2 * MARGIN, top + sum(heights) + SPACE * len(rows)), PAPER)
     draw = ImageDraw.Draw(page)
     for number, line in enumerate(title):
-        _write(draw, (MARGIN, MARGIN + LINE * number + GAP * (number > 0)), line, pale=number > 0, size=TEXT if number else TITLE)
+        place = (MARGIN, MARGIN + LINE * number + (GAP if number else 0))
+        _write(draw, place, line, pale=number > 0, size=TEXT if number else TITLE)
     for row, height in zip(rows, heights, strict=True):
         left = MARGIN
         for tile, column in zip(row, columns, strict=False):

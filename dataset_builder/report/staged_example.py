@@ -6,13 +6,10 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from dataset_builder.engine.rejected_pixels import pixels_of
 from dataset_builder.engine.unit import Outcome
 from dataset_builder.errors import PlanError
-from dataset_builder.layers import LAYERS
 from dataset_builder.planning.plan import Planner
-from dataset_builder.report.gallery.gallery_entries import rejected_layers
-from dataset_builder.report.one_example import ExampleFiles, write_example
+from dataset_builder.report.one_example import ExampleFiles, write_example, write_rejected
 from dataset_builder.shards import exr
 from dataset_builder.shards.example import LABEL
 from dataset_builder.shards.folder import WORK
@@ -40,12 +37,7 @@ def look_at_outcomes(outcomes: Iterable[Outcome], loaded: LoadedSpec, folder: Pa
             example = staged_layers(staging.get(key, outcome.digest).segment)
             yield key, write_example(example, key, out, lead=[about], note="staged, not published")
             continue
-        pixels, plan = pixels_of(folder, key), _plan(planner, outcome)
-        lead = [f"Rejected by the gate `{outcome.rejected.gate}`: {outcome.rejected.reason}", about]
-        if not pixels:
-            lead.append("Its pixels were not kept: nothing was rendered, or many others were rejected before.")
-        example = {**(rejected_layers(pixels, [*LAYERS]) if pixels else {}), "meta": plan}
-        yield key, write_example(example, key, out, lead=lead, note="rejected")
+        yield key, write_rejected(outcome.rejected, folder, out, about=about, plan=_plan(planner, outcome))
 
 
 def staged_layers(segment: bytes) -> dict[str, Any]:
@@ -63,9 +55,9 @@ def staged_layers(segment: bytes) -> dict[str, Any]:
     return found
 
 
-def _plan(planner: Planner, outcome: Outcome) -> dict[str, Any]:
-    """The label of a rejected example: its plan alone, nothing where it has none."""
+def _plan(planner: Planner, outcome: Outcome) -> dict[str, Any] | None:
+    """The plan of an example, where it has one."""
     try:
-        return {"plan": planner.example(outcome.ref).model_dump(mode="json")}
+        return planner.example(outcome.ref).model_dump(mode="json")
     except PlanError:
-        return {}
+        return None

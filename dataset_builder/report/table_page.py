@@ -7,20 +7,12 @@ from math import isfinite
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from dataset_builder.errors import count_of
 from dataset_builder.files import write_atomic
 from dataset_builder.lightnet.measures.metrics import METRICS, Metric
 from dataset_builder.lightnet.results.clustered_means import ONE_OBJECT, ClusteredMean
 from dataset_builder.lightnet.settings import differences
-from dataset_builder.report.page_parts import (
-    COLOURS,
-    count_of,
-    heading,
-    markdown_table,
-    panels,
-    plus_minus,
-    png,
-    rounded,
-)
+from dataset_builder.report.page_parts import COLOURS, heading, markdown_table, panels, plus_minus, png, rounded
 from dataset_builder.studies.tables.paper import SOURCE, Printed, Table
 from dataset_builder.studies.tables.result import Order, Pair, RowResult, orders, summary, verdict
 from dataset_builder.studies.tables.table_study import TableStudy

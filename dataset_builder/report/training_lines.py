@@ -9,7 +9,10 @@ from rich.console import Console, RenderableType
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.text import Text
 
+from dataset_builder.errors import count_of
 from dataset_builder.lightnet.training.events import Checked, Event, Finished, Started, Stepped
+from dataset_builder.report.console import duration
+from dataset_builder.studies.trial_times import STEPS, Forecast, TimeLeft
 
 News = TypeVar("News")
 REASONS = {"steps": "all steps done", "patience": "no better check within the patience",
@@ -48,6 +51,22 @@ def follow_training(news: Iterable[News], console: Console, lines: Callable[[New
             for line in lines(one):
                 progress.console.print(line, highlight=False, markup=False, soft_wrap=True)
             yield one
+
+
+def forecast_line(found: Forecast | None, count: int) -> str:
+    """What `count` trainings are about to take."""
+    if found is None:
+        return f"{count_of(count, 'training')}: too few steps are left to time them beforehand"
+    spread = f" ± {duration(found.error)}" if found.error >= 0.5 else ""
+    return (f"{count_of(count, 'training')}, {found.steps:,} steps: about {duration(found.total)}{spread}, by "
+            f"{count_of(STEPS, 'real step')} of each of {count_of(found.kinds, 'kind')}, at the load of now")
+
+
+def left_text(left: TimeLeft | None, number: int, event: Event, steps: int) -> str:
+    """How much time is left after a check of training `number`, to follow a line; empty after anything else."""
+    if left is None or not isinstance(event, Checked):
+        return ""
+    return f"; about {duration(left.after(number, min(event.step / steps, 1)))} left"
 
 
 def lines_of(event: Event) -> list[str]:

@@ -115,7 +115,7 @@ def check_splits(dataset: DatasetSpec, document: Document, meshes: Mapping[str, 
 
 def check_scenes(dataset: DatasetSpec, document: Document, scenes: Mapping[str, SceneSpec],
                  files: Mapping[str, MeshSource]) -> list[Problem]:
-    """Splits that take things of scenes which are rooms made in code, or one scene twice; orbits in scenes that have
+    """Splits that take things of scenes which are rooms made in code, or one scene twice; paths in scenes that have
     cameras of their own; scene files that two splits share without a word."""
     problems: list[Problem] = []
     owners: dict[str, str] = {}
@@ -126,10 +126,10 @@ def check_scenes(dataset: DatasetSpec, document: Document, scenes: Mapping[str, 
                                              f"are the same each time, got {split.scenes.count}"))
         for index, key in enumerate(split.scenes.source):
             file = scenes[key].file if key in scenes else None
-            if file is not None and file.cameras == "own" and dataset.camera_of(split.name).orbit:
-                problems.append(document.problem((*path, "from", index), "expected cameras that an orbit places, got a "
+            if file is not None and file.cameras == "own" and dataset.camera_of(split.name).path:
+                problems.append(document.problem((*path, "from", index), "expected cameras that a path places, got a "
                                                  f"scene that has its own: {shown(key)}",
-                                                 "write `cameras: random` in the scene, or leave `camera.orbit` out"))
+                                                 "write `cameras: random` in the scene, or leave `camera.path` out"))
             if split.objects.things and key in scenes and scenes[key].file is None:
                 problems.append(document.problem((*path, "from", index), "expected a scene from a file, since "
                                                  f"`objects.things` takes its things, got a room: {shown(key)}",

@@ -34,19 +34,24 @@ def shown(value: Any) -> str:
     >>> shown({"uniform": (0, True)}), shown(None), shown("abc")
     ('{uniform: [0, true]}', 'nothing', "'abc'")
     """
-    text = _flow(value)
+    text = flow(value)
     return text if len(text) <= LONGEST_VALUE else text[:LONGEST_VALUE - 3] + "..."
 
 
-def _flow(value: Any) -> str:
+def flow(value: Any) -> str:
+    """A value in YAML's flow style, whole.
+
+    >>> flow({"kind": "orbit", "elevation": (0, 90)})
+    "{kind: 'orbit', elevation: [0, 90]}"
+    """
     if value is None:
         return "nothing"
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, dict):
-        return "{" + ", ".join(f"{key}: {_flow(item)}" for key, item in value.items()) + "}"
+        return "{" + ", ".join(f"{key}: {flow(item)}" for key, item in value.items()) + "}"
     if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(map(_flow, value)) + "]"
+        return "[" + ", ".join(map(flow, value)) + "]"
     return repr(value)
 
 

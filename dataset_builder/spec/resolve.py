@@ -7,9 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, TypeVar
-
-from pydantic import ValidationError
+from typing import Any
 
 from dataset_builder.digest import digest
 from dataset_builder.errors import Problem, SpecError
@@ -23,12 +21,11 @@ from dataset_builder.spec.check import (
     find_mesh,
 )
 from dataset_builder.spec.dataset import DatasetSpec, SplitSpec
-from dataset_builder.spec.document import Document
+from dataset_builder.spec.document import AnyModel, Document, validated
 from dataset_builder.spec.families import FAMILIES
 from dataset_builder.spec.image_uses import ImageUse, find_images, image_uses, room_image_uses
 from dataset_builder.spec.licences import FREE
 from dataset_builder.spec.mesh_source import MeshSource
-from dataset_builder.spec.model import Model
 from dataset_builder.spec.named_files import (
     key_of,
     keyed_room,
@@ -38,11 +35,11 @@ from dataset_builder.spec.named_files import (
     split_references,
 )
 from dataset_builder.spec.own_fields import check_own_field, check_own_targets
-from dataset_builder.spec.problems import dotted, problems_of, shown
+from dataset_builder.spec.pose_files import find_poses
+from dataset_builder.spec.problems import dotted, shown
 from dataset_builder.spec.scene import ObjectSpec, RoomSpec, SceneSpec
 from dataset_builder.spec.scene_files import find_scene
 
-AnyModel = TypeVar("AnyModel", bound=Model)
 KeyPath = tuple[str | int, ...]
 
 
@@ -70,6 +67,9 @@ class LoadedSpec:
     """SHA-256 of each image that lights and rooms show, by its name from the folder of the dataset file."""
     image_uses: tuple[ImageUse, ...] = ()
     """Where they are named."""
+    pose_files: Mapping[str, str] = field(default_factory=dict)
+    """SHA-256 of each file that cameras have their poses from, by its path relative to the folder of the dataset
+    file."""
     places: Mapping[str, str] = field(default_factory=dict)
     """Where each object that has a mesh file names it, `file:line`, under the object's key."""
     scene_files: Mapping[str, MeshSource] = field(default_factory=dict)
@@ -98,8 +98,8 @@ class LoadedSpec:
                  for kind, specs in groups.items()}
         files = {kind: {key: source.content() for key, source in sources.items()}
                  for kind, sources in (("meshes", self.meshes), ("scene_files", self.scene_files))}
-        return {"dataset": self.dataset.model_dump(mode="json", by_alias=True), "images": dict(self.images), **files,
-                **plain}
+        return {"dataset": self.dataset.model_dump(mode="json", by_alias=True), "images": dict(self.images),
+                "pose_files": dict(self.pose_files), **files, **plain}
 
     def split_digest(self, split: SplitSpec, first: int) -> str:
         """SHA-256 over what the examples of a split depend on, the first of which has the index `first`.
@@ -117,16 +117,9 @@ class LoadedSpec:
         own = {"scenes": scenes, "scene_files": scenes, "rooms": rooms, "objects": objects, "meshes": objects}
         return digest({"dataset": dataset, "split": split.model_dump(mode="json", by_alias=True,
                                                                      exclude={"allow_shared"}), "first": first,
-                       "images": content["images"], **{kind: {key: value for key, value in content[kind].items()
-                                                              if key in names} for kind, names in own.items()}})
-
-
-def validated(document: Document, model: type[AnyModel]) -> AnyModel | list[Problem]:
-    """The model that a file means, or every rule that it breaks. Types are strict: "5" is no number, true is not 1."""
-    try:
-        return model.model_validate(document.data, strict=True)
-    except ValidationError as error:
-        return problems_of(error, model, document.place)
+                       "images": content["images"], "pose_files": content["pose_files"],
+                       **{kind: {key: value for key, value in content[kind].items() if key in names}
+                          for kind, names in own.items()}})
 
 
 class Resolver:
@@ -153,7 +146,8 @@ class Resolver:
             self._follow(document, path, name, "", kind)
         uses = (*image_uses(document), *self.image_uses)
         images, problems = find_images(uses, self.root.parent)
-        self.problems += problems
+        poses, more = find_poses(document, self.root.parent)
+        self.problems += [*problems, *more]
         if spec is not None:
             spec = spec.model_copy(update={"splits": tuple(map(keyed_split, spec.splits))})
             self.problems += check_splits(spec, document, self.meshes)
@@ -169,7 +163,8 @@ class Resolver:
             raise SpecError(dict.fromkeys(self.problems))
         return LoadedSpec(path=self.root, dataset=spec, objects=_found(self.objects), scenes=_found(self.scenes),
                           rooms=_found(self.rooms), meshes=MappingProxyType(self.meshes),
-                          images=MappingProxyType(images), image_uses=uses, places=MappingProxyType(self.places),
+                          images=MappingProxyType(images), image_uses=uses, pose_files=MappingProxyType(poses),
+                          places=MappingProxyType(self.places),
                           scene_files=MappingProxyType(self.scene_files),
                           documents=MappingProxyType({"": document, **self.documents}))
 

@@ -39,7 +39,7 @@ class SpecFiles:
 def _files(loaded: LoadedSpec, root: Path) -> Iterator[str | Path]:
     """Paths relative to the folder of the dataset file."""
     keys = [*loaded.objects, *loaded.scenes, *loaded.rooms]
-    yield from (name for name in (*keys, *loaded.images) if not os.path.isabs(name))
+    yield from (name for name in (*keys, *loaded.images, *loaded.pose_files) if not os.path.isabs(name))
     for key, source in loaded.meshes.items():
         name = loaded.objects[key].file or ""
         if not os.path.isabs(key) and not os.path.isabs(name):

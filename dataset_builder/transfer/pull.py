@@ -7,10 +7,9 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from dataset_builder.byte_store import GB
 from dataset_builder.digest import sha256_file
 from dataset_builder.errors import OutputError, Problem, ShardError, UserError
-from dataset_builder.files import output_errors, require_space, write_atomic
+from dataset_builder.files import output_errors, require_space, size_text, write_atomic
 from dataset_builder.remote.open_place import place_of
 from dataset_builder.remote.place import FolderPlace, Place
 from dataset_builder.shards.folder import MANIFEST, NEXT, SUMS, WORK, Claim, next_of, require_ours
@@ -157,7 +156,7 @@ def _require_room(folder: Path, chosen: Sequence[ChosenShard], most: int | None)
     missing."""
     wanted = sum(part.bytes for part in chosen)
     if most is not None and wanted > most:
-        raise UserError(f"expected at most {most / GB:g} GB, got {wanted / GB:g} GB that are wanted: choose fewer "
+        raise UserError(f"expected at most {size_text(most)}, got {size_text(wanted)} that are wanted: choose fewer "
                         "examples or layers, or raise --most; nothing was fetched")
     there = sum(part.bytes for part in chosen if _size(shard_path(folder, part.shard.stem)) == part.bytes)
     begun = sum(_size(path) for name in (PULL, NEXT) for path in (folder / WORK / name).rglob("*"))

@@ -145,14 +145,14 @@ def test_lying_headers_and_too_many(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="bytes of data, as the header declares"):
         read_splats(tmp_path / "a.ply")
     write_ply(tmp_path / "a.ply", cloud, count=10_000_000)
-    with pytest.raises(UserError, match=r"got 10,000,000, which would take about 12 GB of memory \(crop or prune"):
+    with pytest.raises(UserError, match=r"got 10,000,000, which would take about 11.2 GiB of memory \(crop or prune"):
         read_splats(tmp_path / "a.ply")
     write_ply(tmp_path / "a.ply", cloud, count=0)
     with pytest.raises(UserError, match="expected splats, got none"):
         read_splats(tmp_path / "a.ply")
     for data, told in ((spz_bytes(cloud, count=30), "as the header says, got"),
                        (spz_bytes(cloud, count=MOST_SPLATS), "as the header says, got"),
-                       (spz_bytes(cloud, count=2**32 - 1), "which would take about 5154 GB"),
+                       (spz_bytes(cloud, count=2**32 - 1), "which would take about 4.7 TiB"),
                        (spz_bytes(cloud, more=b"x"), "as the header says, got more"),
                        (spz_bytes(cloud, version=5), "version 2 or 3, got magic 0x5053474e and version 5"),
                        (spz_bytes(cloud, degree=9), "harmonics of degree 0 to 4"), (b"", "header of 16 bytes")):

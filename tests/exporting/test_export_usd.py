@@ -158,7 +158,7 @@ def refusal(job: ExportJob) -> str:
 
 def test_what_is_refused_writes_nothing(small_dataset: Path, small_spec: Path, tmp_path: Path) -> None:
     job = ExportJob(dataset=small_dataset, key="00000011", out=tmp_path / "out", mesh_root=small_spec.parent)
-    assert "expected the key of an example, got '00000011' (nearest known key: 0000000" in refusal(job)
+    assert "train:0, got '00000011' (nearest known key: 0000000" in refusal(job)
     empty = ExportJob(dataset=tmp_path, key=KEY, out=tmp_path / "out", mesh_root=tmp_path)
     assert "expected a finished dataset" in refusal(empty)
     (tmp_path / "there").mkdir()

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -147,6 +148,22 @@ def test_one_model_and_the_default_folder(run: Import, tmp_path: Path) -> None:
     loaded = load_dataset(dataset)
     assert loaded.dataset.name == "lamp-3-stl-specs" and [split.name for split in loaded.dataset.splits] == ["train"]
     assert [spec.category for spec in loaded.objects.values() if spec.file] == ["desk lamp"]
+
+
+def test_what_is_commented_may_be_written(run: Import, tmp_path: Path) -> None:
+    """A wall, a turntable, a lamp and a second split of the one model, by taking a `#` away from each;
+    lamps take the place of kinds."""
+    box(tmp_path / "chair.glb", 0.5, 0.9, 0.5)
+    assert run("chair.glb", "--out", "mine", "--licence", "CC0-1.0") == 0
+    for file in (tmp_path / "mine" / "mine.yaml", tmp_path / "mine" / "rooms" / "room.yaml"):
+        text = file.read_text().replace("  kinds: [area, sphere, spot, point]\n", "")
+        file.write_text(re.sub(r"(?m)^( *)#(?! )", r"\1", text))
+    planner = Planner(load_dataset(tmp_path / "mine" / "mine.yaml"))
+    first, second = (planner.example(planner.examples[index]) for index in (0, 1))
+    assert first.camera == second.camera and abs(second.target.yaw - first.target.yaw) == pytest.approx(180)
+    assert first.target_light.lights[-1] == second.target_light.lights[-1]
+    assert planner.loaded.dataset.splits[1].allow_shared == ("objects",)
+    assert planner.loaded.rooms["rooms/room.yaml"].materials.keys() == {"wall", "floor"}
 
 
 def test_specs_may_lie_beside_the_models(models: Path, run: Import) -> None:

@@ -18,6 +18,7 @@ from dataset_builder.engine.outcomes import Tally
 from dataset_builder.engine.rejected_pixels import keep_pixels
 from dataset_builder.engine.unit import Outcome
 from dataset_builder.errors import ShardError, UserError
+from dataset_builder.files import size_text
 from dataset_builder.label.example_plan import Decision
 from dataset_builder.lightnet.training.events import Checked, Finished, Started, Stepped
 from dataset_builder.planning.catalogue import ExampleRef, PairRef, ViewRef
@@ -94,6 +95,14 @@ def test_rejected_examples_are_lines(tmp_path: Path) -> None:
         f"rejected 00000007 (coverage): expected more, got 0.1 (pixels: {tmp_path}/.build/rejected/00000007.npz)"]
 
 
+def test_thousands_of_rejected_examples_are_few_lines(tmp_path: Path) -> None:
+    many = [Rejected(key=f"{number:08d}", view="train/000003", gate="coverage" if number % 10 else "planning",
+                     reason="expected more") for number in range(5000)]
+    lines = rejected_lines(many, tmp_path)
+    assert len(lines) == 42 and len(set(lines)) == 42
+    assert lines[-2:] == ["rejected 480 more (planning)", "rejected 4480 more (coverage)"]
+
+
 def test_what_a_dataset_will_cost(small_spec: Path) -> None:
     text = printed([estimate_table(estimate(Planner(load_dataset(small_spec)), views=3), Fleet(workers=2))])
     assert "10 examples in 3 views, 3 of them planned in full" in " ".join(text.split())
@@ -101,7 +110,7 @@ def test_what_a_dataset_will_cost(small_spec: Path) -> None:
     assert [row(text, f"passes: {name}") for name in ("source", "target", "rough", "first_hit", "first_hit_rough",
                                                      "instance")] == [["3"], ["5"], ["10"], ["3"], ["10"], ["3"]]
     assert "cannot be planned" not in text
-    assert row(text, "passes") == ["34"] and "MiB" in row(text, "size")[0]
+    assert row(text, "passes") == ["34"] and "KiB" in row(text, "size")[0]
 
 
 def test_what_is_paid_is_told_where_it_is_known(small_spec: Path) -> None:
@@ -112,7 +121,17 @@ def test_what_is_paid_is_told_where_it_is_known(small_spec: Path) -> None:
     hours = found.total.seconds / 4 / 3600
     assert "time on 2 workers of speed 4" in text
     assert f"{2 * hours * 3:,.2f} for {2 * hours:,.1f} worker-hours" in text
-    assert f"{found.total.bytes / 1e6:,.2f} for" in text
+    assert f"{found.total.bytes / 1e6:,.2f} for {size_text(found.total.bytes)}" in text
+
+
+def test_the_time_on_a_gpu_is_predicted_where_its_speed_is_given(small_spec: Path) -> None:
+    """No rate of a GPU is known: what cores would take is told, and how to say more."""
+    found = estimate(Planner(load_dataset(small_spec)), views=3, cores=1)
+    cell, = row(printed([estimate_table(found, Fleet(workers=1, gpu=True))]), "time on 1 GPU")
+    assert cell.startswith("not predicted: rates are those of a CPU core") and "--speed X" in cell
+    assert f"1 core would take {duration(found.total.seconds)}" in cell
+    text = printed([estimate_table(found, Fleet(workers=3, gpu=True, speed=0.5))])
+    assert row(text, "time on 3 GPUs of speed 0.5")[0].startswith(duration(found.total.seconds / 0.5))
 
 
 def test_views_from_one_side_alone_are_told(small_spec: Path) -> None:

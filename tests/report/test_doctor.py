@@ -74,8 +74,8 @@ def test_too_little_memory_and_disk(monkeypatch: pytest.MonkeyPatch, tmp_path: P
     monkeypatch.setattr(doctor.shutil, "disk_usage", lambda place: disk(free=GIB / 2))
     findings = found(tmp_path)
     assert findings["memory free"] == Finding(what="memory free", value="1.0 GiB",
-                                              mend="expected 4 GiB: close other programs")
-    assert findings["disk free"].mend == "expected 2 GiB: choose another --out"
+                                              mend="expected 4.0 GiB: close other programs")
+    assert findings["disk free"].mend == "expected 2.0 GiB: choose another --out"
 
 
 def test_a_denoiser_is_told_and_not_demanded(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

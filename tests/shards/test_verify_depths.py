@@ -155,8 +155,8 @@ def test_what_is_kept_of_an_example_is_small(dataset: Path) -> None:
 
 
 def test_how_far_it_is() -> None:
-    assert rate_text(0, 5 * 10**6, 0.0) == "0 of 5 MB, 0.0 MB/s, looking"
-    assert rate_text(10**9, 3 * 10**9, 250e6) == "1000 of 3000 MB, 250.0 MB/s, 0:00:08 left"
+    assert rate_text(0, 5 * 10**6, 0.0) == "0 bytes of 4.8 MiB, 0 bytes/s, looking"
+    assert rate_text(10**9, 3 * 10**9, 250e6) == "953.7 MiB of 2.8 GiB, 238.4 MiB/s, 0:00:08 left"
 
 
 @pytest.mark.parametrize(("terminal", "shown"), [(True, "\r{}"), (False, "{}\n")])
@@ -169,7 +169,7 @@ def test_lines_replace_each_other_on_a_terminal_and_are_few_elsewhere(
     monkeypatch.setattr("dataset_builder.cli.rate_line.monotonic", lambda: line._begun + 100)
     line.told(10**6, 2 * 10**6)
     line.told(2 * 10**6, 2 * 10**6)
-    text = "1 of 2 MB, 0.0 MB/s, 0:01:40 left"
+    text = "976.6 KiB of 1.9 MiB, 9.8 KiB/s, 0:01:40 left"
     assert capsys.readouterr().err == shown.format(f"{text:<70}" if terminal else text)
     line.close()
     assert capsys.readouterr().err == f"\r{'':<70}\r" * terminal

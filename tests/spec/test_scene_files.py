@@ -131,8 +131,8 @@ def test_a_scene_gives_its_things_once_and_to_one_split(tmp_path: Path) -> None:
 
 
 def test_an_orbit_places_cameras_where_a_scene_has_none_of_its_own(tmp_path: Path) -> None:
-    orbit = DATASET + "    views: 4\n    camera: {orbit: {}}\n"
-    assert load_dataset(write_dataset(tmp_path, dataset=orbit)).dataset.camera_of("train").orbit is not None
+    orbit = DATASET + "    views: 4\n    camera: {path: {kind: orbit}}\n"
+    assert load_dataset(write_dataset(tmp_path, dataset=orbit)).dataset.camera_of("train").path is not None
     assert refused(write_dataset(tmp_path, dataset=orbit, scene=SPEC + "  cameras: own\n")) == [
-        "dataset.yaml:11: splits[0].scenes.from[0]: expected cameras that an orbit places, got a scene that has its "
-        "own: 'scene.yaml' (write `cameras: random` in the scene, or leave `camera.orbit` out)"]
+        "dataset.yaml:11: splits[0].scenes.from[0]: expected cameras that a path places, got a scene that has its "
+        "own: 'scene.yaml' (write `cameras: random` in the scene, or leave `camera.path` out)"]

@@ -156,7 +156,8 @@ def test_damage_here_is_mended(home: Path, tmp_path: Path) -> None:
 def test_refusals_leave_the_folder_alone(home: Path, tmp_path: Path) -> None:
     here = tmp_path / "here"
     misspelt = ExampleChoice(split=("trian",))
-    for arguments, message in [({"sha256": "0" * 64}, "another dataset or version"), ({"most": 1000}, "most 1e-06 GB"),
+    for arguments, message in [({"sha256": "0" * 64}, "another dataset or version"),
+                               ({"most": 1000}, "most 1,000 bytes"),
                                ({"choice": misspelt}, r"split: .* \(train, test\), got 'trian'")]:
         with pytest.raises(UserError, match=message):
             pull(home, here, **arguments)

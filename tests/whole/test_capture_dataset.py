@@ -12,6 +12,8 @@ from dataset_builder.exporting.export_usd import ExportJob, export_usd
 from dataset_builder.label.example_label import ExampleLabel
 from dataset_builder.planning.scene.assets_of_plan import turned_up
 from dataset_builder.report.dataset_summary import summary_tables
+from dataset_builder.report.looking.level_meshes import view_meshes
+from dataset_builder.report.mesh_sheet import mesh_sheet
 from dataset_builder.shards.reader import Dataset, open_dataset
 from dataset_builder.shards.verify import verify
 from tests.small_fields import ball_field
@@ -65,6 +67,14 @@ def label(dataset: Dataset) -> ExampleLabel:
 def test_it_is_whole_and_has_no_truth(built: Path, dataset: Dataset) -> None:
     assert verify(built) == []
     assert not {"i_t", "d", "mask"} & set(dataset.layers) and "i_s_se" in dataset.layers
+
+
+def test_its_mesh_can_be_looked_at_without_distances(built: Path, spec: Path, tmp_path: Path) -> None:
+    meshes = view_meshes(built, "0", spec.parent, None)
+    level, = meshes.levels
+    assert meshes.clean is None and level.distance is None and not level.differs
+    assert meshes.missing == ("no 3DM and no distances: the object is a field",)
+    mesh_sheet(meshes).save(tmp_path / "meshes.png")
 
 
 def test_the_image_stands_where_the_mesh_stands(dataset: Dataset, label: ExampleLabel) -> None:

@@ -18,6 +18,8 @@ from dataset_builder.errors import PlanError, UserError
 from dataset_builder.exporting.export_usd import ExportJob, export_usd
 from dataset_builder.label.field_record import FieldRecord
 from dataset_builder.report.dataset_summary import summary_tables
+from dataset_builder.report.looking.level_meshes import view_meshes
+from dataset_builder.report.mesh_sheet import mesh_sheet
 from dataset_builder.shards.reader import open_dataset
 from dataset_builder.shards.verify import verify
 from dataset_builder.spec.load import load_dataset
@@ -107,6 +109,13 @@ def test_exported_stages_take_the_mesh_of_the_field(spec: Path, tmp_path: Path, 
     assert len(faces) == len(read_field(file).mesh.faces)
     with pytest.raises(UserError, match=r"expected the field that the rough mesh is taken from, found none \(give "):
         export_usd(replace(job, out=tmp_path / "other", fields=tmp_path))
+    meshes = view_meshes(folder, key, spec.parent, file.parent)
+    level, = meshes.levels
+    assert len(level.rough.corners) == len(faces) and not level.differs and meshes.missing == ()
+    assert level.distance is not None and level.distance.max() == pytest.approx(level.label.record.roughness_max)
+    mesh_sheet(meshes).save(tmp_path / "meshes.png")
+    with pytest.raises(UserError, match=r"expected the field that the rough mesh is taken from, found none \(give "):
+        view_meshes(folder, key, spec.parent, None)
 
 
 def test_card_and_tables_have_their_figures(first: tuple[Path, list[Event], list[FieldNews]]) -> None:

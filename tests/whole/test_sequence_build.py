@@ -17,7 +17,7 @@ TURN = """\
     scenes: {count: 1, from: [scenes/den.yaml]}
     views: 8
     lights_per: pair
-    camera: {orbit: {elevation: [5, 85], azimuth: 0}, fov: 70, coverage: [0.02, 0.6], visibility: 0.5}
+    camera: {path: {kind: orbit, elevation: [5, 85], azimuth: 0}, fov: 70, coverage: [0.02, 0.6], visibility: 0.5}
 """
 SCENE = """\
 room: ../rooms/den.yaml

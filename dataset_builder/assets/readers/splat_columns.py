@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from dataset_builder.assets.file_model import counted, refuse
+from dataset_builder.files import size_text
 from dataset_builder.geometry.splat_cloud import SplatCloud
 from dataset_builder.geometry.splat_harmonics import COUNTS
 
@@ -36,7 +37,7 @@ def check_count(path: Path, count: int) -> None:
         refuse(path, "expected splats, got none")
     if count > MOST_SPLATS:
         refuse(path, f"expected at most {MOST_SPLATS:,} splats, got {count:,}, which would take about "
-                     f"{count * SPLAT_BYTES / 1e9:.0f} GB of memory", "crop or prune it in the program that made it")
+                     f"{size_text(count * SPLAT_BYTES)} of memory", "crop or prune it in the program that made it")
 
 
 def checked_cloud(path: Path, *, centres: np.ndarray, scales: np.ndarray, turns: np.ndarray, opacities: np.ndarray,

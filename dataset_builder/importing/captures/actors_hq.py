@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dataset_builder.assets.pose_readers.capture import Capture, CaptureShot, Lens, guarded, inside, problem, rigid
 from dataset_builder.digest import read_regular
-from dataset_builder.importing.captures.capture import Capture, CaptureShot, Lens, guarded, inside, problem, rigid
 
 CALIBRATION = "calibration.csv"
 MOST_BYTES = 1 << 24

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from dataset_builder.assets.pose_readers.capture import Capture, CaptureShot
 from dataset_builder.digest import digest
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.files import output_errors, require_space, write_atomic
 from dataset_builder.geometry.posed_images import PosedImages
-from dataset_builder.importing.captures.capture import Capture, CaptureShot
 from dataset_builder.importing.captures.photographs import (
     Ball,
     frame_size,

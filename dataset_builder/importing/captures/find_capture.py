@@ -2,10 +2,11 @@
 
 from pathlib import Path
 
+from dataset_builder.assets.pose_readers.capture import Capture, problem
+from dataset_builder.assets.pose_readers.colmap import read_colmap
+from dataset_builder.assets.pose_readers.transforms_json import read_transforms
 from dataset_builder.importing.captures.actors_hq import CALIBRATION, VIDEOS, read_actors_hq
-from dataset_builder.importing.captures.capture import Capture, problem
-from dataset_builder.importing.captures.colmap import model_folder, read_colmap
-from dataset_builder.importing.captures.transforms_json import read_transforms, transforms_file
+from dataset_builder.spec.pose_files import model_folder, transforms_file
 
 POSES = "sparse/0/cameras.bin (or .txt), transforms.json, or calibration.csv"
 RECONSTRUCT = ("poses come from COLMAP: colmap automatic_reconstructor --workspace_path FOLDER --image_path "

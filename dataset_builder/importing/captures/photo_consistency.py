@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from dataset_builder.assets.pose_readers.capture import Capture, problem
 from dataset_builder.errors import UserError
 from dataset_builder.geometry.posed_images import PosedImages
-from dataset_builder.importing.captures.capture import Capture, problem
 from dataset_builder.importing.captures.photographs import Ball, Photograph, frame_size, photograph
 from dataset_builder.importing.captures.silhouettes import meanings, nearest_point
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from dataset_builder.assets.image_maps import ImageFile, limited_size, opened_image
 from dataset_builder.assets.linear_texels import reduced
+from dataset_builder.assets.pose_readers.capture import CaptureShot, Lens, problem
 from dataset_builder.digest import read_regular, sha256_bytes
 from dataset_builder.errors import Problem, UserError
-from dataset_builder.importing.captures.capture import CaptureShot, Lens, problem
 from dataset_builder.tonemap import LUMINANCE
 
 MOST_BYTES = 1 << 30

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from dataset_builder.assets.pose_readers.capture import Capture, CaptureShot
 from dataset_builder.errors import Problem
-from dataset_builder.importing.captures.capture import Capture, CaptureShot
 from dataset_builder.importing.captures.photographs import file_faults
 
 FEWEST, FEW = 8, 20

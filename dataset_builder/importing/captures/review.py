@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from dataset_builder.assets.pose_readers.capture import Capture, listed
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.geometry.posed_images import PosedImages
-from dataset_builder.importing.captures.capture import Capture, listed
 from dataset_builder.importing.captures.darkroom import Roll, developed
 from dataset_builder.importing.captures.photo_checks import HIGH, LOW, blurred, drifting, gains
 from dataset_builder.importing.captures.photo_consistency import check_consistency, focus_of

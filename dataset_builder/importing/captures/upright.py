@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dataset_builder.assets.pose_readers.capture import Capture, listed, problem
 from dataset_builder.geometry.planes import largest_plane
-from dataset_builder.importing.captures.capture import Capture, listed, problem
 from dataset_builder.importing.captures.photographs import Ball
 
 LEVEL = 0.35

@@ -8,7 +8,7 @@ changes just as the truth does.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import exp, log
 from pathlib import Path
@@ -16,10 +16,12 @@ from statistics import fmean
 
 import numpy as np
 import torch
+from scipy.spatial.transform import Rotation
 
 from dataset_builder.errors import Problem, UserError
 from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.geometry.reprojection import View, correspond
+from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.label.sequence_plan import SequencePlan
 from dataset_builder.lightnet.data.lighting_dataset import LightingDataset, opened
 from dataset_builder.lightnet.data.ranges import inside_only, tone_map
@@ -28,12 +30,12 @@ from dataset_builder.remote.address import title_of
 from dataset_builder.shards.reader import load_manifest, open_dataset
 
 TRUTH, DEPTH = "truth", "depth"
-ORBIT = "give a split of the spec a camera with an `orbit`, and build it"
+PATH = "give a split of the spec a camera with a `path`, and build it"
 
 
 @dataclass(frozen=True, kw_only=True)
 class ViewSequence:
-    """Examples of one orbit under one light, at one noise level."""
+    """Examples of one path under one light, at one noise level."""
 
     name: str
     indices: tuple[int, ...]
@@ -83,7 +85,7 @@ def sequence_split(folder: Path | str) -> str:
     for name, keys in dataset.splits.items():
         if keys and dataset.label(keys[0]).plan.sequence.name:
             return name
-    raise UserError([Problem(where=title_of(folder), path="splits", hint=ORBIT,
+    raise UserError([Problem(where=title_of(folder), path="splits", hint=PATH,
                              rule=f"expected a split with sequences, got {', '.join(dataset.splits)} without")])
 
 
@@ -103,7 +105,7 @@ def sequences_of(dataset: LightingDataset) -> list[ViewSequence]:
             name = plan.sequence.example_name(plan.light, plan.rough.level)
             found.setdefault(name, []).append((plan.sequence, index))
     if not found:
-        raise UserError([Problem(where=where, path=f"split {dataset.split}", hint=ORBIT,
+        raise UserError([Problem(where=where, path=f"split {dataset.split}", hint=PATH,
                                  rule="expected sequences, got views that do not follow each other")])
     return [_sequence(name, sorted(views, key=lambda view: view[0].frame)) for name, views in found.items()]
 
@@ -135,12 +137,20 @@ def evaluate_sequences(contenders: Sequence[Contender], dataset: LightingDataset
                 yield scored
                 pictures[one.name] = _display(prediction.i_t, moved.inputs.inside, gain)
             height, width = dataset.size
-            view = View(camera=Pinhole.of(plan.camera, width, height), inside=inside[0, 0].numpy() > 0,
+            view = View(camera=_from_target(plan, width, height), inside=inside[0, 0].numpy() > 0,
                         depth=depths[batch.keys[0]][DEPTH][..., 0])
             now = _Shown(frame=frame, key=batch.keys[0], view=view, pictures=pictures)
             if before is not None and frame == before.frame + 1:
                 yield from _flicker(sequence.name, before, now)
             before = now
+
+
+def _from_target(plan: ExamplePlan, width: int, height: int) -> Pinhole:
+    """The camera in the frame of its target, which may turn from view to view."""
+    camera, target = Pinhole.of(plan.camera, width, height), plan.target
+    turn = Rotation.from_euler("z", -target.yaw, degrees=True)
+    return replace(camera, position=turn.apply(camera.position - target.position),
+                   target=turn.apply(camera.target - target.position), up=turn.apply(camera.up))
 
 
 def _flicker(sequence: str, before: _Shown, now: _Shown) -> Iterator[FlickerRow]:

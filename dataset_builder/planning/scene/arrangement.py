@@ -1,7 +1,7 @@
 """The arrangement of one pair: assets made and laid out in a room, and the rays that planning casts at them."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import NamedTuple
@@ -20,7 +20,9 @@ from dataset_builder.planning.scene.object_size import advice_on
 from dataset_builder.planning.scene.room_parts import RoomPart, room_parts
 from dataset_builder.planning.scene.shell import PARTS, Geometry, Shell, box_of
 from dataset_builder.planning.scene.stage import FURNITURE_INSTANCE, TARGET_INSTANCE, extent_of, stage
+from dataset_builder.planning.scene.sweep import Sweep, swept_box
 from dataset_builder.seeding import rng
+from dataset_builder.spec.camera_path import TurntableSpec
 from dataset_builder.spec.resolve import LoadedSpec
 
 __all__ = ["TARGET_INSTANCE", "Arrangement", "arrange", "extent_of", "geometry_of"]
@@ -41,6 +43,22 @@ class Arrangement:
     """The see-through faces of a scene from a file."""
     notes: tuple[str, ...] = ()
     """What layout had to leave out, and objects of unusual size."""
+    sweep: Sweep | None = None
+    """What the target sweeps where it turns from view to view; None where it stands."""
+    turn: float = 0.0
+    """Degrees that it is turned from how it was placed."""
+
+    def turned(self, angle: float, mesh_root: Path) -> "Arrangement":
+        """The same with the target turned by degrees in its sweep, where it has one."""
+        if self.sweep is None or not angle:
+            return self
+        placed = self.sweep.turned(self.target, angle)
+        geometry = (geometry_of(placed, mesh_root), *(part for part in self.geometry if part[2] != TARGET_INSTANCE))
+        return replace(self, target=placed, geometry=geometry, turn=self.turn + angle)
+
+    def sweeps(self, point: np.ndarray, margin: float) -> bool:
+        """Whether the target comes nearer than `margin` metres to a point (3,) at some angle of its sweep."""
+        return self.sweep is not None and self.sweep.holds(point, margin)
 
     @cached_property
     def everything(self) -> RayScene:
@@ -65,8 +83,14 @@ class Arrangement:
 
     @property
     def centre(self) -> np.ndarray:
-        """(3,) middle of the target's box."""
-        return self._target_box.mean(axis=0)
+        """(3,) middle of the target's box; of one that turns, the same at every turn."""
+        middle = self._target_box.mean(axis=0)
+        return middle if self.sweep is None else np.array([*self.sweep.axis, middle[2]])
+
+    @property
+    def front(self) -> float:
+        """Yaw of the target as it was placed, degrees: what azimuths about it count from."""
+        return self.target.yaw - self.turn
 
     @property
     def radius(self) -> float:
@@ -112,20 +136,28 @@ def arrange(pair: PairRef, loaded: LoadedSpec, split: SplitContents) -> Arrangem
     pieces = [_piece(piece.object, piece.place, mesh_root,
                      partial(rng, seed, *pair.path, "furniture", *piece.number, "position"))
               for piece in scene.furniture]
+    turns = isinstance(loaded.dataset.camera_of(pair.split).path, TurntableSpec)
     if staged.placed is None:
         target = _piece(staged.target, scene.target, mesh_root, partial(rng, seed, *pair.path, "target", "position"))
+        if turns:
+            target = replace(target, extent=swept_box(target.extent))
         layout = lay_out(target, pieces, shell, scene.space)
         placed, poses, notes = _placed(staged.target, layout.target, TARGET_INSTANCE), layout.furniture, layout.notes
     else:
         placed = staged.placed
-        box = footprint(extent_of(asset_of(placed.object, mesh_root)), placed.position, placed.yaw)
+        extent = extent_of(asset_of(placed.object, mesh_root))
+        box = footprint(swept_box(extent) if turns else extent, placed.position, placed.yaw)
         poses, notes = furnish(box, pieces, shell, scene.space)
     standing = [(piece.object, pose) for piece, pose in zip(scene.furniture, poses, strict=True) if pose]
     first = FURNITURE_INSTANCE + sum(part.part == "furniture" for part in around)
     furniture = tuple(_placed(plan, pose, first + k) for k, (plan, pose) in enumerate(standing))
     geometry = [geometry_of(thing, mesh_root) for thing in (placed, *furniture)] + things.hiding + building.hiding
+    clear = (*things.clear, *building.clear) if staged.room.kind != "procedural" else ()
+    sweep = Sweep.of(placed, extent_of(asset_of(placed.object, mesh_root))) if turns else None
+    if sweep is not None:
+        sweep.check([*geometry[1:], *clear], f"{staged.target.name} in {staged.room.name}")
     return Arrangement(room=staged.room, target=placed, furniture=furniture, geometry=tuple(geometry), shell=shell,
-                       clear=(*things.clear, *building.clear) if staged.room.kind != "procedural" else (),
+                       clear=clear, sweep=sweep,
                        notes=(*staged.notes, *notes, *_odd_sizes((placed, *furniture), mesh_root)))
 
 

@@ -77,8 +77,9 @@ def vector(array: np.ndarray) -> Vector:
 
 
 def inside(arrangement: Arrangement, point: np.ndarray, margin: float) -> bool:
-    """Whether a camera or a lamp may be at a point, `margin` metres from what bounds the space about the target."""
-    return arrangement.shell.inside(point, margin, arrangement.centre)
+    """Whether a camera or a lamp may be at a point, `margin` metres from what bounds the space about the target, and
+    from where the target turns through."""
+    return arrangement.shell.inside(point, margin, arrangement.centre) and not arrangement.sweeps(point, margin)
 
 
 def clearance_of(arrangement: Arrangement, spec: CameraSpec) -> float:
@@ -164,7 +165,7 @@ def seen_from(arrangement: Arrangement, spec: CameraSpec, frame: Pinhole) -> tup
     sight = look(arrangement, frame)
     if miss := _judge(arrangement, spec, frame, sight):
         return miss
-    return CameraPlan(position=vector(frame.position), target=vector(frame.target), up=(0.0, 0.0, 1.0), fov=frame.fov,
+    return CameraPlan(position=vector(frame.position), target=vector(frame.target), up=vector(frame.up), fov=frame.fov,
                       coverage=sight.coverage, visibility=sight.visibility), sight
 
 

@@ -12,6 +12,7 @@ from dataset_builder.geometry.mesh import transform
 from dataset_builder.geometry.splat_cloud import SplatCloud
 from dataset_builder.geometry.splat_crop import ball_about, cropped, main_body
 from dataset_builder.geometry.splat_moves import moved
+from dataset_builder.geometry.turns import upright
 from dataset_builder.label.field_record import FieldRecord
 from dataset_builder.rendering.field.field_mesh import coloured
 from dataset_builder.rendering.field.splat_look import splat_look, splat_sight
@@ -89,23 +90,6 @@ def _require_spread(cloud: SplatCloud, diagonal: float) -> None:
     if len(cloud) > FEW and size > WIDE * diagonal:
         raise UserError(f"splats: expected most of {len(cloud):,} to be small beside the whole, got a median size of "
                         f"{size:.3g} where middles lie within {diagonal:.3g} (scales in a .ply are logarithms)")
-
-
-def upright(up: tuple[float, float, float], yaw: float) -> np.ndarray:
-    """(4, 4) rotation that turns `up` to +Z the shortest way, Y up about X, and then by `yaw` degrees about Z. Raises
-    UserError for an `up` of no length."""
-    length = float(np.linalg.norm(up))
-    if not 0 < length < np.inf:
-        raise UserError(f"up: expected a direction, got {list(up)}")
-    axis = np.array(up) / length
-    # The turn about a x z by the angle between them; half a turn about X where they are opposite
-    cross, cosine = np.cross(axis, [0, 0, 1.0]), axis[2]
-    skew = np.array([[0, -cross[2], cross[1]], [cross[2], 0, -cross[0]], [-cross[1], cross[0], 0]])
-    turn = np.diag([1.0, -1.0, -1.0]) if cosine < -1 + 1e-12 else np.eye(3) + skew + skew @ skew / (1 + cosine)
-    angle = np.radians(yaw)
-    matrix = np.eye(4)
-    matrix[:3, :3] = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]]) @ turn
-    return matrix
 
 
 def _scale(stance: SplatStance, units: float) -> float:

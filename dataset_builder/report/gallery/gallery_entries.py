@@ -37,9 +37,10 @@ def about(manifest: Manifest, layers: Sequence[str], shown: Mapping[str, int]) -
         "name": manifest.name, "version": manifest.version, "description": manifest.description,
         "licence": manifest.licence, "creator": manifest.creator, "url": manifest.url,
         "width": manifest.width, "height": manifest.height,
-        "splits": [{"name": name, "shown": count, "examples": there[name]} for name, count in shown.items()],
-        "layers": [{**layer_facts(layer.name), "extent": layer.extent, "stored": layer.dtype}
-                   for layer in manifest.layers if layer.name in layers],
+        "examples": manifest.totals.examples,
+        "splits": {name: {"shown": count, "examples": there[name]} for name, count in shown.items()},
+        "layers": {layer.name: {**layer_facts(layer.name), "extent": layer.extent, "stored": layer.dtype}
+                   for layer in manifest.layers if layer.name in layers},
         "denoised": {entry.layer: trust(entry.model_dump()) for entry in manifest.denoised if entry.layer in layers},
         "generator": manifest.generator, "spec_digest": manifest.spec_digest,
     }

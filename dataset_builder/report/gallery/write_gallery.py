@@ -3,6 +3,7 @@
 from base64 import b64encode
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import BinaryIO
@@ -136,7 +137,7 @@ def _in_a_file(out: Path, page: Callable[[Keep, str], str]) -> int:
             return f"data:image/jpeg;base64,{b64encode(thumb).decode()}"
 
         head, tail = page(keep, "").split(HERE)
-        size, _ = write_partial(out, [head.encode(), *_read(waiting), tail.encode()])
+        size, _ = write_partial(out, chain([head.encode()], _read(waiting), [tail.encode()]))
         commit(out)
     return size
 
@@ -152,7 +153,7 @@ def _examples(dataset: Dataset, keys: Iterable[str], seconds: Mapping[str, float
         example = dataset[key]
         label = example["meta"]
         title = f"{label['plan']['target']['object']['name']} in {label['plan']['room']['name']}"
-        found = keep(key, example_payload(example, title=f"{key} {title}"), thumbnail(example))
+        found = keep(key, example_payload(example, title=title), thumbnail(example))
         yield entry(label, dataset.layers, seconds.get(key), found)
 
 
@@ -160,7 +161,7 @@ def _rejected(dataset: Dataset, splits: Sequence[str], keep: Keep) -> Iterator[P
     for item, path in rejected_in(dataset, splits):
         layers = rejected_layers(path, dataset.layers) if path else {}
         if layers:
-            keep(item.key, example_payload(layers, key=item.key, title=f"{item.key} rejected",
+            keep(item.key, example_payload(layers, key=item.key, title="Rejected example",
                                            note=f"{item.gate}: {item.reason}"), b"")
         yield rejected_entry(item, bool(layers))
 

@@ -18,7 +18,7 @@ AROUND = 3.0
 """Metres about what matters that are shown of a large scene."""
 EYE_RISE, EYE_TURN, EYE_FOV = 40.0, 40.0, 35.0
 """Degrees: of the viewer above the horizon, beside the camera, and of what it sees."""
-BELOW_ROOF = 1e-3
+BELOW_ROOF = 0.02
 """Metres below a ceiling where it is cut off."""
 
 
@@ -56,14 +56,14 @@ class ShownArrangement:
     def eye(self, width: int, height: int) -> Pinhole:
         """A viewer above and beside the camera who sees all of `bounds`, and symbols above them."""
         low, high = self.bounds
-        high = np.maximum(high, np.max([light.at for light in self.lights if light.light.kind == "dome"] or [high], 0))
         middle = (low + high) / 2
         back = self.camera.position - self.centre if self.camera else np.array([0.6, -1.0, 0])
         turn = np.arctan2(back[1], back[0]) + np.radians(EYE_TURN)
         rise = np.radians(EYE_RISE)
         toward = np.array([np.cos(turn) * np.cos(rise), np.sin(turn) * np.cos(rise), np.sin(rise)])
-        corners = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
-        right, up, forward = look_at(toward, (0, 0, 0)) @ (corners - middle).T
+        symbols = [light.at for light in self.lights if LIGHT_KINDS[light.light.kind].all_round]
+        seen = np.vstack([np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T, *symbols])
+        right, up, forward = look_at(toward, (0, 0, 0)) @ (seen - middle).T
         wide = np.tan(np.radians(EYE_FOV) / 2)
         distance = max((np.abs(right) / wide - forward).max(), (np.abs(up) / (wide * height / width) - forward).max())
         return Pinhole(position=middle + toward * distance * 1.05, target=middle, fov=EYE_FOV, width=width,

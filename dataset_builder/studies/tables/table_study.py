@@ -80,11 +80,7 @@ def run(study: TableStudy) -> Iterator[RowNews | RowMeasured]:
 
     Raises UserError as `lightnet.training.fit.fit` does, and where the dataset lacks what is needed.
     """
-    if study.vgg_weights:
-        check_file(study.vgg_weights)
-    data = study.base.data.among(splits_of(study.dataset))
-    require(study.dataset, data.held_out)
-    work = [(row, seed) for row in study.table.rows for seed in seeds_of(study, row)]
+    data, work = _checked(study), work_of(study)
     for number, (row, seed) in enumerate(work, start=1):
         job = _job(study, row, seed)
         identity, scores = _identity(study, row, job), job.out / trainings.SCORES
@@ -95,6 +91,32 @@ def run(study: TableStudy) -> Iterator[RowNews | RowMeasured]:
             trainings.write_scores(_measure(study, row, job, data), scores)
         yield RowMeasured(row=row, seed=seed, number=number, count=len(work), kept=kept,
                           scores=trainings.read_scores(scores), facts=trainings.read_facts(job.out))
+
+
+def _checked(study: TableStudy) -> DataSpec:
+    """The data of a study, once all that it needs has been found."""
+    if study.vgg_weights:
+        check_file(study.vgg_weights)
+    data = study.base.data.among(splits_of(study.dataset))
+    require(study.dataset, data.held_out)
+    return data
+
+
+def work_of(study: TableStudy) -> list[tuple[TableRow, int]]:
+    """Rows with their seeds, in the order that they are measured in."""
+    return [(row, seed) for row in study.table.rows for seed in seeds_of(study, row)]
+
+
+def jobs_left(study: TableStudy) -> list[TrainingJob | None]:
+    """The trainings of `work_of`; None for what learns nothing, and for what an earlier run measured. Raises UserError
+    as `run` does."""
+    _checked(study)
+    found = list[TrainingJob | None]()
+    for row, seed in work_of(study):
+        job = _job(study, row, seed)
+        kept = trainings.about(job.out, _identity(study, row, job)) and (job.out / trainings.SCORES).is_file()
+        found.append(None if row.spec is None or kept else job)
+    return found
 
 
 def seeds_of(study: TableStudy, row: TableRow) -> tuple[int, ...]:

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from dataset_builder.assets.pose_readers.capture import Capture, CaptureShot, Lens
 from dataset_builder.importing.captures import darkroom
-from dataset_builder.importing.captures.capture import Capture, CaptureShot, Lens
 from dataset_builder.importing.captures.darkroom import developed, parted
 from dataset_builder.importing.captures.photo_checks import blurred
 from dataset_builder.importing.captures.photographs import Photograph, frame_size, photograph

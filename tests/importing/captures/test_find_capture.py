@@ -85,7 +85,7 @@ MADE_BENT = replace(MADE, bend=(-0.2, 0.05, 0.004, -0.003)).bent(np.array([0.1, 
 
 
 def read_lens(bend: tuple[float, float, float, float]) -> object:
-    from dataset_builder.importing.captures.capture import Lens
+    from dataset_builder.assets.pose_readers.capture import Lens
 
     return Lens(size=(24, 16), focal=(30.0, 30.0), centre=(12.0, 8.0), bend=bend)
 

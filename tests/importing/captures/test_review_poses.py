@@ -129,7 +129,7 @@ def test_the_widest_gap_is_measured() -> None:
 
 
 def read_capture_of(places: np.ndarray) -> object:
-    from dataset_builder.importing.captures.capture import Capture, CaptureShot, Lens, rigid
+    from dataset_builder.assets.pose_readers.capture import Capture, CaptureShot, Lens, rigid
 
     lens = Lens(size=(8, 8), focal=(8.0, 8.0), centre=(4.0, 4.0))
     return Capture(layout="COLMAP", shots=tuple(

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from dataset_builder.assets.field_file import FieldFile
+from dataset_builder.assets.pose_readers.capture import Capture, CaptureShot, Lens
 from dataset_builder.errors import UserError
 from dataset_builder.geometry.mesh import TriangleMesh
 from dataset_builder.geometry.planes import largest_plane
-from dataset_builder.importing.captures.capture import Capture, CaptureShot, Lens
 from dataset_builder.importing.captures.photographs import Ball
 from dataset_builder.importing.captures.settle import moved_poses, settled
 from dataset_builder.importing.captures.upright import CapturePlacement, metres_per_unit, turned, up_of

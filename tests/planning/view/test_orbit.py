@@ -15,9 +15,11 @@ from dataset_builder.planning.plan import Planner
 from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.planning.view.cameras import PlannedCamera, place_camera, towards
 from dataset_builder.planning.view.lit_view import LIT_AROUND, POINTS, lit_view, together
-from dataset_builder.planning.view.orbit import orbit_camera, plan_orbit, spiral
+from dataset_builder.planning.view.orbit import plan_orbit, spiral
+from dataset_builder.planning.view.view_path import ViewPath, path_camera
 from dataset_builder.seeding import rng
 from dataset_builder.spec.camera import CameraSpec
+from dataset_builder.spec.camera_path import OrbitSpec
 from dataset_builder.spec.render import ImageSpec
 
 BoxStage = Callable[..., Arrangement]
@@ -26,12 +28,23 @@ IMAGE = ImageSpec(width=64, height=64)
 
 
 def orbit_spec(**more: Any) -> CameraSpec:
-    return CameraSpec.model_validate({"fov": 45, "coverage": (0.05, 0.6), "orbit": {"azimuth": 0}} | more)
+    orbit = {"path": {"kind": "orbit", "azimuth": 0}}
+    return CameraSpec.model_validate({"fov": 45, "coverage": (0.05, 0.6)} | orbit | more)
+
+
+def planned(arrangement: Arrangement, spec: CameraSpec, views: int, seed: int = 0) -> ViewPath:
+    assert isinstance(spec.path, OrbitSpec)
+    return plan_orbit(arrangement, spec.path, spec, IMAGE, views, rng(seed))
+
+
+def distance_of(orbit: ViewPath) -> float:
+    first = orbit.frames[0].pinhole
+    return float(np.linalg.norm(first.position - first.target))
 
 
 def views_on(arrangement: Arrangement, spec: CameraSpec, views: int, seed: int = 0) -> list[PlannedCamera]:
-    orbit = plan_orbit(arrangement, spec, IMAGE, views, rng(seed))
-    return [orbit_camera(arrangement, orbit, spec, IMAGE, k, "turn/000000") for k in range(views)]
+    orbit = planned(arrangement, spec, views, seed)
+    return [path_camera(arrangement, orbit, spec, k, "turn/000000") for k in range(views)]
 
 
 @pytest.mark.parametrize(("views", "band"), [(100, (0.0, 90.0)), (37, (-30.0, 60.0)), (400, (10.0, 45.0))])
@@ -74,7 +87,7 @@ def test_a_ring_has_equal_steps_and_a_narrow_band_goes_once_round() -> None:
 def test_all_views_have_one_distance_and_aim_at_the_middle(box_arrangement: BoxStage,
                                                            room_of: Callable[..., RoomPlan]) -> None:
     arrangement = box_arrangement(CHAIR, room=room_of(12.0, 12.0, 8.0), yaw=30.0)
-    spec = orbit_spec(orbit={"azimuth": 20})
+    spec = orbit_spec(path={"kind": "orbit", "azimuth": 20})
     found = views_on(arrangement, spec, 40)
     away = np.array([view.camera.position for view in found]) - arrangement.centre
     assert np.linalg.norm(away, axis=1) == pytest.approx(np.full(40, np.linalg.norm(away[0])))
@@ -85,37 +98,40 @@ def test_all_views_have_one_distance_and_aim_at_the_middle(box_arrangement: BoxS
     assert away[0] / np.linalg.norm(away[0]) == pytest.approx(towards(50.0, np.degrees(low)))
     assert all(0.05 <= view.camera.coverage <= 0.6 and view.camera.visibility == 1 for view in found)
     assert np.linalg.norm(away[0]) > arrangement.radius / sin(radians(22.5))
-    distances = {round(plan_orbit(arrangement, spec, IMAGE, 40, rng(seed)).distance, 3) for seed in range(5)}
+    distances = {round(distance_of(planned(arrangement, spec, 40, seed)), 3) for seed in range(5)}
     assert len(distances) == 5
 
 
 def test_what_is_in_the_way_shortens_the_distance_for_all(box_arrangement: BoxStage,
                                                           room_of: Callable[..., RoomPlan]) -> None:
     spec, hall = orbit_spec(coverage=(0.01, 0.6), visibility=0.3), room_of(20.0, 20.0, 12.0)
-    free = plan_orbit(box_arrangement(CHAIR, room=hall), spec, IMAGE, 60, rng(0))
-    assert free.note.endswith(f"{free.distance:.2f} m") and free.distance > 2.2
+    free = planned(box_arrangement(CHAIR, room=hall), spec, 60)
+    assert free.note.endswith(f"{distance_of(free):.2f} m") and distance_of(free) > 2.2
     wall = ((-4.0, -2.1, 0.0), (4.0, -2.0, 6.0))
     screened = box_arrangement(CHAIR, (wall,), room=hall)
-    nearer = plan_orbit(screened, spec, IMAGE, 60, rng(0))
+    nearer = planned(screened, spec, 60)
     # Twice the clearance before the wall, of which views straight at it have the least
-    assert nearer.distance == pytest.approx(2.0 - 2 * 0.15, abs=0.01) and "shortened" in nearer.note
-    assert len([orbit_camera(screened, nearer, spec, IMAGE, k, "") for k in range(60)]) == 60
+    assert distance_of(nearer) == pytest.approx(2.0 - 2 * 0.15, abs=0.01) and "shortened" in nearer.note
+    assert len([path_camera(screened, nearer, spec, k, "") for k in range(60)]) == 60
     # So near that the object would not fit the frame: only the views behind it are lost
     wall = ((-4.0, -0.7, 0.0), (4.0, -0.6, 6.0))
     behind = box_arrangement(CHAIR, (wall,), room=hall)
-    orbit = plan_orbit(behind, spec, IMAGE, 60, rng(0))
-    assert "in the way of" in orbit.note and orbit.distance <= free.distance
-    with pytest.raises(PlanError, match=r"turn/000000: camera\.orbit: expected view 0 of the orbit \(0 degrees about "
+    orbit = planned(behind, spec, 60)
+    assert "in the way of" in orbit.note and distance_of(orbit) <= distance_of(free)
+    with pytest.raises(PlanError, match=r"turn/000000: camera\.path: expected view 0 of the orbit \(0 degrees about "
                                         r"the object, 0 above the horizon, .* m away\) .* got: "):
-        orbit_camera(behind, orbit, spec, IMAGE, 0, "turn/000000")
+        path_camera(behind, orbit, spec, 0, "turn/000000")
 
 
 @pytest.mark.parametrize(("broken", "rule"), [
-    ({"orbit": {}, "elevation": 20}, "expected either `orbit` or `elevation`, got both"),
-    ({"orbit": {}, "azimuth": 20}, "expected either `orbit` or `azimuth`, got both"),
-    ({"orbit": {"elevation": (90, 90)}}, "expected a ring at an elevation <= 89, got 90"),
-    ({"orbit": {"elevation": (0, 91)}}, r"expected bounds in \[-89, 90\]"),
-    ({"orbit": {"elevation": (40, 10)}}, "low <= high|expected"),
+    ({"path": {"kind": "orbit"}, "elevation": 20}, "expected either `path` or `elevation`, got both"),
+    ({"path": {"kind": "orbit"}, "azimuth": 20}, "expected either `path` or `azimuth`, got both"),
+    ({"path": {"kind": "orbit", "elevation": (90, 90)}}, "expected a ring at an elevation <= 89, got 90"),
+    ({"path": {"kind": "orbit", "elevation": (0, 91)}}, r"expected bounds in \[-89, 90\]"),
+    ({"path": {"kind": "orbit", "elevation": (40, 10)}}, "low <= high|expected"),
+    ({"path": {"kind": "circle"}}, "expected a mapping whose kind is one of orbit, turntable, spline, poses"),
+    ({"orbit": {"elevation": (0, 90), "azimuth": 5}},
+     r"write `path: {kind: orbit, elevation: \[0, 90\], azimuth: 5}`"),
 ])
 def test_an_orbit_that_says_two_things_is_refused(broken: dict[str, Any], rule: str) -> None:
     with pytest.raises(ValidationError, match=rule):
@@ -136,7 +152,7 @@ def test_several_views_are_one_in_the_means_and_points_of_all(box_arrangement: B
 
 def sequence_data(dataset_data: dict[str, Any], **split: Any) -> dict[str, Any]:
     dataset_data["splits"][1] |= {"views": 12, "lights": 2, "lights_per": "pair", **split,
-                                  "camera": {"orbit": {}, "coverage": (0.03, 0.6), "visibility": 0.1}}
+                                  "camera": {"path": {"kind": "orbit"}, "coverage": (0.03, 0.6), "visibility": 0.1}}
     return dataset_data
 
 

@@ -12,8 +12,9 @@ from dataset_builder.errors import UserError
 from dataset_builder.geometry.splat_cloud import SplatCloud
 from dataset_builder.geometry.splat_crop import cropped, main_body
 from dataset_builder.geometry.splat_moves import chosen, joined, moved
+from dataset_builder.geometry.turns import upright
 from dataset_builder.rendering.field.seen import look_of
-from dataset_builder.rendering.field.splat_field import SplatStance, field_of_splats, upright
+from dataset_builder.rendering.field.splat_field import SplatStance, field_of_splats
 from tests.assets.splat_files import ball, box, random_cloud
 
 CELLS, VIEWS = 40, 24

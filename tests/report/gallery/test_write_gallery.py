@@ -14,31 +14,20 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from dataset_builder.engine.rejected_pixels import keep_pixels
+from dataset_builder.cli.main import main
 from dataset_builder.errors import OutputError, ShardError, UserError
 from dataset_builder.report.gallery import write_gallery as written
 from dataset_builder.report.gallery.write_gallery import GalleryDone, GalleryJob, write_gallery
-from dataset_builder.shards.manifest import Rejected
-from dataset_builder.shards.publish import publish_dataset
 from dataset_builder.shards.reader import open_dataset
 from tests.file_servers import range_server
-from tests.shards.tiny_dataset import WIDTH, build, make_layers
-
-KEYS = [f"{index:08d}" for index in range(4)]
+from tests.report.gallery.shown_dataset import KEYS, LOST, build_shown
+from tests.shards.tiny_dataset import WIDTH
 
 
 @pytest.fixture(scope="module")
 def tiny(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A dataset of four examples, with seconds and a rejected example whose pixels were kept; not to be changed."""
-    folder = tmp_path_factory.mktemp("tiny") / "tiny"
-    manifest = build(folder)
-    lost = Rejected(key="00000009", view="train/000004", gate="finite", reason="3 <b>NaN</b> in i_t")
-    far = Rejected(key="../../x", view="test/000004", gate="range", reason="2 values of d above 1")
-    publish_dataset(folder, manifest.model_copy(update={
-        "rejected": (far, lost), "totals": manifest.totals.model_copy(update={"rejected": 2})}))
-    keep_pixels(folder, "00000009", {**make_layers("train/000004"), "i_t": np.full((6, 8, 3), np.nan, np.float32)})
-    (folder / "seconds.csv").write_text("key,step,seconds\n00000000,plan,0.5\n00000000,target,1.25\n00000003,plan,2\n")
-    return folder
+    """The dataset; not to be changed."""
+    return build_shown(tmp_path_factory.mktemp("tiny") / "tiny")
 
 
 def made(tiny: Path | str, out: Path, **chosen: Any) -> GalleryDone:
@@ -113,7 +102,7 @@ def test_rejected_examples_can_be_opened(tiny: Path, tmp_path: Path) -> None:
     far, lost = gallery_of(page)["rejected"]
     assert (far["key"], far["open"]) == ("../../x", False)
     assert (lost["gate"], lost["reason"], lost["open"]) == ("finite", "3 <b>NaN</b> in i_t", True)
-    payload = payloads_of(page)["00000009"]
+    payload = payloads_of(page)[LOST]
     assert (payload["note"], payload["label"]) == ("finite: 3 <b>NaN</b> in i_t", {})
     layer = next(layer for layer in payload["layers"] if layer["name"] == "i_t")
     assert np.isnan(np.frombuffer(zlib.decompress(b64decode(layer["data"])), "<f2")).all()
@@ -125,8 +114,8 @@ def test_some_of_it(tiny: Path, tmp_path: Path) -> None:
     page = made(tiny, tmp_path / "out", count=2, layers=["mask", "d"]).page
     gallery = gallery_of(page)
     assert [example["key"] for example in gallery["examples"]] == ["00000000", "00000003"]
-    assert gallery["about"]["splits"] == [{"name": "train", "shown": 1, "examples": 3},
-                                          {"name": "test", "shown": 1, "examples": 1}]
+    assert gallery["about"]["splits"] == {"train": {"shown": 1, "examples": 3}, "test": {"shown": 1, "examples": 1}}
+    assert (gallery["about"]["examples"], list(gallery["about"]["layers"])) == (4, ["d", "mask"])
     assert gallery["examples"][0]["errors"] == {}
     assert {tuple(layer["name"] for layer in payload["layers"]) for payload in payloads_of(page).values()} == {
         ("d", "mask")}
@@ -150,7 +139,7 @@ def test_it_is_renewed_without_leftovers(tiny: Path, tmp_path: Path) -> None:
     made(tiny, tmp_path / "out")
     made(tiny, tmp_path / "out", count=2)
     assert set(files_of(tmp_path / "out")) == {
-        "index.html", "gallery.json", *(f"examples/{key}.js" for key in (*KEYS[::3], "00000009")),
+        "index.html", "gallery.json", *(f"examples/{key}.js" for key in (*KEYS[::3], LOST)),
         *(f"thumbs/{key}.jpg" for key in KEYS[::3])}
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
@@ -195,7 +184,7 @@ def test_what_cannot_be_is_refused_beforehand(tiny: Path, tmp_path: Path, monkey
 
 def test_damage_is_told_and_nothing_is_left(tiny: Path, tmp_path: Path) -> None:
     shutil.copytree(tiny, tmp_path / "broken")
-    (tmp_path / "broken" / ".build" / "rejected" / "00000009.npz").write_bytes(b"PK no more")
+    (tmp_path / "broken" / ".build" / "rejected" / f"{LOST}.npz").write_bytes(b"PK no more")
     with pytest.raises(ShardError, match="expected layers of a rejected example"):
         made(tmp_path / "broken", tmp_path / "out")
     assert not (tmp_path / "out").exists()
@@ -208,8 +197,19 @@ def test_a_dataset_at_an_address(tiny: Path, tmp_path: Path, monkeypatch: pytest
     here = made(tiny, tmp_path / "here").page
     theirs, ours = files_of(page.parent), files_of(here.parent)
     # What is kept of rejected examples is no part of a dataset
-    del ours["examples/00000009.js"]
+    del ours[f"examples/{LOST}.js"]
     assert gallery_of(page)["examples"] == gallery_of(here)["examples"]
     assert {name: data for name, data in theirs.items() if name != "index.html"} == {
         name: data for name, data in ours.items() if name != "index.html"}
 
+
+
+@pytest.mark.parametrize(("options", "rule"), [
+    (["--count", "2"], "--count: expected --html OUT with it"), (["--split", "test"], "--split: expected --html OUT"),
+    (["--html", "x.html", "--sequence", "turn"], "--html: expected no --sequence with it"),
+    (["--html", "x.html", "--sheet", "y.png"], "--html: expected no --sheet with it")])
+def test_options_that_would_be_passed_over(tiny: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                           capsys: pytest.CaptureFixture[str], options: list[str], rule: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["inspect", str(tiny), *options]) == 2
+    assert rule in capsys.readouterr().err and not list(tmp_path.iterdir())

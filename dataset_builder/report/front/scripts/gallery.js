@@ -86,7 +86,8 @@ const Gallery = {
     hash() { return GalleryFacts.toHash(this.query, this.open); },
     facts() {
       const { about, examples } = this.gallery;
-      return [`${examples.length} examples`, about.width && `${about.width} × ${about.height} pixels`,
+      const all = about.examples > examples.length ? ` of ${about.examples}` : "";
+      return [`${examples.length}${all} examples`, about.width && `${about.width} × ${about.height} pixels`,
         about.licence, about.generator].filter(Boolean);
     },
   },

@@ -24,7 +24,9 @@ const LabelTree = (() => {
       open() { return this.words !== "" || this.unfolded; },
       children() {
         if (this.leaf || !this.open) return [];
-        return Object.entries(this.value).filter(([key, one]) => holds(key, one, this.below));
+        const all = Object.entries(this.value);
+        // An entry without branches is read as a whole
+        return all.every(([, one]) => isLeaf(one)) ? all : all.filter(([key, one]) => holds(key, one, this.below));
       },
       size() { return Object.keys(this.value).length; },
       text() { return shown(this.value); },

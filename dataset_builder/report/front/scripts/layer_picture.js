@@ -69,10 +69,10 @@ const LayerCaption = {
       if (this.errors) {
         return this.pixel ? "± " + Layers.valuesAt(this.errors, this.at).map(Figures.exact).join("  ") : this.relative;
       }
-      return `no standard error per pixel${this.layer.error === null ? "" : `; ${this.relative}`}`;
+      return `no error per pixel${this.layer.error === null ? "" : `; ${this.relative}`}`;
     },
     relative() {
-      return this.layer.error === null ? "" : `relative error of the layer ${Figures.percent(this.layer.error)}`;
+      return this.layer.error === null ? "" : `relative error ${Figures.percent(this.layer.error)}`;
     },
     scale() { return Layers.scale(this.layer, this.factor, this.falseLight); },
     bar() {
@@ -91,8 +91,8 @@ const LayerCaption = {
       <div v-if="scale" class="scale">
         <span>{{ short(scale.low) }}</span><i :style="bar"></i><span>{{ short(scale.high) }}</span>
       </div>
-      <output :data-values="layer.name">{{ values ?? "point at a pixel" }}</output>
-      <output class="spread" :data-spread="layer.name">{{ spread }}</output>
+      <output :data-values="layer.name">{{ values }}</output>
+      <output :class="pixel && errors ? 'spread' : 'said'" :data-spread="layer.name">{{ spread }}</output>
       <p v-for="remark in remarks" class="remark">{{ remark }}</p>
     </figcaption>`,
 };

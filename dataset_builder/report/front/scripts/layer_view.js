@@ -18,7 +18,7 @@ const LayerView = {
       const { width, height } = this.example;
       return { width, height, factor: this.factor, falseLight: this.falseLight, pixel: this.pixel };
     },
-    where() { return this.pixel ? `pixel ${this.pixel.x}, ${this.pixel.y}` : ""; },
+    where() { return this.pixel ? `pixel ${this.pixel.x}, ${this.pixel.y}` : "point at a picture to read its values"; },
     size() { return `${this.example.width} × ${this.example.height}`; },
     clip() { return { clipPath: `inset(0 0 0 ${this.place}%)` }; },
     frame() {
@@ -62,12 +62,12 @@ const LayerView = {
         <div class="title"><h1>{{ example.title }}</h1><span v-if="example.note" class="badge">{{ example.note }}</span>
         </div>
         <p class="quiet">{{ example.key }} <span class="dot">·</span> {{ size }} pixels
-          <span v-if="where"><span class="dot">·</span> {{ where }}</span></p>
+          <span class="dot">·</span> {{ where }}</p>
       </header>
       <div class="tools" role="toolbar" aria-label="Picture">
         <label class="exposure">Exposure
           <input type="range" min="-10" max="10" step="0.1" v-model.number="stops" aria-label="Exposure in stops">
-          <output>{{ exposure }}</output></label>
+          <output :data-factor="factor">{{ exposure }}</output></label>
         <button type="button" @click="stops = 0; held = null">Automatic</button>
         <label title="Keep this exposure for the next example"><input type="checkbox" :checked="held !== null"
           @change="held = $event.target.checked ? auto : null"> hold</label>
@@ -101,8 +101,8 @@ const LayerView = {
             <LayerCanvas v-bind="common" :layer="pair[1]" :zoom="zoom" :style="clip" @pixel="pixel = $event" />
             <i class="blade" :style="{ left: place + '%' }"></i>
           </div>
-          <figure v-for="layer in pair" class="legend"><LayerCaption v-bind="common" :layer="layer"
-            :errors="errorsOf(layer)" /></figure>
+          <div class="legends"><figure v-for="layer in pair"><LayerCaption v-bind="common" :layer="layer"
+            :errors="errorsOf(layer)" /></figure></div>
         </div>
         <LabelTree :value="example.label" />
       </div>

@@ -110,8 +110,14 @@ const Layers = (() => {
   }
 
   // 8 bits of every code, multiplied by an exposure and sRGB-encoded (IEC 61966-2-1), as tonemap.to_8bit; NaN is 0.
+  // The last two are kept: layers share the exposure, and 1 is that of shares.
+  const tones = new Map();
   function toneTable(factor) {
-    return Uint8Array.from(VALUES, (value) => Math.round(255 * srgb(value * factor)) || 0);
+    const made = tones.get(factor) ?? Uint8Array.from(VALUES, (value) => Math.round(255 * srgb(value * factor)) || 0);
+    tones.delete(factor);
+    tones.set(factor, made);
+    if (tones.size > 2) tones.delete(tones.keys().next().value);
+    return made;
   }
 
   // 8 bits of every code from -1 to 1, for directions.

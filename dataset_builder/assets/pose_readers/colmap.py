@@ -9,9 +9,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from dataset_builder.digest import open_regular
-from dataset_builder.geometry.splat_moves import turn_matrices
-from dataset_builder.importing.captures.capture import (
+from dataset_builder.assets.pose_readers.capture import (
     Capture,
     CaptureShot,
     Lens,
@@ -21,9 +19,10 @@ from dataset_builder.importing.captures.capture import (
     problem,
     rigid,
 )
+from dataset_builder.digest import open_regular
+from dataset_builder.geometry.splat_moves import turn_matrices
+from dataset_builder.spec.pose_files import model_folder
 
-FOLDERS = ("sparse/0", "sparse", "colmap/sparse/0", ".")
-"""Where a model may be."""
 IMAGES = ("images", "input", "images_2", "images_4", "images_8")
 """Where its images may be, best first; the numbered ones are smaller."""
 NAMES = ("SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE", "FULL_OPENCV", "FOV",
@@ -44,30 +43,24 @@ class _Image:
     place: tuple[float, ...]
 
 
-def model_folder(folder: Path) -> Path | None:
-    """The folder with a sparse model, or None."""
-    places = (folder / name for name in FOLDERS)
-    return next((place for place in places if any((place / f"cameras.{kind}").is_file() for kind in ("bin", "txt"))),
-                None)
-
-
-def read_colmap(folder: Path, images: str | None) -> Capture:
+def read_colmap(folder: Path, images: str | None = None, *, poses_only: bool = False) -> Capture:
     """The capture of a folder that holds a sparse model. images: the folder of its images, if not the usual one.
+    poses_only: whether neither images nor points are looked for.
 
     Raises UserError for what is no whole model, and for lenses that are not read.
     """
     model = model_folder(folder)
     if model is None:
         raise problem(folder, "expected a sparse model, cameras.bin or cameras.txt, found none")
-    return guarded(model, "a whole sparse model of COLMAP", lambda: _read(folder, model, images))
+    return guarded(model, "a whole sparse model of COLMAP", lambda: _read(folder, model, images, poses_only))
 
 
-def _read(folder: Path, model: Path, images: str | None) -> Capture:
+def _read(folder: Path, model: Path, images: str | None, poses_only: bool) -> Capture:
     binary = (model / "cameras.bin").is_file()
     lenses = dict(_cameras_bin(model / "cameras.bin") if binary else _cameras_txt(model / "cameras.txt"))
     found = list(_images_bin(model / "images.bin") if binary else _images_txt(model / "images.txt"))
     points = dict[int, tuple[float, float, float]]()
-    if (path := model / ("points3D.bin" if binary else "points3D.txt")).is_file():
+    if not poses_only and (path := model / ("points3D.bin" if binary else "points3D.txt")).is_file():
         points = dict(_points_bin(path) if binary else _points_txt(path))
     root = folder / images if images else next((folder / name for name in IMAGES if (folder / name).is_dir()),
                                                folder / IMAGES[0])
@@ -77,8 +70,9 @@ def _read(folder: Path, model: Path, images: str | None) -> Capture:
     for image in sorted(found, key=lambda image: image.name):
         if image.camera not in lenses:
             raise problem(model, f"expected camera {image.camera} of image {image.name} among the cameras, found none")
-        path = inside(root, image.name, str(model))
-        shots.append(CaptureShot(name=image.name, image=path, mask=find_mask(path, root, masks),
+        path = Path(image.name) if poses_only else inside(root, image.name, str(model))
+        shots.append(CaptureShot(name=image.name, image=path,
+                                 mask=None if poses_only else find_mask(path, root, masks),
                                  lens=lenses[image.camera], pose=_pose(image)))
     return Capture(layout="COLMAP", shots=tuple(shots), points=points)
 

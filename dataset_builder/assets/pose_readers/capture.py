@@ -26,6 +26,8 @@ class Lens:
     """Principal point x, y, pixels."""
     bend: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     """k1, k2, p1, p2."""
+    angle: float = 0.0
+    """Horizontal field of view in radians where the file says it; 0 where it does not."""
 
     def scaled(self, size: tuple[int, int]) -> "Lens":
         """The same lens for its image scaled to `size`."""

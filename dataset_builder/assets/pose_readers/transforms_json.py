@@ -12,9 +12,7 @@ import numpy as np
 from pydantic import BaseModel, ValidationError
 
 from dataset_builder.assets.image_maps import ImageFile, check_image
-from dataset_builder.digest import read_regular
-from dataset_builder.errors import UserError
-from dataset_builder.importing.captures.capture import (
+from dataset_builder.assets.pose_readers.capture import (
     Capture,
     CaptureShot,
     Lens,
@@ -23,9 +21,10 @@ from dataset_builder.importing.captures.capture import (
     inside,
     problem,
 )
+from dataset_builder.digest import read_regular
+from dataset_builder.errors import UserError
+from dataset_builder.spec.pose_files import MOST_BYTES, TRANSFORMS, transforms_file
 
-NAMES = ("transforms.json", "transforms_train.json")
-MOST_BYTES = 1 << 28
 ENDINGS = (".png", ".jpg", ".jpeg", ".JPG", ".webp")
 """Of images that are named without one."""
 READ = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE")
@@ -54,7 +53,7 @@ class _Optics(BaseModel):
 
 
 class _Frame(_Optics):
-    file_path: str
+    file_path: str = ""
     transform_matrix: list[list[float]]
     mask_path: str | None = None
 
@@ -64,21 +63,21 @@ class _Transforms(_Optics):
     applied_transform: list[list[float]] | None = None
 
 
-def transforms_file(folder: Path) -> Path | None:
-    """The file with the poses, or None."""
-    return next((folder / name for name in NAMES if (folder / name).is_file()), None)
-
-
 def read_transforms(folder: Path) -> Capture:
     """The capture of a folder. What `applied_transform` did to the poses is undone, so that they are those of the
     reconstruction. Raises UserError for what is no such file, and for lenses that are not read."""
     path = transforms_file(folder)
     if path is None:
-        raise problem(folder, f"expected {NAMES[0]}, found none")
-    return guarded(path, "frames with their poses", lambda: _read(path))
+        raise problem(folder, f"expected {TRANSFORMS[0]}, found none")
+    return guarded(path, "frames with their poses", lambda: _read(path, poses_only=False))
 
 
-def _read(path: Path) -> Capture:
+def read_transforms_poses(path: Path) -> Capture:
+    """The cameras of a file alone: nothing is asked of their images. Raises UserError as `read_transforms` does."""
+    return guarded(path, "frames with their poses", lambda: _read(path, poses_only=True))
+
+
+def _read(path: Path, *, poses_only: bool) -> Capture:
     try:
         file = _Transforms.model_validate(json.loads(read_regular(path, most=MOST_BYTES)))
     except ValidationError as error:
@@ -88,10 +87,17 @@ def _read(path: Path) -> Capture:
     undo = np.linalg.inv(_matrix(file.applied_transform)) if file.applied_transform else np.eye(4)
     shots = []
     for index, frame in enumerate(file.frames):
-        image = _image(path, frame.file_path)
-        mask = inside(path.parent, frame.mask_path, str(path)) if frame.mask_path else _mask(path.parent, image)
-        shots.append(CaptureShot(name=image.relative_to(path.parent).as_posix(), image=image, mask=mask,
-                                 lens=_lens(file, frame, image, f"{path}: frames[{index}]"),
+        where = f"{path}: frames[{index}]"
+        if poses_only:
+            name, image, mask = frame.file_path or f"frames[{index}]", Path(frame.file_path), None
+        elif frame.file_path:
+            image = _image(path, frame.file_path)
+            name = image.relative_to(path.parent).as_posix()
+            mask = inside(path.parent, frame.mask_path, str(path)) if frame.mask_path else _mask(path.parent, image)
+        else:
+            raise problem(where, "expected the image of a pose, found none", path="file_path")
+        shots.append(CaptureShot(name=name, image=image, mask=mask,
+                                 lens=_lens(file, frame, None if poses_only else image, where),
                                  pose=undo @ _matrix(frame.transform_matrix) @ OPENGL))
     return Capture(layout="transforms.json", shots=tuple(shots))
 
@@ -121,8 +127,8 @@ def _image(path: Path, name: str) -> Path:
     return image if image.is_file() else next((other for other in others if other.is_file()), image)
 
 
-def _lens(file: _Transforms, frame: _Frame, image: Path, where: str) -> Lens:
-    """Of a frame; what it does not say, the file says for all."""
+def _lens(file: _Transforms, frame: _Frame, image: Path | None, where: str) -> Lens:
+    """Of a frame; what it does not say, the file says for all. image: whose size it has, where neither says it."""
     own = frame.model_dump(exclude_none=True)
     said = {**file.model_dump(exclude_none=True), **own}
     for angle, length in (("camera_angle_x", "fl_x"), ("camera_angle_y", "fl_y")):
@@ -135,12 +141,14 @@ def _lens(file: _Transforms, frame: _Frame, image: Path, where: str) -> Lens:
     if model not in READ or said.get("is_fisheye") or said.get("k3") or said.get("k4"):
         raise problem(where, f"expected a camera model of {', '.join(READ)} without k3 and k4, got {model[:40]}",
                       "undistort the images and import those")
-    size = (round(said["w"]), round(said["h"])) if said.get("w") and said.get("h") else _size(image)
+    told = said.get("w") and said.get("h")
+    size = (round(said["w"]), round(said["h"])) if told else _size(image) if image else (0, 0)
     x = said.get("fl_x") or (size[0] / 2 / math.tan(said["camera_angle_x"] / 2) if "camera_angle_x" in said else 0.0)
     y = said.get("fl_y") or (size[1] / 2 / math.tan(said["camera_angle_y"] / 2) if "camera_angle_y" in said else x)
     if size != (0, 0) and not x:
         raise problem(where, "expected fl_x or camera_angle_x, found neither")
     return Lens(size=size, focal=(x, y), centre=(said.get("cx", size[0] / 2), said.get("cy", size[1] / 2)),
+                angle=float(said.get("camera_angle_x", 0.0)),
                 bend=(said.get("k1", 0.0), said.get("k2", 0.0), said.get("p1", 0.0), said.get("p2", 0.0)))
 
 

@@ -1,0 +1,147 @@
+"""The page of `view`, driven as a person drives it."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from dataset_builder.cli.main import main
+from dataset_builder.geometry.pinhole import Pinhole
+from dataset_builder.label.scene_plan import CameraPlan
+from dataset_builder.report.arrangement_page import arrangement_page
+from dataset_builder.report.looking.shown_arrangement import ShownArrangement
+from dataset_builder.report.looking.standing import StandingThing
+from dataset_builder.report.quick_render import QuickRender
+from tests.browser.made_up import HOSTILE
+from tests.small_specs import write_spec
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+NOISE = "GL Driver Message"
+"""What Chromium without a GPU says of itself whenever WebGL is shown."""
+VIEWER = "(() => { const at = arrangementScene.viewer.position; return [at.x, at.y, at.z]; })()"
+DARK = """(() => { const canvas = document.querySelector(".stage canvas"), scene = arrangementScene;
+scene.draw(); const copy = document.createElement("canvas"); copy.width = canvas.width; copy.height = canvas.height;
+const to = copy.getContext("2d"); to.drawImage(canvas, 0, 0);
+const bytes = to.getImageData(0, 0, copy.width, copy.height).data;
+let count = 0; for (let at = 0; at < bytes.length; at += 4) count += bytes[at + 2] < 240; return count; })()"""
+"""Pixels that something is drawn on."""
+
+
+@pytest.fixture
+def quiet(browser: "Browser") -> "Page":
+    """A page that must neither fail nor complain."""
+    faults: list[str] = []
+    with browser.new_context(viewport={"width": 1280, "height": 900}) as context:
+        opened = context.new_page()
+        opened.set_default_timeout(30000)
+        opened.on("pageerror", lambda error: faults.append(str(error)))
+        opened.on("console", lambda line: faults.append(line.text) if line.type in ("error", "warning")
+                  and NOISE not in line.text else None)
+        opened.on("dialog", lambda dialog: (faults.append(f"dialog: {dialog.message}"), dialog.dismiss()))
+        yield opened
+    assert faults == []
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a view, without preview."""
+    folder = tmp_path_factory.mktemp("view")
+    spec = write_spec(folder / "specs")
+    assert main(["view", str(spec), "--example", "2", "--no-preview", "--out", str(folder / "out")]) == 0
+    return folder / "out"
+
+
+def opened(page: "Page", file: Path) -> "Page":
+    """The page once all of it is drawn."""
+    page.goto(file.as_uri())
+    page.wait_for_selector(".stage[data-ready=yes]")
+    return page
+
+
+def test_an_arrangement_turns_toggles_and_tells(quiet: "Page", written: Path, tmp_path: Path) -> None:
+    page = opened(quiet, written / "view.html")
+    assert page.locator("h1").inner_text() == "small: example 2"
+    everything, start = page.evaluate(DARK), page.evaluate(VIEWER)
+    assert everything > 10000
+    box = page.locator(".stage canvas").bounding_box()
+    assert box is not None
+    middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(*middle)
+    page.mouse.down()
+    page.mouse.move(middle[0] + 150, middle[1], steps=3)
+    page.mouse.up()
+    turned = page.evaluate(VIEWER)
+    assert np.linalg.norm(np.subtract(turned, start)) > 1
+    assert turned[2] == pytest.approx(start[2], abs=1e-3)
+    page.get_by_role("button", name="From above").click()
+    for part in ("walls", "floor", "ceiling", "furniture"):
+        page.get_by_label(part, exact=True).uncheck()
+    assert page.evaluate(DARK) < everything / 2
+    assert page.locator(".name-tag:visible", has_text="stool").count() == 0
+    assert page.locator(".name-tag:visible", has_text="target 0").count() == 1
+    page.get_by_label("names").uncheck()
+    assert page.locator(".name-tag:visible").count() == 0
+    page.locator("summary", has_text="things").click()
+    first = page.locator(".thing").first
+    first.click()
+    assert page.locator(".side h2").first.inner_text() == first.inner_text()
+    page.screenshot(path=tmp_path / "turned.png")
+
+
+def test_through_the_camera_the_target_is_where_the_pinhole_has_it(quiet: "Page", written: Path) -> None:
+    page = opened(quiet, written / "view.html")
+    page.get_by_role("button", name="Through the camera").click()
+    frame, stage = (page.locator(each).bounding_box() for each in (".picture-frame", ".stage canvas"))
+    assert frame is not None
+    assert stage is not None
+    assert frame["width"] / frame["height"] == pytest.approx(24 / 20, rel=0.01)
+    column, row = page.evaluate("""(() => { const at = arrangementScene.centre.clone().project(arrangementScene.viewer);
+        return [(at.x + 1) / 2, (1 - at.y) / 2]; })()""")
+    # The lens of three.js, brought from the canvas to the picture in it
+    found = ((stage["x"] + column * stage["width"] - frame["x"]) / frame["width"] * 24,
+             (stage["y"] + row * stage["height"] - frame["y"]) / frame["height"] * 20)
+    view = page.evaluate("JSON.parse(document.getElementById('view').textContent)")
+    camera = Pinhole.of(CameraPlan.model_validate(view["plan"]["camera"]), 24, 20)
+    expected = camera.project(np.array([view["arrangement"]["target"]["centre"]]))[0, :2]
+    np.testing.assert_allclose(found, expected, atol=0.15)
+    before = page.evaluate(VIEWER)
+    np.testing.assert_allclose(before, view["plan"]["camera"]["position"], atol=1e-4)
+
+
+def test_names_are_no_html_and_a_preview_says_what_it_is(quiet: "Page", tmp_path: Path) -> None:
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    thing = StandingThing(name=HOSTILE, part="target", category=HOSTILE, positions=corners,
+                          faces=np.array([[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]),
+                          colours=np.full((4, 3), 90, np.uint8), clear=np.array([0, 0, 0, 1], bool))
+    shown = ShownArrangement(key="", things=(thing, replace(thing, part="furniture")), lights=(), camera=None,
+                             roof=np.inf)
+    (tmp_path / "view.html").write_text(
+        arrangement_page(shown, HOSTILE, None, QuickRender(missing=HOSTILE), [HOSTILE]), encoding="utf-8")
+    page = opened(quiet, tmp_path / "view.html")
+    assert page.locator("img").count() == 0
+    assert page.locator("h1").inner_text() == HOSTILE
+    assert HOSTILE in page.locator(".name-tag").first.inner_text()
+    assert HOSTILE in page.get_by_role("alert").inner_text()
+    assert page.get_by_role("button", name="Through the camera").count() == 0
+
+
+def test_three_hundred_thousand_triangles_open(quiet: "Page", tmp_path: Path) -> None:
+    side = 388
+    x, y = (axis.ravel() for axis in np.mgrid[0:side, 0:side] / side * 4.0)
+    corner = (np.arange(side - 1)[:, None] * side + np.arange(side - 1)).ravel()
+    faces = np.concatenate([np.stack([corner, corner + side, corner + 1], 1),
+                            np.stack([corner + 1, corner + side, corner + side + 1], 1)])
+    hill = StandingThing(name="hill", part="target", category="hill", faces=faces, clear=np.zeros(len(faces), bool),
+                         positions=np.stack([x, y, 0.3 * np.sin(3 * x) * np.cos(2 * y)], 1),
+                         colours=np.tile(np.array([[120, 90, 60]], np.uint8), (len(faces), 1)))
+    shown = ShownArrangement(key="", things=(hill,), lights=(), camera=None, roof=np.inf)
+    text = arrangement_page(shown, "hill", None, QuickRender())
+    (tmp_path / "view.html").write_text(text, encoding="utf-8")
+    page = opened(quiet, tmp_path / "view.html")
+    assert "299,538 triangles" in page.locator(".head").inner_text()
+    assert page.evaluate(DARK) > 10000
+    assert page.evaluate("arrangementScene.renderer.info.render.triangles") == len(faces)
