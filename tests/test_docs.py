@@ -303,9 +303,8 @@ def merged(parts: dict[str, object]) -> dict[str, object]:
 
 def known_keys() -> set[str]:
     """Dotted path of every key of a dataset file."""
-    models = {"": DatasetSpec, **{f"{path}.": model for path, model in spec_tables.nested(DatasetSpec, "")}}
-    return {prefix + (field.alias or name) for prefix, model in models.items()
-            for name, field in model.model_fields.items()}
+    models = [("", DatasetSpec), *((f"{path}.", model) for path, model in spec_tables.nested(DatasetSpec, ""))]
+    return {prefix + (field.alias or name) for prefix, model in models for name, field in model.model_fields.items()}
 
 
 @pytest.mark.parametrize("table_page", spec_tables.PAGES, ids=lambda page: page.name)

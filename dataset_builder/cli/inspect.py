@@ -79,10 +79,9 @@ def _inspect(options: argparse.Namespace) -> int:
         found = write_preview(options.folder, options.sequence)
         print(f"strip: {found.strip}\nanimation of {found.views} views: {found.animation}")
         return 0
-    one = inspect_one(options)
     if options.html:
         return _gallery(options)
-    if one:
+    if inspect_one(options):
         return 0
     for table in summary_tables(options.folder):
         common.plain_console().print(table)
@@ -102,9 +101,9 @@ def _require_together(options: argparse.Namespace) -> None:
                                           ("--layers", options.layers)) if value]
         if given:
             raise UserError(f"{given[0]}: expected --html OUT with it, since it chooses what a gallery shows")
-    elif options.sequence or options.sheet:
-        other = "--sequence" if options.sequence else "--sheet"
-        raise UserError(f"--html: expected no {other} with it, since nothing but the gallery is written (run it apart)")
+    alone = [f"--{name}" for name in ("html", "example", "mesh", "sequence", "sheet") if getattr(options, name)]
+    if len(alone) > 1 and alone != ["--example", "--mesh"]:
+        raise UserError(f"{alone[0]}: expected no {alone[-1]} with it, since nothing else is written (run it apart)")
 
 
 def _gallery(options: argparse.Namespace) -> int:

@@ -7,11 +7,10 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from dataset_builder.errors import SpecError
-from dataset_builder.spec.document import Document
+from dataset_builder.spec.document import Document, validated
 from dataset_builder.spec.load import overridden, read_document
 from dataset_builder.spec.model import Model, broken
 from dataset_builder.spec.numbers import PositiveInt
-from dataset_builder.spec.resolve import validated
 
 Method = Literal["lightnet", "pix2pix", "dpr", "ssvbrdf"]
 Formulation = Literal["d_s", "dr_s", "dr_s_plus_alpha", "dr_alpha_s"]

@@ -34,7 +34,7 @@ class Refused:
     """The first few."""
 
 
-class Spread:
+class RunningMedian:
     """Median of any number of values, from an even choice of them."""
 
     def __init__(self) -> None:
@@ -69,7 +69,7 @@ class BuildStanding:
         """Those that were there."""
         self.refused = dict[str, Refused]()
         """By gate."""
-        self.noise = dict[str, Spread]()
+        self.noise = dict[str, RunningMedian]()
         """Relative error of what was rendered, by layer."""
         self.stopped = Counter[str]()
         """How often sampling of a layer ended for what reason."""
@@ -144,7 +144,7 @@ class BuildStanding:
         for layer, (stopped, error) in outcome.noise.items():
             self.stopped[stopped] += 1
             if isfinite(error):
-                self.noise.setdefault(layer, Spread()).add(error)
+                self.noise.setdefault(layer, RunningMedian()).add(error)
 
     def _point(self, now: float) -> None:
         if self._passing:

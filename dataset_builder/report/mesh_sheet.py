@@ -8,7 +8,7 @@ from PIL import Image
 from dataset_builder.files import write_atomic
 from dataset_builder.report.example_sheet import png_of
 from dataset_builder.report.looking.level_meshes import LevelMesh, ViewMeshes
-from dataset_builder.report.looking.mesh_panels import mesh_panel
+from dataset_builder.report.looking.mesh_panels import Eye, mesh_panel
 from dataset_builder.report.picture_tiles import ColourBar, Tile, tiled
 
 PANEL = 420
@@ -30,10 +30,10 @@ def write_mesh_sheet(meshes: ViewMeshes, target: Path) -> None:
 def mesh_sheet(meshes: ViewMeshes) -> Image.Image:
     """The picture: the 3DM and every R3DM above, the distances below in colours that all levels share."""
     plan, levels = meshes.own.plan, meshes.levels
-    camera, object_name = meshes.camera, plan.target.object.name
+    object_name, eye = plan.target.object.name, eye_of(meshes)
     title = [f"{object_name}, example {plan.key}, view {plan.view} under light {plan.light}: the meshes",
              f"bounding radius {meshes.radius * MILLIMETRES:.4g} mm; all from the direction of the example's camera"]
-    shaded = [Tile(title=level.title, pixels=mesh_panel(level.rough, camera, PANEL), lines=_lines(level, meshes.radius))
+    shaded = [Tile(title=level.title, pixels=mesh_panel(level.rough, eye, PANEL), lines=_lines(level, meshes.radius))
               for level in levels]
     if meshes.clean is None:
         return tiled([*title, *meshes.missing], [shaded])
@@ -43,9 +43,14 @@ def mesh_sheet(meshes: ViewMeshes) -> Image.Image:
         "Of every vertex of the R3DM from the nearest point of the 3DM. The last colour stands for all beyond, too.",
         *meshes.missing))
     heat = [Tile(title=f"{level.title}: distance", pixels=heat_panel(level, meshes, full)) for level in levels]
-    clean = Tile(title="3DM", pixels=mesh_panel(meshes.clean, camera, PANEL),
+    clean = Tile(title="3DM", pixels=mesh_panel(meshes.clean, eye, PANEL),
                  lines=(f"{len(meshes.clean.corners):,} triangles",))
     return tiled(title, [[clean, *shaded], [explained, *heat]])
+
+
+def eye_of(meshes: ViewMeshes) -> Eye:
+    """The one place that all meshes are seen from."""
+    return Eye.of(meshes.camera, [*(level.rough for level in meshes.levels), *filter(None, [meshes.clean])])
 
 
 def heat_limit(levels: tuple[LevelMesh, ...]) -> float:
@@ -58,7 +63,7 @@ def heat_panel(level: LevelMesh, meshes: ViewMeshes, full: float) -> np.ndarray 
     """(PANEL, PANEL, 3) uint8 picture of a level's distances from 0 to `full` radii; None where there are none."""
     if level.distance is None:
         return None
-    return mesh_panel(level.rough, meshes.camera, PANEL, level.distance / full, heat_colours())
+    return mesh_panel(level.rough, eye_of(meshes), PANEL, level.distance / full, heat_colours())
 
 
 def heat_colours(count: int = 256) -> np.ndarray:

@@ -1,12 +1,16 @@
 """A file of a spec as plain data that remembers the line of every key, and how overrides edit it."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
 
 from dataset_builder.errors import Problem
-from dataset_builder.spec.problems import dotted, nearest, shown
+from dataset_builder.spec.model import Model
+from dataset_builder.spec.problems import dotted, nearest, problems_of, shown
 
 Path = tuple[str | int, ...]
+AnyModel = TypeVar("AnyModel", bound=Model)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,3 +94,11 @@ def _index(items: tuple[Any, ...], key: str, path: Path, override: Override) -> 
     known = [str(name) for name in names if name is not None]
     rule = f"expected an index below {len(items)}{' or a name' if known else ''}, got '{key}'"
     raise BadOverride(Problem(where=override.where, path=dotted(path), rule=rule, hint=nearest(key, known)))
+
+
+def validated(document: Document, model: type[AnyModel]) -> AnyModel | list[Problem]:
+    """The model that a file means, or every rule that it breaks. Types are strict: "5" is no number, true is not 1."""
+    try:
+        return model.model_validate(document.data, strict=True)
+    except ValidationError as error:
+        return problems_of(error, model, document.place)

@@ -7,9 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, TypeVar
-
-from pydantic import ValidationError
+from typing import Any
 
 from dataset_builder.digest import digest
 from dataset_builder.errors import Problem, SpecError
@@ -23,12 +21,11 @@ from dataset_builder.spec.check import (
     find_mesh,
 )
 from dataset_builder.spec.dataset import DatasetSpec, SplitSpec
-from dataset_builder.spec.document import Document
+from dataset_builder.spec.document import AnyModel, Document, validated
 from dataset_builder.spec.families import FAMILIES
 from dataset_builder.spec.image_uses import ImageUse, find_images, image_uses, room_image_uses
 from dataset_builder.spec.licences import FREE
 from dataset_builder.spec.mesh_source import MeshSource
-from dataset_builder.spec.model import Model
 from dataset_builder.spec.named_files import (
     key_of,
     keyed_room,
@@ -39,11 +36,10 @@ from dataset_builder.spec.named_files import (
 )
 from dataset_builder.spec.own_fields import check_own_field, check_own_targets
 from dataset_builder.spec.pose_files import find_poses
-from dataset_builder.spec.problems import dotted, problems_of, shown
+from dataset_builder.spec.problems import dotted, shown
 from dataset_builder.spec.scene import ObjectSpec, RoomSpec, SceneSpec
 from dataset_builder.spec.scene_files import find_scene
 
-AnyModel = TypeVar("AnyModel", bound=Model)
 KeyPath = tuple[str | int, ...]
 
 
@@ -124,14 +120,6 @@ class LoadedSpec:
                        "images": content["images"], "pose_files": content["pose_files"],
                        **{kind: {key: value for key, value in content[kind].items() if key in names}
                           for kind, names in own.items()}})
-
-
-def validated(document: Document, model: type[AnyModel]) -> AnyModel | list[Problem]:
-    """The model that a file means, or every rule that it breaks. Types are strict: "5" is no number, true is not 1."""
-    try:
-        return model.model_validate(document.data, strict=True)
-    except ValidationError as error:
-        return problems_of(error, model, document.place)
 
 
 class Resolver:

@@ -1,5 +1,6 @@
 """Finished datasets of views that go round a ball or a box, by formulas: depth is exact, and the light stays."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,13 +25,14 @@ EVERYWHERE_LIT = np.zeros(3)
 
 
 def write_turning(folder: Path, *, frames: int = 5, step: float = 12.0, size: int = 48, sequences: int = 1,
-                  missing: tuple[int, ...] = (), gloss: float = 0.0, train: int = 2) -> Path:
+                  missing: tuple[int, ...] = (), gloss: float = 0.0, train: int = 2, turned: float = 0.0) -> Path:
     """Write splits `train`, single views, and `turn`: `sequences` of `frames` views each, `step` degrees apart, but for
-    those `missing` of the first. gloss: weight of a highlight, without which the object is matte."""
+    those `missing` of the first. gloss: weight of a highlight, without which the object is matte. turned: degrees that
+    the world of a view is turned by against the one before, target and camera, which changes no picture."""
     spec = _spec(size)
     singles = [_example(k, "train", 40.0 * k, size, gloss, SequencePlan()) for k in range(train)]
-    turning = [_example(train + s * frames + k, "turn", 90.0 * s + step * k, size, gloss,
-                        SequencePlan(name=f"turn-{s:02d}-00", frame=k, frames=frames), s)
+    turning = [_world_turned(_example(train + s * frames + k, "turn", 90.0 * s + step * k, size, gloss,
+                                      SequencePlan(name=f"turn-{s:02d}-00", frame=k, frames=frames), s), turned * k)
                for s in range(sequences) for k in range(frames) if s or k not in missing]
     with build_lock(folder, Claim(name=spec.name, version=spec.version)):
         shards = [publish(folder, spec, split, 0, examples) for split, examples in (("train", singles),
@@ -61,6 +63,20 @@ def _example(index: int, split: str, azimuth: float, size: int, gloss: float, pl
     return Example(plan=plan.model_copy(update={"camera": camera, "sequence": place, "target": target}),
                    record=render_record(lighting_sh=LIGHT.sh().tolist()),
                    layers={name: np.ascontiguousarray(layers[name], np.float32) for name in LAYERS})
+
+
+def _world_turned(example: Example, angle: float) -> Example:
+    """The same in a world turned about +Z by degrees."""
+    c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+
+    def moved(point: tuple[float, float, float]) -> tuple[float, float, float]:
+        x, y, z = point
+        return float(c * x - s * y), float(s * x + c * y), z
+
+    plan, camera, target = example.plan, example.plan.camera, example.plan.target
+    return replace(example, plan=plan.model_copy(update={
+        "camera": camera.model_copy(update={"position": moved(camera.position), "target": moved(camera.target)}),
+        "target": target.model_copy(update={"position": moved(target.position), "yaw": target.yaw + angle})}))
 
 
 def _camera(azimuth: float) -> CameraPlan:

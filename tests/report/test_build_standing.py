@@ -6,7 +6,7 @@ from dataset_builder.builder import Event
 from dataset_builder.engine.unit import Outcome
 from dataset_builder.planning.catalogue import ExampleRef, PairRef, ViewRef
 from dataset_builder.planning.unit_cost import example_seconds
-from dataset_builder.report.build_standing import CURVE, REASONS, VALUES, BuildStanding, Spread
+from dataset_builder.report.build_standing import CURVE, REASONS, VALUES, BuildStanding, RunningMedian
 from dataset_builder.report.rate_curve import HEIGHT, WIDTH, rate_curve
 from dataset_builder.shards.manifest import Rejected
 from dataset_builder.spec.load import load_dataset
@@ -87,7 +87,7 @@ def test_noise_is_a_median_and_goals_are_shares() -> None:
 
 
 def test_a_million_values_take_no_more_room_and_keep_their_median() -> None:
-    spread = Spread()
+    spread = RunningMedian()
     for number in range(50_001):
         spread.add(number / 50_000)
     assert len(spread._values) <= VALUES and spread.count == 50_001

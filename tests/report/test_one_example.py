@@ -65,7 +65,9 @@ def test_previews_do_not_disturb_the_next_build(small_dataset: Path, tmp_path: P
 
 def test_options_without_a_use_are_refused(small_dataset: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for options, said in ((["--out", "x"], "--out: expected --example KEY or --mesh KEY with it"),
-                          (["--example", "1", "--meshes", "x"], "--meshes: expected --mesh KEY with it, got none")):
+                          (["--example", "1", "--meshes", "x"], "--meshes: expected --mesh KEY with it, got none"),
+                          (["--example", "1", "--mesh", "1", "--sheet", "x"], "--example: expected no --sheet with it"),
+                          (["--html", "x", "--mesh", "1"], "--html: expected no --mesh with it")):
         assert main(["inspect", str(small_dataset), *options]) == 2
         assert said in capsys.readouterr().err
 

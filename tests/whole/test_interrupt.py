@@ -16,7 +16,8 @@ from tests.small_specs import write_spec
 @pytest.mark.parametrize(("seconds", "workers"), [(0.7, 1), (2.1, 1), (3.9, 1), (5.2, 1), (7.7, 1), (6.5, 2)])
 def test_a_build_ends_in_one_line(tmp_path: Path, seconds: float, workers: int) -> None:
     arguments = [sys.executable, "-m", "dataset_builder", "build", str(write_spec(tmp_path)), "--out",
-                 str(tmp_path / "out"), "--workers", str(workers), "--set", "splits.train.views=40"]
+                 str(tmp_path / "out"), "--workers", str(workers), "--set", "splits.train.views=40", "--html",
+                 str(tmp_path / "page.html")]
     process = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
                                start_new_session=True)
     sleep(seconds)
@@ -26,6 +27,9 @@ def test_a_build_ends_in_one_line(tmp_path: Path, seconds: float, workers: int) 
     assert errors.splitlines() == [
         "interrupted: what was finished is kept, nothing is half written; run the same command again to continue"]
     assert not (tmp_path / "out" / "dataset.json").exists()
+    # Early on there is no page yet
+    for page in tmp_path.glob("page.html*"):
+        assert page.suffix == ".html" and '<main data-state="interrupted"' in page.read_text()
 
 
 def strike() -> None:

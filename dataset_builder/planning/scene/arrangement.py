@@ -45,6 +45,8 @@ class Arrangement:
     """What layout had to leave out, and objects of unusual size."""
     sweep: Sweep | None = None
     """What the target sweeps where it turns from view to view; None where it stands."""
+    turn: float = 0.0
+    """Degrees that it is turned from how it was placed."""
 
     def turned(self, angle: float, mesh_root: Path) -> "Arrangement":
         """The same with the target turned by degrees in its sweep, where it has one."""
@@ -52,7 +54,7 @@ class Arrangement:
             return self
         placed = self.sweep.turned(self.target, angle)
         geometry = (geometry_of(placed, mesh_root), *(part for part in self.geometry if part[2] != TARGET_INSTANCE))
-        return replace(self, target=placed, geometry=geometry)
+        return replace(self, target=placed, geometry=geometry, turn=self.turn + angle)
 
     def sweeps(self, point: np.ndarray, margin: float) -> bool:
         """Whether the target comes nearer than `margin` metres to a point (3,) at some angle of its sweep."""
@@ -81,8 +83,14 @@ class Arrangement:
 
     @property
     def centre(self) -> np.ndarray:
-        """(3,) middle of the target's box."""
-        return self._target_box.mean(axis=0)
+        """(3,) middle of the target's box; of one that turns, the same at every turn."""
+        middle = self._target_box.mean(axis=0)
+        return middle if self.sweep is None else np.array([*self.sweep.axis, middle[2]])
+
+    @property
+    def front(self) -> float:
+        """Yaw of the target as it was placed, degrees: what azimuths about it count from."""
+        return self.target.yaw - self.turn
 
     @property
     def radius(self) -> float:

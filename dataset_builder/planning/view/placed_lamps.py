@@ -93,7 +93,7 @@ def _drawn(view: LitView, spec: TargetSpec, lamp: LampSpec, stream: Stream, inde
     if lamp.position is not None:
         position = three("position", lamp.position)
     else:
-        direction = towards(view.arrangement.target.yaw + number("azimuth"), number("elevation"))
+        direction = towards(view.arrangement.front + number("azimuth"), number("elevation"))
         position = centre + number("distance") * direction
     size = number("size") if kind.sized else 0.0
     temperature = number("temperature") if lamp.color is None else 0.0

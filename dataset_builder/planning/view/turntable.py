@@ -68,12 +68,7 @@ def _drawn(arrangement: Arrangement, path: TurntableSpec, spec: CameraSpec, imag
     fits = fitting_areas(arrangement, spec, image, fov, areas)
     reach = arrangement.shell.depth(arrangement.centre, towards(azimuth, elevation), clearance_of(arrangement, spec))
     distance = replace(fits, far=max(min(fits.far, reach), fits.near)).drawn(share)
-    centre = np.array([*_axis(arrangement), arrangement.centre[2]])
+    centre = arrangement.centre
     pinhole = Pinhole(position=centre + distance * towards(azimuth, elevation), target=centre, fov=fov,
                       width=image.width, height=image.height)
     return PathFrame(pinhole=pinhole, said=placed_about(arrangement, azimuth, elevation, distance))
-
-
-def _axis(arrangement: Arrangement) -> tuple[float, float]:
-    assert arrangement.sweep is not None
-    return arrangement.sweep.axis

@@ -1,7 +1,9 @@
 """Meshes of an object as pictures, all from one place: shaded in grey, or coloured by a number at every corner."""
 
+from collections.abc import Sequence
 from contextlib import closing
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
@@ -21,9 +23,40 @@ NEAREST = 2.5
 """Distance in radii of what is looked at that the camera is moved back to, if it is nearer."""
 
 
-def mesh_panel(soup: Soup, camera: Pinhole, size: int, values: np.ndarray | None = None,
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Eye:
+    """What all pictures of an object are drawn by: they may be compared."""
+
+    position: np.ndarray
+    """(3,) where the camera is."""
+    middle: np.ndarray
+    """(3,) what it looks at."""
+    up: np.ndarray
+    """(3,) which way is up in the picture."""
+    radius: float
+    """Of the sphere about `middle` that is seen whole."""
+
+    @classmethod
+    def of(cls, camera: Pinhole, soups: Sequence[Soup]) -> Self:
+        """From the place of a camera, or from that direction where it is too near, to all of some meshes."""
+        points = np.concatenate([soup.corners.reshape(-1, 3) for soup in soups])
+        middle = (points.min(axis=0) + points.max(axis=0)) / 2
+        radius = float(np.linalg.norm(points - middle, axis=1).max())
+        way = camera.position - middle
+        position = middle + way * max(1.0, NEAREST * radius / float(np.linalg.norm(way)))
+        return cls(position=position, middle=middle, up=camera.up, radius=radius)
+
+    def aim(self, drawn: "Camera") -> None:
+        """Give PyVista's camera this place and view."""
+        distance = float(np.linalg.norm(self.position - self.middle))
+        drawn.focal_point, drawn.position, drawn.up = tuple(self.middle), tuple(self.position), tuple(self.up)
+        drawn.view_angle = float(np.degrees(2 * np.arcsin(self.radius * MARGIN / distance)))
+        drawn.clipping_range = (distance - 1.5 * self.radius, distance + 1.5 * self.radius)
+
+
+def mesh_panel(soup: Soup, eye: Eye, size: int, values: np.ndarray | None = None,
                colours: np.ndarray | None = None) -> np.ndarray:
-    """(size, size, 3) uint8 picture of a mesh in the world, seen from where `camera` is, the object filling the frame.
+    """(size, size, 3) uint8 picture of a mesh in the world.
 
     values: (F, 3) in [0, 1] at the corners, shown by `colours`, (K, 3) uint8 from 0 to 1 and without shading; the mesh
     is grey and shaded without them.
@@ -40,7 +73,7 @@ def mesh_panel(soup: Soup, camera: Pinhole, size: int, values: np.ndarray | None
                                 scalar_range=(0, 1))
             drawn.add_mesh(surface, scalars="value", cmap=table, lighting=False, show_scalar_bar=False,
                            interpolate_before_map=True)
-        _aim(drawn.camera, soup, camera)
+        eye.aim(drawn.camera)
         large = np.asarray(drawn.screenshot(return_img=True))[..., :3]
     return np.rint(large.reshape(size, FINER, size, FINER, 3).mean(axis=(1, 3))).astype(np.uint8)
 
@@ -54,17 +87,3 @@ def _surface(soup: Soup) -> "PolyData":
     made = PolyData(soup.corners.reshape(-1, 3).astype(np.float32), faces.ravel())
     made.point_data.active_normals = soup.normals.reshape(-1, 3)
     return made
-
-
-def _aim(seen: "Camera", soup: Soup, camera: Pinhole) -> None:
-    """Look at the mesh from the camera's place and no nearer than it takes to see it whole."""
-    points = soup.corners.reshape(-1, 3)
-    middle = (points.min(axis=0) + points.max(axis=0)) / 2
-    radius = float(np.linalg.norm(points - middle, axis=1).max())
-    way = camera.position - middle
-    distance = max(float(np.linalg.norm(way)), NEAREST * radius)
-    seen.focal_point = tuple(middle)
-    seen.position = tuple(middle + way / np.linalg.norm(way) * distance)
-    seen.up = tuple(camera.up)
-    seen.view_angle = float(np.degrees(2 * np.arcsin(radius * MARGIN / distance)))
-    seen.clipping_range = (max(distance - 2 * radius, 1e-3 * radius), distance + 2 * radius)

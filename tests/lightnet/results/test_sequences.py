@@ -51,6 +51,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_turning(tmp_path_factory.mktemp("turning") / "turning", sequences=2)
 
 
+def test_a_target_that_turns_is_followed(tmp_path: Path) -> None:
+    """One world turned about the vertical as a whole, target and camera, is the other."""
+    still, turning = (measured(write_turning(tmp_path / f"set{angle:g}", frames=3, turned=angle),
+                               truth_again=lambda batch: batch.truth.i_t)[1] for angle in (0.0, 40.0))
+    assert [row.flicker for row in turning] == pytest.approx([row.flicker for row in still], rel=1e-6)
+    assert [row.overlap for row in turning] == pytest.approx([row.overlap for row in still]) and still[0].overlap > 0.5
+
+
 def test_what_looks_the_same_from_all_sides_does_not_flicker(folder: Path) -> None:
     scores, rows = measured(folder, grey=grey, truth_again=lambda batch: batch.truth.i_t)
     assert len(rows) == 3 * 2 * 4 and len(scores) == 2 * 2 * 5

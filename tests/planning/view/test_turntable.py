@@ -99,3 +99,19 @@ def test_a_room_that_is_too_narrow_to_turn_in_is_told(load: Callable[..., Any], 
                   objects={"chair.yaml": ObjectSpec(family="cabinet", params={"width": 1.0, "depth": 0.5})})
     with pytest.raises(PlanError, match=r"expected the target to fit in the room, got an object of 1\.12 x 1\.12 x"):
         plans_of(loaded)
+
+
+def test_a_lamp_placed_about_the_object_stays_where_it_is(load: Callable[..., Any],
+                                                           dataset_data: dict[str, Any]) -> None:
+    dataset_data["target"] = {"lights": [{"kind": "point", "azimuth": 40, "elevation": 50, "distance": 1.6}],
+                              "brightness": [0, 100]}
+    data = turning(dataset_data, start=70, azimuth=0, elevation=20)
+    data["splits"][1] |= {"lights": 1, "lights_per": "view"}
+    plans = plans_of(load(data))[:24:2]
+    lamps = np.array([plan.target_light.lights[0].position for plan in plans])
+    assert lamps == pytest.approx(np.broadcast_to(lamps[0], lamps.shape))
+    # 40 degrees about the object as it was placed, as the camera is in front of it
+    away, camera = (lamps[0] - plans[0].camera.target)[:2], np.subtract(plans[0].camera.position,
+                                                                        plans[0].camera.target)[:2]
+    angle = np.degrees(np.arctan2(away[1], away[0]) - np.arctan2(camera[1], camera[0]))
+    assert (angle - 40 + 180) % 360 - 180 == pytest.approx(0, abs=1e-6)
