@@ -8,6 +8,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 from dataset_builder.cli import common
+from dataset_builder.errors import count_of
 
 if TYPE_CHECKING:
     from dataset_builder.studies.noise.noise_study import NoiseStudy
@@ -85,16 +86,20 @@ def _spec(options: argparse.Namespace) -> "StudySpec":
 def _accuracy(options: argparse.Namespace) -> int:
     from dataset_builder.rendering.backend import choose
     from dataset_builder.report.accuracy_page import write_page
-    from dataset_builder.studies.accuracy.accuracy_study import AccuracyStudy, conclude, run
+    from dataset_builder.report.training_lines import Paces
+    from dataset_builder.studies.accuracy.accuracy_study import MEASURES, AccuracyStudy, conclude, run
     from dataset_builder.studies.accuracy.rows import AccuracyRow
 
     spec, rows = _spec(options), list[AccuracyRow]()
     study = AccuracyStudy(spec=spec, out=options.out or common.STUDIES / f"{spec.dataset.name}-accuracy",
                           examples=options.examples, layers=tuple(options.layers), budget=options.budget,
                           backend=options.backend)
+    print(f"{count_of(study.examples, 'example')}: the first one tells how long the others will take", flush=True)
+    paces = Paces([*MEASURES])
     for step in run(study):
+        left = "" if step.kept else paces.after(step.group, step.seconds, step.steps - step.number)
         print(f"{step.number}/{step.steps} example {step.example}, {step.group}: {len(step.rows)} rows, "
-              + ("kept from an earlier run" if step.kept else f"{step.seconds:.1f} s"), flush=True)
+              + ("kept from an earlier run" if step.kept else f"{step.seconds:.1f} s{left}"), flush=True)
         rows += step.rows
     advice = conclude(study, rows)
     write_page(study, rows, advice, choose(options.backend).summary)
@@ -108,17 +113,22 @@ def _accuracy(options: argparse.Namespace) -> int:
 def _effects(options: argparse.Namespace) -> int:
     from dataset_builder.rendering.backend import choose
     from dataset_builder.report.effects_page import verdict, write_page
+    from dataset_builder.report.training_lines import Paces
     from dataset_builder.studies.effects.effects_study import Compared, EffectsStudy, run, write_tables
 
     spec, found = _spec(options), list[Compared]()
     study = EffectsStudy(spec=spec, out=options.out or common.STUDIES / f"{spec.dataset.name}-effects",
                          examples=options.examples, backend=options.backend)
+    print(f"{count_of(study.examples, 'example')}: the first one tells how long the others will take", flush=True)
+    paces, begun = Paces(["both"]), perf_counter()
     for compared in run(study):
         found.append(compared)
+        left = paces.after("both", perf_counter() - begun, study.examples - len(found))
+        begun = perf_counter()
         wrong = [one.layer for one in compared.differences if not one.holds]
         print(f"example {compared.example}: simulating everything takes {compared.ratio:.2f} times as long; "
-              + (f"beyond the stated error: {', '.join(wrong)}" if wrong else "all layers within the stated error"),
-              flush=True)
+              + (f"beyond the stated error: {', '.join(wrong)}" if wrong else "all layers within the stated error")
+              + left, flush=True)
         write_tables(found, study.out)
     write_page(study, found, choose(options.backend).summary)
     print(f"{verdict(found)}\nreport: {study.out / 'report.html'}")
