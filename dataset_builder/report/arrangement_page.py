@@ -7,7 +7,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from dataset_builder.label.example_plan import ExamplePlan
-from dataset_builder.report.console import decision_rows
+from dataset_builder.report.decision_rows import decision_rows
 from dataset_builder.report.example_sheet import INK, PALE, PAPER, png_of
 from dataset_builder.report.front.fill_page import fill, script_json
 from dataset_builder.report.front.pages import STYLES, VIEWER

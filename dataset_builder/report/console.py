@@ -15,6 +15,7 @@ from dataset_builder.files import size_text
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.planning.cost import CostEstimate
 from dataset_builder.planning.fleet import Fleet, bill
+from dataset_builder.report.decision_rows import decision_rows
 from dataset_builder.report.doctor import Finding
 from dataset_builder.shards.manifest import Manifest, Rejected
 from dataset_builder.studies.stress.case import CaseResult
@@ -116,13 +117,6 @@ def decisions_table(plan: ExamplePlan) -> Table:
     for row in decision_rows(plan):
         table.add_row(*map(cell, row))
     return table
-
-
-def decision_rows(plan: ExamplePlan) -> list[tuple[str, str, str]]:
-    """Effect, choice and reason of every decision about an example, then its notes."""
-    decided = [(each.effect, each.choice, each.reason) for each in plan.effects.decisions
-               if each.effect != "scene file" or each.choice == "taken away"]
-    return decided + [("note", "", note) for note in plan.notes]
 
 
 def build_table(manifest: Manifest, tally: Tally, seconds: float) -> Table:
