@@ -9,10 +9,12 @@ import numpy as np
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.geometry.light_axes import rectangle_axes
 from dataset_builder.geometry.raycast import RayScene
+from dataset_builder.geometry.winding import WAYS
 from dataset_builder.label.scene_plan import LightPlan
 from dataset_builder.light_kinds import LIGHT_KINDS
 from dataset_builder.planning.scene.arrangement import TARGET_INSTANCE, Arrangement
 from dataset_builder.planning.scene.room_parts import ROOM_INSTANCE
+from dataset_builder.planning.scene.shell import box_of
 from dataset_builder.planning.view.cameras import inside, towards, vector
 from dataset_builder.planning.view.daylight import ORIGIN, Stream, image_of
 from dataset_builder.planning.view.emission import LUMINANCE, colour, facing_irradiance
@@ -34,7 +36,7 @@ def placed_lamps(view: LitView, spec: TargetSpec, stream: Stream, where: str, ro
 
     Every number comes from a path of the lamp's own, by its name or, without one, its place in the list: the others
     may come and go. root: folder of the dataset file. Raises PlanError for lamps that are outside the room, nearer to a
-    surface than they are large, or in a camera's way, each named with its place; and where none shines.
+    surface than they are large, inside a thing, or in a camera's way, each named with its place; and where none shines.
     """
     found, off, problems = list[LightPlan](), list[str](), list[Problem]()
     for index, lamp in enumerate(spec.lamps):
@@ -137,6 +139,8 @@ def _faults(view: LitView, light: LightPlan) -> list[tuple[str, str]]:
         near = _nearest(view.arrangement, points[int(away.argmin())])
         return [(f"to be clear of surfaces by {reach:.2g} m, got it {place}, {away.min():.2g} m from {near}",
                  "move it, or make it smaller with `size`; lamps are never moved for you")]
+    if thing := _around(view.arrangement, np.asarray(light.position)):
+        return [(f"to be in the open, got it {place}, inside {thing}", "move it; lamps are never moved for you")]
     radius = light.size / sqrt(2) if light.kind == "area" else light.size
     if any(in_the_way(light, radius, np.asarray(camera.position), view.sight.points) for camera in view.cameras):
         # The light-free layers do not show lamps: the picture would show one where they say object
@@ -158,7 +162,26 @@ def _surface(light: LightPlan) -> tuple[np.ndarray, float]:
 
 def _nearest(arrangement: Arrangement, point: np.ndarray) -> str:
     """What is nearest to a point, in words."""
-    found = min(arrangement.geometry, key=lambda part: float(RayScene([part]).distance(point[None])[0]))
+    return _name(arrangement, min(
+        arrangement.geometry, key=lambda part: float(RayScene([part]).distance(point[None])[0]))[2])
+
+
+def _around(arrangement: Arrangement, point: np.ndarray) -> str:
+    """What stands there that a point is inside of, in words: rays from it meet that an odd number of times. Empty for
+    none."""
+    for part in arrangement.geometry:
+        low, high = box_of(part)
+        if part[2] != ROOM_INSTANCE and (low < point).all() and (point < high).all():
+            ways = np.concatenate([WAYS, -WAYS])
+            ray, _, _ = RayScene([part]).hits(np.broadcast_to(point, ways.shape), ways)
+            # All but one, which may meet two faces on the edge between them
+            if (np.bincount(ray, minlength=len(ways)) % 2).sum() >= len(ways) - 1:
+                return _name(arrangement, part[2])
+    return ""
+
+
+def _name(arrangement: Arrangement, instance: int) -> str:
+    """What an instance is, in words."""
     names = {placed.instance: placed.object.name for placed in arrangement.furniture}
     names |= {TARGET_INSTANCE: "the object", ROOM_INSTANCE: "the building"}
-    return names.get(found[2], "a thing of the scene")
+    return names.get(instance, "a thing of the scene")

@@ -72,7 +72,9 @@ def test_a_lamp_that_shines_elsewhere_keeps_a_weight(box_arrangement: BoxStage) 
      r"\[2.99, 0, 1\]; it has x in \[-3, 3\], y in \[-2.5, 2.5\], z in \[0, 2.8\]"),
     ({"position": (0, 0, 2.7), "kind": "sphere", "size": 0.3, "name": "moon"}, "expected lamp moon to be in the room"),
     ({"position": (0.65, 0, 1), "name": "desk", "direction": (0, 0, -1)},
-     r"lamp desk to be clear of surfaces by 0.02 m, got it at \[0.65, 0, 1\], 0 m from a thing of the scene")])
+     r"lamp desk to be clear of surfaces by 0.02 m, got it at \[0.65, 0, 1\], 0 m from a thing of the scene"),
+    ({"position": (0.95, 0, 1), "kind": "point"}, r"to be in the open, got it at .*, inside a thing of the scene"),
+    ({"position": (0, 0, 0.5), "kind": "point"}, r"in the open, got it at \[0, 0, 0.5\], inside the object")])
 def test_a_lamp_in_a_wall_or_a_thing_is_refused_by_name_and_place(lamp: dict[str, Any], rule: str,
                                                                   box_arrangement: BoxStage) -> None:
     """The shelf is 0.05 m from the middle of a square of 0.2 m."""
