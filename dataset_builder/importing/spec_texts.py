@@ -19,6 +19,9 @@ MOST_WIDE, MOST_HIGH = 100.0, 30.0
 WALLS = """# Walls and a floor of your own, by colour, finish or picture; else they are drawn:
 #materials: {wall: {base_color: "#c8d4c0"}, floor: {family: boards, tone: oak}}
 """
+FRAME = """# The room in the pictures, too; else they hold the model's pixels alone:
+#layers: [{i_s: frame, i_t: frame}, d, r, s_prime, mask]
+"""
 CAMERA = """# One camera before which the model turns, once round in `views` pictures; else cameras all about it:
 #camera: {path: {kind: turntable}}
 """
@@ -102,7 +105,7 @@ def _dataset(proposals: Sequence[Proposal], name: str, licence: str, largest: fl
     near = max(1.2, 0.6 * largest)
     said = f"licence: {licence}\n" * bool(licence)
     text = (f"# Written by `dataset-builder import`; every line is yours to change.\nname: {name}\n{said}"
-            "image: {width: 128, height: 128}\n" + CAMERA +
+            "image: {width: 128, height: 128}\n" + FRAME + CAMERA +
             "rough: {sigma: {log_uniform: [2e-3, 8e-3]}}\n"
             f"target:\n  kinds: [area, sphere, spot, point]\n"
             f"{LAMP.replace('HEIGHT', f'{_lowest_ceiling(highest) - 0.3:.1f}')}"
