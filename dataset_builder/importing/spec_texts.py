@@ -19,11 +19,14 @@ MOST_WIDE, MOST_HIGH = 100.0, 30.0
 WALLS = """# Walls and a floor of your own, by colour, finish or picture; else they are drawn:
 #materials: {wall: {base_color: "#c8d4c0"}, floor: {family: boards, tone: oak}}
 """
+FRAME = """# The room in the pictures, too; else they hold the model's pixels alone:
+#layers: [{i_s: frame, i_t: frame}, d, r, s_prime, mask]
+"""
 CAMERA = """# One camera before which the model turns, once round in `views` pictures; else cameras all about it:
 #camera: {path: {kind: turntable}}
 """
-LAMP = """  # Or lamps where you put them, in place of `kinds`: degrees about the model, metres from it
-  #lights: [{kind: area, azimuth: 30, elevation: 60, distance: DISTANCE, size: 0.4, strength: 3, temperature: 4000}]
+LAMP = """  # Or lamps where you put them, in place of `kinds`: metres from the middle of the floor, z upwards
+  #lights: [{kind: area, position: [0, 0, HEIGHT], size: 0.4, strength: 3, temperature: 4000}]
 """
 ALONE = """  # Pictures of the same model in other rooms, to measure on what was trained on this one:
   #- {name: evaluation, allow_shared: [objects], objects: {count: 1, from: [objects/NAME.yaml]}, SCENES}
@@ -40,7 +43,7 @@ def spec_texts(proposals: Sequence[Proposal], *, name: str, licence: str, parent
     texts["rooms/room.yaml"] = _room(largest, highest)
     texts["scenes/room.yaml"] = "room: ../rooms/room.yaml\nfurniture:\n" + "".join(
         f"  - {{object: ../furniture/{family}.yaml, place: {place}}}\n" for family, place in FURNITURE.items())
-    texts[f"{name}.yaml"] = _dataset(proposals, name, licence, largest)
+    texts[f"{name}.yaml"] = _dataset(proposals, name, licence, largest, highest)
     return texts
 
 
@@ -83,23 +86,29 @@ def _comment(text: str) -> str:
 
 def _room(largest: float, highest: float) -> str:
     """A room that the largest model fits into, with way to step back."""
-    wide, high = min(max(4.5, 2.2 * largest + 1), MOST_WIDE), min(max(2.6, 1.3 * highest + 0.4), MOST_HIGH)
+    wide, high = min(max(4.5, 2.2 * largest + 1), MOST_WIDE), _lowest_ceiling(highest)
     across = _uniform(wide, min(wide + 1.5, MOST_WIDE))
     return (f"width: {across}\ndepth: {across}\n"
             f"height: {_uniform(high, min(high + 0.4, MOST_HIGH))}\nwindows: {{choice: [1, 2]}}\n" + WALLS)
+
+
+def _lowest_ceiling(highest: float) -> float:
+    """Of the room, metres."""
+    return min(max(2.6, 1.3 * highest + 0.4), MOST_HIGH)
 
 
 def _uniform(low: float, high: float) -> str:
     return f"{{uniform: [{low:.1f}, {high:.1f}]}}"
 
 
-def _dataset(proposals: Sequence[Proposal], name: str, licence: str, largest: float) -> str:
+def _dataset(proposals: Sequence[Proposal], name: str, licence: str, largest: float, highest: float) -> str:
     near = max(1.2, 0.6 * largest)
     said = f"licence: {licence}\n" * bool(licence)
     text = (f"# Written by `dataset-builder import`; every line is yours to change.\nname: {name}\n{said}"
-            "image: {width: 128, height: 128}\n" + CAMERA +
+            "image: {width: 128, height: 128}\n" + FRAME + CAMERA +
             "rough: {sigma: {log_uniform: [2e-3, 8e-3]}}\n"
-            f"target:\n  kinds: [area, sphere, spot, point]\n{LAMP.replace('DISTANCE', f'{near:.1f}')}"
+            f"target:\n  kinds: [area, sphere, spot, point]\n"
+            f"{LAMP.replace('HEIGHT', f'{_lowest_ceiling(highest) - 0.3:.1f}')}"
             "  strength: {log_uniform: [1.5, 5]}\n"
             f"  temperature: {{uniform: [2700, 7500]}}\n  distance: {_uniform(near, 2 * near)}\n"
             "  elevation: {uniform: [15, 75]}\n"

@@ -162,6 +162,7 @@ def test_what_is_commented_may_be_written(run: Import, tmp_path: Path) -> None:
     first, second = (planner.example(planner.examples[index]) for index in (0, 1))
     assert first.camera == second.camera and abs(second.target.yaw - first.target.yaw) == pytest.approx(180)
     assert first.target_light.lights[-1] == second.target_light.lights[-1]
+    assert planner.loaded.dataset.layers["i_t"] == "frame" and planner.loaded.dataset.layers["d"] == "object"
     assert planner.loaded.dataset.splits[1].allow_shared == ("objects",)
     assert planner.loaded.rooms["rooms/room.yaml"].materials.keys() == {"wall", "floor"}
 
