@@ -1,6 +1,5 @@
 """Small pictures of examples as they are finished, for a page."""
 
-import tarfile
 from base64 import b64encode
 from io import BytesIO
 from pathlib import Path
@@ -10,7 +9,7 @@ from dataset_builder.engine.unit import Outcome
 from dataset_builder.errors import UserError
 from dataset_builder.shards.example import PREVIEW
 from dataset_builder.shards.folder import WORK
-from dataset_builder.shards.segment import end_blocks
+from dataset_builder.shards.segment_members import members_of
 from dataset_builder.shards.staging import Staging
 
 SIZE = 320, 160
@@ -28,7 +27,7 @@ def small_picture(outcome: Outcome, folder: Path, staged: Staging) -> str:
         with Image.open(BytesIO(data)) as image:
             image.thumbnail(SIZE)
             image.convert("RGB").save(stream, "JPEG", quality=85)
-    except (UserError, OSError, ValueError, KeyError, RuntimeError, tarfile.TarError, MemoryError):
+    except (UserError, OSError, ValueError, KeyError, RuntimeError, MemoryError):
         # Whatever it is, the build knows better what to say of it
         return ""
     return f"data:image/jpeg;base64,{b64encode(stream.getvalue()).decode()}"
@@ -41,7 +40,5 @@ def _rejected(outcome: Outcome, folder: Path) -> bytes:
 def _staged(outcome: Outcome, staged: Staging) -> bytes:
     if not staged.here:
         return b""
-    segment = staged.get(outcome.ref.key, outcome.digest).segment
-    with tarfile.open(fileobj=BytesIO(segment + end_blocks(len(segment)))) as archive:
-        member = archive.extractfile(f"{outcome.ref.key}.{PREVIEW}")
-        return member.read() if member else b""
+    segment, preview = staged.get(outcome.ref.key, outcome.digest).segment, f"{outcome.ref.key}.{PREVIEW}"
+    return next((data for name, data in members_of(segment) if name == preview), b"")

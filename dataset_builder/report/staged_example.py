@@ -1,8 +1,6 @@
 """Pages of the examples that `build --example` staged, or refused."""
 
-import tarfile
 from collections.abc import Iterable, Iterator
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +12,7 @@ from dataset_builder.shards import exr
 from dataset_builder.shards.example import LABEL
 from dataset_builder.shards.folder import WORK
 from dataset_builder.shards.label_text import read_label
-from dataset_builder.shards.segment import end_blocks
+from dataset_builder.shards.segment_members import members_of
 from dataset_builder.shards.staging import Staging
 from dataset_builder.spec.resolve import LoadedSpec
 
@@ -44,14 +42,12 @@ def staged_layers(segment: bytes) -> dict[str, Any]:
     """What `Dataset` would give for a staged example, of its bytes in a shard: layers, and the label under `meta`.
     Raises ShardError where they are damaged."""
     found: dict[str, Any] = {}
-    with tarfile.open(fileobj=BytesIO(segment + end_blocks(len(segment)))) as archive:
-        for member in archive:
-            name, data = member.name, archive.extractfile(member)
-            suffix = name.partition(".")[2]
-            if data and suffix == LABEL:
-                found["meta"] = read_label(data.read(), where="staged", name=name)
-            elif data and suffix.endswith(".exr"):
-                found[suffix.removesuffix(".exr")] = exr.decode(data.read(), where=name)
+    for name, data in members_of(segment):
+        suffix = name.partition(".")[2]
+        if suffix == LABEL:
+            found["meta"] = read_label(data, where="staged", name=name)
+        elif suffix.endswith(".exr"):
+            found[suffix.removesuffix(".exr")] = exr.decode(data, where=name)
     return found
 
 

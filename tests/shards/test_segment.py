@@ -6,6 +6,7 @@ import pytest
 from dataset_builder.errors import ShardError
 from dataset_builder.shards.example import Member
 from dataset_builder.shards.segment import BLOCK, end_blocks, header, segment, segment_size
+from dataset_builder.shards.segment_members import members_of
 
 
 def member(name: str, data: bytes) -> Member:
@@ -55,3 +56,10 @@ def test_the_longest_name_and_the_largest_size_fit() -> None:
     assert len(header("00000001." + "x" * 91, 8**11 - 1)) == 512
     with pytest.raises(ShardError, match="bytes, got"):
         header("00000001.json", 8**11)
+
+
+def test_the_files_of_a_segment_come_back_and_damage_is_named() -> None:
+    data = segment(MEMBERS)
+    assert [*members_of(data)] == [(m.name, m.data) for m in MEMBERS]
+    with pytest.raises(ShardError, match="expected the files of an example"):
+        list(members_of(b"\x01" + data[1:]))
