@@ -1,5 +1,6 @@
 """A file of a spec as plain data that remembers the line of every key, and how overrides edit it."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -102,3 +103,13 @@ def validated(document: Document, model: type[AnyModel]) -> AnyModel | list[Prob
         return model.model_validate(document.data, strict=True)
     except ValidationError as error:
         return problems_of(error, model, document.place)
+
+
+def value_at(data: Any, key: str) -> Any:
+    """What plain data holds under a key; None where it is no mapping, or has no such key."""
+    return data.get(key) if isinstance(data, dict) else None
+
+
+def items_of(data: Any) -> Iterator[tuple[int, Any]]:
+    """The items of a list of plain data with their indices; none where it is no list."""
+    return enumerate(data if isinstance(data, tuple) else ())

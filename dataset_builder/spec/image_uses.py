@@ -9,7 +9,8 @@ from typing import Any
 from dataset_builder.digest import sha256_file
 from dataset_builder.errors import Problem
 from dataset_builder.spec.check import files_like
-from dataset_builder.spec.document import Document
+from dataset_builder.spec.document import Document, items_of, value_at
+from dataset_builder.spec.document import Path as KeyPath
 from dataset_builder.spec.file_reference import MOST_BYTES
 from dataset_builder.spec.named_files import key_of
 from dataset_builder.spec.problems import dotted, shown
@@ -18,7 +19,6 @@ ENVIRONMENT_SUFFIXES = (".exr", ".hdr")
 TEXTURE_SUFFIXES = (".exr", ".png")
 SURFACE_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".exr")
 """Files that an environment, the texture of a lamp, and the texture of a room's surface may be."""
-KeyPath = tuple[str | int, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,9 +43,9 @@ def image_uses(document: Document) -> tuple[ImageUse, ...]:
 
 def room_image_uses(document: Document, key: str) -> tuple[ImageUse, ...]:
     """Every place in the room file `key` that names an image."""
-    materials = _at(document.data, "materials")
+    materials = value_at(document.data, "materials")
     named = [(("materials", role, "texture"), name) for role, own in (materials if isinstance(materials, dict) else
-             {}).items() if isinstance(name := _at(own, "texture"), str) and name]
+             {}).items() if isinstance(name := value_at(own, "texture"), str) and name]
     return tuple(ImageUse(name=key_of(name, key), suffixes=SURFACE_SUFFIXES, where=document.place(path),
                           key=dotted(path)) for path, name in named)
 
@@ -83,17 +83,12 @@ def _image_rule(file: Path, name: str, suffixes: tuple[str, ...]) -> tuple[str, 
 def _named(data: Any) -> Iterator[tuple[KeyPath, str, tuple[str, ...]]]:
     """Where plain data of a dataset names an image, its name, and the suffixes that it may have."""
     for part in ("source", "target"):
-        if isinstance(name := _at(_at(data, part), "environment"), str) and name:
+        if isinstance(name := value_at(value_at(data, part), "environment"), str) and name:
             yield (part, "environment"), name, ENVIRONMENT_SUFFIXES
-    textures = _at(_at(data, "target"), "textures")
-    for index, name in enumerate(textures if isinstance(textures, tuple) else ()):
+    target = value_at(data, "target")
+    for index, name in items_of(value_at(target, "textures")):
         if isinstance(name, str):
             yield ("target", "textures", index), name, TEXTURE_SUFFIXES
-    lamps = _at(_at(data, "target"), "lights")
-    for index, lamp in enumerate(lamps if isinstance(lamps, tuple) else ()):
-        if isinstance(name := _at(lamp, "texture"), str) and name:
+    for index, lamp in items_of(value_at(target, "lights")):
+        if isinstance(name := value_at(lamp, "texture"), str) and name:
             yield ("target", "lights", index, "texture"), name, TEXTURE_SUFFIXES
-
-
-def _at(data: Any, key: str) -> Any:
-    return data.get(key) if isinstance(data, dict) else None

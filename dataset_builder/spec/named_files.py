@@ -6,6 +6,7 @@ from typing import Any
 
 from dataset_builder.spec.dataset import ObjectsSpec, ScenesSpec, SplitSpec
 from dataset_builder.spec.document import Path as KeyPath
+from dataset_builder.spec.document import items_of, value_at
 from dataset_builder.spec.file_scene import SceneFileSpec
 from dataset_builder.spec.scene import RoomSpec, SceneSpec
 
@@ -53,25 +54,17 @@ def keyed_split(split: SplitSpec) -> SplitSpec:
 
 def split_references(data: Any) -> Iterator[tuple[KeyPath, str]]:
     """Where a dataset names object and scene files, and their names."""
-    for number, split in _items(_at(data, "splits")):
+    for number, split in items_of(value_at(data, "splits")):
         for kind in ("objects", "scenes"):
-            for index, name in _items(_at(_at(split, kind), "from")):
+            for index, name in items_of(value_at(value_at(split, kind), "from")):
                 if isinstance(name, str):
                     yield ("splits", number, kind, "from", index), name
 
 
 def scene_references(data: Any) -> Iterator[tuple[KeyPath, str]]:
     """Where a scene names its room and object files, and their names."""
-    if isinstance(room := _at(data, "room"), str):
+    if isinstance(room := value_at(data, "room"), str):
         yield ("room",), room
-    for index, piece in _items(_at(data, "furniture")):
-        if isinstance(name := _at(piece, "object"), str):
+    for index, piece in items_of(value_at(data, "furniture")):
+        if isinstance(name := value_at(piece, "object"), str):
             yield ("furniture", index, "object"), name
-
-
-def _at(data: Any, key: str) -> Any:
-    return data.get(key) if isinstance(data, dict) else None
-
-
-def _items(data: Any) -> Iterator[tuple[int, Any]]:
-    return enumerate(data if isinstance(data, tuple) else ())

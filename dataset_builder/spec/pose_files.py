@@ -8,7 +8,7 @@ from typing import Any
 from dataset_builder.digest import sha256_file
 from dataset_builder.errors import Problem
 from dataset_builder.spec.check import files_like
-from dataset_builder.spec.document import Document
+from dataset_builder.spec.document import Document, items_of, value_at
 from dataset_builder.spec.document import Path as KeyPath
 from dataset_builder.spec.problems import shown
 
@@ -68,15 +68,9 @@ def find_poses(document: Document, folder: Path) -> tuple[dict[str, str], list[P
 
 def _named(data: Any) -> Iterator[tuple[KeyPath, str]]:
     """Where plain data of a dataset has a camera with poses from a file, and the name of that."""
-    splits = _at(data, "splits")
     places: list[tuple[KeyPath, Any]] = [((), data)]
-    places += [(("splits", number), split) for number, split in
-               enumerate(splits if isinstance(splits, tuple) else ())]
+    places += [(("splits", number), split) for number, split in items_of(value_at(data, "splits"))]
     for place, holder in places:
-        path = _at(_at(holder, "camera"), "path")
-        if _at(path, "kind") == "poses" and isinstance(name := _at(path, "file"), str) and name:
+        path = value_at(value_at(holder, "camera"), "path")
+        if value_at(path, "kind") == "poses" and isinstance(name := value_at(path, "file"), str) and name:
             yield place, name
-
-
-def _at(data: Any, key: str) -> Any:
-    return data.get(key) if isinstance(data, dict) else None

@@ -23,6 +23,7 @@ from dataset_builder.spec.check import (
 )
 from dataset_builder.spec.dataset import DatasetSpec, SplitSpec
 from dataset_builder.spec.document import AnyModel, Document, validated
+from dataset_builder.spec.document import Path as KeyPath
 from dataset_builder.spec.families import FAMILIES
 from dataset_builder.spec.image_uses import ImageUse, find_images, image_uses, room_image_uses
 from dataset_builder.spec.licences import FREE
@@ -40,9 +41,6 @@ from dataset_builder.spec.pose_files import find_poses
 from dataset_builder.spec.problems import dotted, shown
 from dataset_builder.spec.scene import ObjectSpec, RoomSpec, SceneSpec
 from dataset_builder.spec.scene_files import find_scene
-
-KeyPath = tuple[str | int, ...]
-
 
 SAID = ("version", "title", "description", "licence", "splits")
 """Keys of a dataset that no example depends on, but for the splits of its own."""

@@ -69,6 +69,8 @@ class MaterialSpec(SurfaceSpec):
 
 
 RoomRole = Literal["wall", "floor", "ceiling", "trim"]
+"""Parts of a room that a material of its own may have."""
+
 
 class RoomMaterialSpec(SurfaceSpec):
     """What a part of a room is finished with: a texture, a family of finishes, or a plain colour; further fields change

@@ -1,5 +1,5 @@
-"""Contents of a split: its objects and its scenes, with every parameter drawn; no two splits share one
-unless they say so."""
+"""Contents of a split: its objects and its scenes, with every parameter drawn; no two splits share one unless
+they say so."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass

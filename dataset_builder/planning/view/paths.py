@@ -9,7 +9,8 @@ from dataset_builder.planning.view.turntable import plan_turntable
 from dataset_builder.planning.view.view_path import ViewPath
 from dataset_builder.seeding import rng
 from dataset_builder.spec.camera_path import OrbitSpec, SplineSpec, TurntableSpec
-from dataset_builder.spec.resolve import KeyPath, LoadedSpec
+from dataset_builder.spec.document import Path as KeyPath
+from dataset_builder.spec.resolve import LoadedSpec
 
 
 def plan_path(loaded: LoadedSpec, pair: PairRef, arrangement: Arrangement, where: str) -> ViewPath:

@@ -18,9 +18,10 @@ from dataset_builder.planning.scene.assets_of_plan import turned_up
 from dataset_builder.planning.view.spline import level_with, placed_at
 from dataset_builder.planning.view.view_path import PathFrame, ViewPath
 from dataset_builder.spec.camera_path import PosesSpec
+from dataset_builder.spec.document import Path as KeyPath
 from dataset_builder.spec.pose_files import pose_files
 from dataset_builder.spec.render import ImageSpec
-from dataset_builder.spec.resolve import KeyPath, LoadedSpec
+from dataset_builder.spec.resolve import LoadedSpec
 from dataset_builder.spread import spread_indices
 
 STRAY = 1e-3
@@ -140,4 +141,3 @@ def _lens_notes(shots: Sequence[CaptureShot], path: PosesSpec, image: ImageSpec)
     if any(abs(aspect - image.height / image.width) > ASPECT for aspect in aspects):
         said.append("its images have another aspect: the horizontal field of view is kept")
     return said
-
