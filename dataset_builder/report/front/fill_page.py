@@ -15,7 +15,7 @@ HERE = Path(__file__).parent
 def fill(template: str, *, scripts: Sequence[str] = (), styles: Sequence[str] = (), **values: Any) -> str:
     """The page that a template of `templates/` gives; what `values` hold is escaped.
 
-    scripts, styles: files of this folder, such as `vendor/vue.global.prod.js`, which the template finds as text in the
+    scripts, styles: files of this folder, such as `vendor/vue.js`, which the template finds as text in the
     lists `scripts` and `styles`.
     """
     texts = {name: [(HERE / file).read_text(encoding="utf-8") for file in files]

@@ -41,8 +41,8 @@ class LightShape:
 
     @property
     def name(self) -> str:
-        """`target 0: spot`."""
-        return f"{self.of} {self.number}: {self.light.kind}"
+        """`target 0: spot`; of a light that has a name, `target key: spot`."""
+        return f"{self.of} {self.light.name or self.number}: {self.light.kind}"
 
     @property
     def outside(self) -> bool:

@@ -6,14 +6,14 @@ if TYPE_CHECKING:
     from pyvista import Plotter
 
 
-def plotter(width: int, height: int, shape: tuple[int, int] = (1, 1)) -> "Plotter":
-    """A PyVista plotter that draws into memory, white, with `shape` panels. Close it."""
+def plotter(width: int, height: int) -> "Plotter":
+    """A PyVista plotter that draws into memory, white, so many pixels large. Close it."""
     from vtkmodules.vtkCommonCore import vtkLogger
 
     # It says that there is no display before it does without
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
     import pyvista
 
-    made = pyvista.Plotter(off_screen=True, window_size=[width, height], shape=shape, border=False)
+    made = pyvista.Plotter(off_screen=True, window_size=[width, height], border=False)
     made.set_background("white")
     return made

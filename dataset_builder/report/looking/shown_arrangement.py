@@ -42,7 +42,7 @@ class ShownArrangement:
         """What the example is of."""
         return self.things[0]
 
-    @property
+    @cached_property
     def centre(self) -> np.ndarray:
         """(3,) middle of the target's box."""
         return np.asarray(self.target.box.mean(axis=0))

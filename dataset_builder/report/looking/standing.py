@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -41,7 +42,7 @@ class StandingThing:
     yaw: float | None = None
     """Degrees that it is turned about +Z; None for what no plan has turned."""
 
-    @property
+    @cached_property
     def box(self) -> np.ndarray:
         """(2, 3) low and high corner."""
         used = self.positions[np.unique(self.faces)]

@@ -33,6 +33,13 @@ def test_every_kind_is_drawn(kind: LightName) -> None:
         np.testing.assert_allclose(shape.at, AT)
 
 
+def test_lights_are_called_by_their_names_or_else_by_their_places() -> None:
+    plain = drawn("spot").light
+    lights = (plain, plain.model_copy(update={"name": "key"}))
+    shapes = light_shapes(IlluminationPlan(lights=lights, open=()), "target", STAGE)
+    assert [shape.name for shape in shapes] == ["target 0: spot", "target key: spot"]
+
+
 def area_of(shape: LightShape) -> float:
     """Of its faces, square metres."""
     a, b, c = (shape.positions[shape.faces[:, k]] for k in range(3))
