@@ -8,7 +8,7 @@ from PIL import Image
 
 from dataset_builder.layers import LAYERS, RADIANCE
 from dataset_builder.report.dataset_summary import cell_pixels
-from dataset_builder.report.gallery.example_payload import look
+from dataset_builder.report.gallery.example_payload import look, relative_errors
 from dataset_builder.report.picture_tiles import SPACE, ColourBar, Tile, coloured, colours_of, tiled
 from dataset_builder.tonemap import exposure
 
@@ -27,24 +27,29 @@ def layer_tiles(example: Mapping[str, Any], title: Sequence[str]) -> Image.Image
 
     Light has one exposure and the sRGB curve; standard errors and lengths are in false colour, each with its bar.
     """
-    images = {name: np.nan_to_num(example[name]) for name in LAYERS if name in example}
-    factor = exposure(image for name, image in images.items() if look(name) == "light")
-    record = example.get("meta", {}).get("record", {})
-    errors = {layer["name"]: layer["relative_error"] for layer in record.get("layers", ())}
+    images = {name: example[name] for name in LAYERS if name in example}
+    factor = exposure(np.nan_to_num(image) for name, image in images.items() if look(name) == "light")
+    errors = relative_errors(example.get("meta", {}))
     width = next(iter(images.values())).shape[1]
     times = max(1, SMALL // width)
     columns = max(1, (WIDEST + SPACE) // (times * width + SPACE))
-    tiles = [_tile(name, image, factor, errors.get(name), times) for name, image in images.items()]
+    tiles = [layer_tile(name, image, factor, errors.get(name), times) for name, image in images.items()]
     rows = [tiles[start:start + columns] for start in range(0, len(tiles), columns)]
     zoom = f"; every pixel {times} times as large" if times > 1 else ""
     return tiled([*title, f"light at exposure {factor:.4g}, sRGB{zoom}"], rows)
 
 
-def _tile(name: str, image: np.ndarray, factor: float, error: float | None, times: int) -> Tile:
+def layer_tile(name: str, image: np.ndarray, factor: float, error: float | None, times: int) -> Tile:
+    """One layer. image: (H, W, C); factor: the exposure of light; error: its relative error, if known; times: how many
+    times as large every pixel is."""
     layer, kind = LAYERS[name], look(name)
     unit = UNITS.get(layer.unit, layer.unit)
-    lines = [] if kind in ("number", "direction") else [
-        f"{image.min():.4g} to {image.max():.4g} {unit}".rstrip() + f", mean {image.mean():.4g}"]
+    finite = image[np.isfinite(image)]
+    lines = [] if kind in ("number", "direction") or not finite.size else [
+        f"{finite.min():.4g} to {finite.max():.4g} {unit}".rstrip() + f", mean {finite.mean():.4g}"]
+    if broken := image.size - finite.size:
+        lines.append(f"{broken} values are infinite or no number")
+    image = np.nan_to_num(image)
     if error is not None:
         lines.append(f"relative error {error:.2%}")
     if kind == "light" and (below := int(np.count_nonzero(image < 0))):

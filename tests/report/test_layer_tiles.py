@@ -5,7 +5,7 @@ import numpy as np
 from dataset_builder.layers import LAYERS
 from dataset_builder.report.dataset_summary import cell_pixels
 from dataset_builder.report.example_sheet import MARGIN
-from dataset_builder.report.layer_tiles import SMALL, layer_tiles
+from dataset_builder.report.layer_tiles import SMALL, layer_tile, layer_tiles
 from dataset_builder.report.picture_tiles import SPACE, colours_of
 from dataset_builder.seeding import rng
 from dataset_builder.tonemap import exposure, to_8bit
@@ -59,6 +59,12 @@ def test_large_layers_stay_as_they_are_and_fewer_stand_beside_each_other() -> No
     covered = (page == grey).all(axis=2).sum(axis=1)
     assert page.shape[1] == 2 * 700 + SPACE + 2 * MARGIN
     assert np.count_nonzero(covered >= 1400) == 20 and np.count_nonzero(covered >= 700) == 40
+
+
+def test_what_is_not_finite_is_told_and_counts_for_no_range() -> None:
+    image = np.array([[[1.0], [np.nan]], [[np.inf], [3.0]]])
+    lines = layer_tile("mask", image, 1.0, None, 1).lines
+    assert lines == ["1 to 3, mean 2", "2 values are infinite or no number"]
 
 
 def test_what_is_not_finite_or_empty_is_drawn() -> None:

@@ -29,12 +29,12 @@ def example_payload(example: Mapping[str, Any], *, key: str = "", title: str = "
     floats, rounded to the nearest; `cut` counts values beyond 65504, which are stored as that. note: shown beside the
     title. Raises KeyError where a layer is not in the table.
     """
+    errors = relative_errors(example.get("meta", {}))
     label = _plain(example.get("meta", {}))
     images = {name: pixels for name, pixels in example.items() if name != "meta"}
     order = {name: place for place, name in enumerate(LAYERS)}
     height, width = next(iter(images.values())).shape[:2]
     record = label.get("record", {})
-    errors = {layer["name"]: layer["relative_error"] for layer in record.get("layers", ())}
     denoised = {layer["layer"]: trust(layer) for layer in record.get("denoised", ())}
     planned = label.get("plan", {}).get("render", {}).get("denoise", ())
     layers = [{**layer_facts(name), "error": errors.get(name), **half_floats(images[name]),
@@ -59,6 +59,12 @@ def look(name: str) -> str:
         return "error"
     by_unit = {"m": "length", "id": "number", RADIANCE: "light"}.get(layer.unit)
     return by_unit or ("direction" if layer.low < 0 else "share")
+
+
+def relative_errors(label: Mapping[str, Any]) -> dict[str, float]:
+    """Relative error of each layer that has a finite one, from the record of a label as JSON, which may lack."""
+    return {layer["name"]: layer["relative_error"] for layer in label.get("record", {}).get("layers", ())
+            if math.isfinite(layer["relative_error"])}
 
 
 def half_floats(pixels: np.ndarray) -> dict[str, Any]:

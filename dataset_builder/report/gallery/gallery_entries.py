@@ -5,7 +5,6 @@ import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from io import BytesIO
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ import numpy as np
 from dataset_builder.engine.rejected_pixels import pixels_of
 from dataset_builder.errors import Problem, ShardError
 from dataset_builder.remote.open_place import place_of
-from dataset_builder.report.gallery.example_payload import layer_facts, look, trust
+from dataset_builder.report.gallery.example_payload import layer_facts, look, relative_errors, trust
 from dataset_builder.shards.folder import MOST_BYTES, SECONDS
 from dataset_builder.shards.manifest import Manifest, Rejected
 from dataset_builder.shards.reader import Dataset
@@ -56,8 +55,7 @@ def entry(label: Mapping[str, Any], layers: Sequence[str], seconds: float | None
         "light": plan["light"], "lights": " + ".join(light["kind"] for light in plan["target_light"]["lights"]),
         "level": rough["level"], "level_name": rough.get("name") or f"level {rough['level']}",
         "noise": record["roughness_rms"], "sigma": rough["sigma"], "seconds": seconds,
-        "errors": {found["name"]: found["relative_error"] for found in record["layers"]
-                   if found["name"] in layers and isfinite(found["relative_error"])},
+        "errors": {name: error for name, error in relative_errors(label).items() if name in layers},
         "thumb": thumb,
     }
 
