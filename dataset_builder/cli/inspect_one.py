@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from dataset_builder.cli import common
-from dataset_builder.errors import UserError
+from dataset_builder.errors import UserError, count_of
 
 
 def add_one(inspect: argparse.ArgumentParser) -> None:
@@ -40,7 +40,6 @@ def inspect_one(options: argparse.Namespace) -> bool:
         meshes = view_meshes(options.folder, options.mesh, options.meshes or Path(), fields)
         target = (options.out or previews_of(options.folder)) / f"{meshes.own.key}-mesh.png"
         write_mesh_sheet(meshes, target)
-        count = len(meshes.levels)
-        for line in [*meshes.missing, f"picture of {count} noise level{'s' * (count > 1)}: {target}"]:
+        for line in [*meshes.missing, f"picture of {count_of(len(meshes.levels), 'noise level')}: {target}"]:
             common.plain_console().print(line, highlight=False, soft_wrap=True)
     return bool(options.example or options.mesh)

@@ -80,9 +80,9 @@ def finish(tasks: Sequence[ShardTask], folder: Path, planner: Planner, progress:
                              rejected=progress.rejected.values(), spec_digest=loaded.spec_digest,
                              generator=f"dataset-builder {__version__}", denoised=denoised,
                              parts=object_sources(loaded, planner.contents),
-                             fields=field_summaries(labels_of(folder, shards, _one_of_each(planner, progress))))
-    manifest = with_shards(manifest, shards).model_copy(update={
-        "in_common": shared_contents(loaded, planner.contents)})
+                             fields=field_summaries(labels_of(folder, shards, _one_of_each(planner, progress))),
+                             in_common=shared_contents(loaded, planner.contents))
+    manifest = with_shards(manifest, shards)
     publish_dataset(folder, manifest, again)
     return manifest
 

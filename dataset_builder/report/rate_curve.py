@@ -11,7 +11,7 @@ WIDTH, HEIGHT, MOST = 600, 90, 60
 
 
 def rate_curve(points: Sequence[tuple[float, int]]) -> dict[str, str]:
-    """Outline of the rate over stretches of equal length, as SVG's `points` in a box of `WIDTH` by `HEIGHT`, with what
+    """Outline of the rate over stretches of equal length, as SVG's `points` in the `viewBox` `box`, with what
     its top and its right end mean; empty where too little is known. points: seconds, and examples until then."""
     times, done = np.array(points, dtype=np.float64).T
     count = min(MOST, len(times) // 2)
@@ -26,4 +26,4 @@ def rate_curve(points: Sequence[tuple[float, int]]) -> dict[str, str]:
     outline = [(x, HEIGHT * (1 - rate / top)) for begin, end, rate in zip(across, across[1:], rates, strict=False)
                for x in (begin, end)]
     return {"outline": " ".join(f"{x:.1f},{y:.1f}" for x, y in [(0, HEIGHT), *outline, (WIDTH, HEIGHT)]),
-            "top": f"{top * 60:.3g}/min", "end": duration(float(times[-1]))}
+            "box": f"0 0 {WIDTH} {HEIGHT}", "top": f"{top * 60:.3g}/min", "end": duration(float(times[-1]))}

@@ -173,7 +173,8 @@ def shard_slot(spec: DatasetSpec, split: str, number: int) -> str:
 def make_manifest(spec: DatasetSpec, *, layers: Mapping[str, Extent], shards: Sequence[ShardIndex],
                   rejected: Iterable[Rejected], spec_digest: str, generator: str, creator: str = "dataset-builder",
                   url: str = "", date_published: str = LAYOUT_DATE, denoised: Iterable[Denoised] = (),
-                  parts: Iterable[ObjectSource] = (), fields: Iterable[FieldSummary] = ()) -> Manifest:
+                  parts: Iterable[ObjectSource] = (), fields: Iterable[FieldSummary] = (),
+                  in_common: Iterable[SharedContent] = ()) -> Manifest:
     """The manifest of a dataset whose examples hold `layers` (name -> extent) and lie in `shards`, in that order."""
     fields = tuple(fields)
     seen = any("i_s" in summary.gives for summary in fields)
@@ -188,7 +189,7 @@ def make_manifest(spec: DatasetSpec, *, layers: Mapping[str, Extent], shards: Se
         identities=identity_records(spec.storage.dtype, seen),
         splits=tuple(SplitRecord(name=split.name, examples=0, shards=()) for split in spec.splits), shards=(),
         totals=Totals(examples=0, shards=0, bytes=0, rejected=len(refused)), rejected=refused,
-        parts=tuple(parts), fields=fields,
+        parts=tuple(parts), fields=fields, in_common=tuple(in_common),
     )
     return with_shards(empty, [index.shard for index in shards])
 

@@ -96,9 +96,9 @@ def room_shell(plan: RoomPlan, mesh_root: Path = Path()) -> dict[str, Asset]:
 
     Raises PlanError where one of them is not the one that was planned.
     """
-    own = {"finish": partial(finished, plan, mesh_root)} if plan.materials else {}
     return make_room(width=plan.width, depth=plan.depth, height=plan.height, ceiling=plan.ceiling, windows=plan.windows,
-                     skirting=plan.skirting, seed=int(plan.seed), **own)
+                     skirting=plan.skirting, seed=int(plan.seed),
+                     finish=partial(finished, plan, mesh_root) if plan.materials else None)
 
 
 def world_from_object(placed: PlacedObject) -> np.ndarray:

@@ -8,12 +8,6 @@ const Arrangement = (() => {
   });
   const point = (values, at = 0) => new THREE.Vector3(values[at], values[at + 1], values[at + 2]);
 
-  async function inflated(text) {
-    const bytes = Uint8Array.from(atob(text), (character) => character.charCodeAt(0));
-    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
-    return new Response(stream).arrayBuffer();
-  }
-
   // The opaque or the clear triangles of a thing, three corners each.
   function geometry(thing, buffer, clear) {
     const count = thing.triangles, faces = new Uint32Array(buffer, 0, 3 * count);
@@ -83,7 +77,7 @@ const Arrangement = (() => {
 
     async load() {
       for (const thing of this.data.things) {
-        const buffer = await inflated(thing.data);
+        const buffer = await Layers.inflated(thing.data);
         for (const clear of [0, 1]) {
           const made = geometry(thing, buffer, clear);
           if (!made) continue;

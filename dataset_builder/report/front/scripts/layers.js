@@ -31,13 +31,18 @@ const Layers = (() => {
     return (OPAQUE | (blue << 16) | (green << 8) | red) >>> 0;
   }
 
-  // Codes (C, H, W) of base64 text of zlib-compressed half floats; throws where their number is another.
-  async function decode(text, count) {
+  // Bytes of base64 text of a zlib stream.
+  async function inflated(text) {
     const binary = atob(text);
     const bytes = new Uint8Array(binary.length);
     for (let at = 0; at < bytes.length; at++) bytes[at] = binary.charCodeAt(at);
     const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
-    const codes = new Uint16Array(await new Response(stream).arrayBuffer());
+    return new Response(stream).arrayBuffer();
+  }
+
+  // Codes (C, H, W) of base64 text of zlib-compressed half floats; throws where their number is another.
+  async function decode(text, count) {
+    const codes = new Uint16Array(await inflated(text));
     if (codes.length !== count) throw new Error(`expected ${count} values, got ${codes.length}`);
     return codes;
   }
@@ -187,6 +192,6 @@ const Layers = (() => {
     return told;
   }
 
-  return { VALUES, MAPS, decode, decodeAll, exposure, toneTable, colourTable, nearestCode, mapColour, percentile, scale,
+  return { VALUES, MAPS, inflated, decode, decodeAll, exposure, toneTable, colourTable, nearestCode, mapColour, percentile, scale,
     paint, valuesAt, remarks };
 })();
