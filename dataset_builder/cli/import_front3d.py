@@ -79,7 +79,8 @@ def _share(text: str) -> float:
 
 def _import(options: argparse.Namespace) -> int:
     from dataset_builder.importing.front3d_import import SHEET, Front3dJob, import_front3d
-    from dataset_builder.report.front3d_report import fault_table, front3d_lines, usable_table, watched
+    from dataset_builder.report.front3d_report import fault_table, front3d_lines, usable_table
+    from dataset_builder.report.progress_bar import with_bar
 
     console = common.wide_console()
     job = Front3dJob(folder=options.folder, out=options.out, licence=options.licence.strip(), models=options.models,
@@ -93,7 +94,7 @@ def _import(options: argparse.Namespace) -> int:
 
     def watch(files: "Iterable[IndexedFile]", count: int) -> "Iterator[IndexedFile]":
         start = monotonic()
-        yield from watched(files, count)
+        yield from with_bar("reading scenes", files, count)
         took.append(monotonic() - start)
 
     done = import_front3d(job, watch=watch, picture=None if options.no_sheet else picture)

@@ -3,6 +3,7 @@
 import argparse
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,7 +32,8 @@ def add(verbs: common.Verbs) -> None:
 
 def _import(options: argparse.Namespace) -> int:
     from dataset_builder.importing.import_specs import SHEET, ImportJob, import_models
-    from dataset_builder.report.model_sheet import model_lines, model_table, watched
+    from dataset_builder.report.model_sheet import model_lines, model_table
+    from dataset_builder.report.progress_bar import with_bar
 
     console = common.wide_console()
     first = options.paths[0].resolve()
@@ -43,7 +45,7 @@ def _import(options: argparse.Namespace) -> int:
         print(f"drawing {len(proposals)} models from two sides", file=sys.stderr, flush=True)
         return _sheet(dataset, proposals, target, options.backend)
 
-    done = import_models(job, ask=input if sys.stdin.isatty() else None, watch=watched,
+    done = import_models(job, ask=input if sys.stdin.isatty() else None, watch=partial(with_bar, "reading models"),
                          picture=None if options.no_sheet else picture)
     proposals = done.proposals
     console.print(model_table(proposals.made))

@@ -1,13 +1,14 @@
 """The verbs that look at a machine, at a finished dataset and at what specs may contain, and the release gate."""
 
 import argparse
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dataset_builder.api import DATASETS
 from dataset_builder.cli import common
 from dataset_builder.cli.inspect_one import add_one, inspect_one
-from dataset_builder.errors import UserError
+from dataset_builder.errors import UserError, count_of
 from dataset_builder.remote.address import shown, title_of
 
 if TYPE_CHECKING:
@@ -107,12 +108,14 @@ def _require_together(options: argparse.Namespace) -> None:
 
 
 def _gallery(options: argparse.Namespace) -> int:
-    from dataset_builder.report.gallery.write_gallery import GalleryJob, watched, write_gallery
+    from dataset_builder.files import size_text
+    from dataset_builder.report.gallery.write_gallery import GalleryJob, write_gallery
+    from dataset_builder.report.progress_bar import with_bar
 
     job = GalleryJob(dataset=options.folder, out=options.html, count=options.count,
                      splits=common.names(options.splits), layers=common.names(options.layers))
-    done = write_gallery(job, watched)
-    print(f"gallery: {done.page}, {done.examples:,} examples, {done.bytes:,} bytes")
+    done = write_gallery(job, partial(with_bar, "examples"))
+    print(f"gallery: {done.page}, {count_of(done.examples, 'example')}, {size_text(done.bytes)}")
     return 0
 
 

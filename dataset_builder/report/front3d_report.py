@@ -1,28 +1,18 @@
 """What `import front3d` found: how much of a folder can be used, what is wrong with it, and what is proposed."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 
-from rich.console import Console
-from rich.progress import track
 from rich.table import Table
 
 from dataset_builder.files import size_text
 from dataset_builder.importing.front3d_import import Front3dImported, fault_counts
 from dataset_builder.importing.front3d_split import PAPER, SplitChoice, SplitProposal
-from dataset_builder.importing.index_folder import IndexedFile
 from dataset_builder.importing.scene_index import SceneIndex
 from dataset_builder.report.console import cell
 
 SHOWN = 5
 """Files that are named of those that cannot be read; the tables name all."""
-
-
-def watched(files: Iterable[IndexedFile], count: int) -> Iterator[IndexedFile]:
-    """Files one by one, while a progress bar on the terminal shows how many are read."""
-    console = Console(stderr=True)
-    yield from track(files, description="reading scenes", total=count, console=console, transient=True,
-                     disable=not console.is_terminal)
 
 
 def usable_table(done: Front3dImported) -> Table:

@@ -1,19 +1,17 @@
 """What `import` found: a row of the terminal's table for each model, and a picture of all of them to look at."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from math import ceil
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
-from rich.console import Console
-from rich.progress import track
 from rich.table import Table
 
 from dataset_builder.api import render_example
 from dataset_builder.errors import PlanError, UserError
 from dataset_builder.files import write_atomic
-from dataset_builder.importing.find_models import FoundModel, PassedOver
+from dataset_builder.importing.find_models import PassedOver
 from dataset_builder.importing.proposal import Proposal
 from dataset_builder.planning.plan import Planner
 from dataset_builder.report.console import cell
@@ -60,13 +58,6 @@ def _shared(verb: str, told: Iterable[tuple[str, str]]) -> list[str]:
         if text:
             names.setdefault(text, []).append(name)
     return [f"{verb} {', '.join(of)}: {text}" for text, of in names.items()]
-
-
-def watched(models: Sequence[FoundModel]) -> Iterator[FoundModel]:
-    """Models one by one, while a progress bar on the terminal shows how many are read."""
-    console = Console(stderr=True)
-    yield from track(models, description="reading models", console=console, transient=True,
-                     disable=not console.is_terminal)
 
 
 def write_model_sheet(dataset: Path, proposals: Sequence[Proposal], target: Path, *, backend: str = "auto") -> None:

@@ -9,8 +9,8 @@ from tempfile import TemporaryFile
 from typing import BinaryIO
 
 from dataset_builder.digest import CHUNK_BYTES
-from dataset_builder.errors import OutputError, Problem, UserError
-from dataset_builder.files import commit, output_errors, require_space, require_writable, write_partial
+from dataset_builder.errors import OutputError, Problem, UserError, count_of
+from dataset_builder.files import commit, output_errors, require_space, require_writable, size_text, write_partial
 from dataset_builder.report.front.fill_page import script_json
 from dataset_builder.report.front.pages import gallery_page
 from dataset_builder.report.gallery.example_payload import Payload, example_payload
@@ -28,8 +28,7 @@ from dataset_builder.report.gallery.gallery_folder import EXAMPLES, PAGE, THUMBS
 from dataset_builder.report.gallery.shown_examples import Keys, chosen, estimated_bytes
 from dataset_builder.shards.reader import Dataset, open_dataset
 
-MIB = 2**20
-MOST = 300 * MIB
+MOST = 300 * 2**20
 """Bytes of a page with everything inside; browsers become slow, and then refuse."""
 HERE = "<!--payloads-->"
 """Where a page has its payloads, once they are there."""
@@ -96,15 +95,6 @@ def write_gallery(job: GalleryJob, follow: Follow = list) -> GalleryDone:
 
     written = (_in_a_file if job.inside else _in_a_folder)(job.out, page)
     return GalleryDone(job.out if job.inside else job.out / PAGE, len(keys), written)
-
-
-def watched(keys: Sequence[str]) -> Iterator[str]:
-    """Keys one by one, while a bar on the terminal shows how many are done."""
-    from rich.console import Console
-    from rich.progress import track
-
-    console = Console(stderr=True)
-    yield from track(keys, description="examples", console=console, transient=True, disable=not console.is_terminal)
 
 
 def _in_a_folder(out: Path, page: Callable[[Keep, str], str]) -> int:
@@ -176,8 +166,8 @@ def _require_outside(job: GalleryJob) -> None:
 
 def _too_large(job: GalleryJob, dataset: Dataset, splits: Keys, size: int) -> UserError:
     count = sum(map(len, splits.values()))
-    rule = (f"expected a file of at most {MOST / MIB:,.0f} MiB, got about {size / MIB:,.0f} MiB: {count:,} examples "
-            f"with {len(dataset.layers)} layers")
+    rule = (f"expected a file of at most {size_text(MOST)}, got about {size_text(size)}: {count:,} examples with "
+            f"{count_of(len(dataset.layers), 'layer')}")
     hint = (f"say --count {max(1, count * MOST // size)}, --layers {','.join(dataset.layers[:2])} or --split "
             f"{next(iter(splits))}, or name a folder, which may be of any size")
     return UserError([Problem(where=str(job.out), path="", rule=rule, hint=hint)])
