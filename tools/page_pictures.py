@@ -1,7 +1,7 @@
 """Photograph pages for the documentation: `python tools/page_pictures.py DATASET SPEC [FOLDER]`, half a minute.
 
-Needs Chromium and the extra `test`. Writes `gallery.png`, the dataset's gallery, and `view.png`, example 0 of the spec as
-`dataset-builder view` draws it, with 256 colours each.
+Needs Chromium and the extra `test`. Writes `gallery.png`, the dataset's gallery, and `view.png`, example 0 of the spec
+as `dataset-builder view` draws it, with 256 colours each.
 """
 
 import sys
