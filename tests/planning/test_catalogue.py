@@ -1,5 +1,5 @@
 from collections import Counter
-from time import perf_counter
+from time import process_time
 from typing import Any
 
 from hypothesis import given, settings
@@ -61,6 +61,6 @@ def test_twelve_thousand_examples_take_less_than_half_a_second(dataset_data: dic
     dataset_data["splits"][0] |= {"objects": {"from": ["o"], "count": 30}, "scenes": {"from": ["s"], "count": 50},
                                   "views": 4, "lights": 1}
     spec = DatasetSpec.model_validate(dataset_data)
-    start = perf_counter()
+    start = process_time()
     assert len(examples(spec)) > 12_000
-    assert perf_counter() - start < 0.5
+    assert process_time() - start < 0.5
