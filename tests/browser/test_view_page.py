@@ -18,10 +18,8 @@ from tests.browser.made_up import HOSTILE
 from tests.small_specs import write_spec
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
+    from playwright.sync_api import Page
 
-NOISE = "GL Driver Message"
-"""What Chromium without a GPU says of itself whenever WebGL is shown."""
 VIEWER = "(() => { const at = arrangementScene.viewer.position; return [at.x, at.y, at.z]; })()"
 DARK = """(() => { const canvas = document.querySelector(".stage canvas"), scene = arrangementScene;
 scene.draw(); const copy = document.createElement("canvas"); copy.width = canvas.width; copy.height = canvas.height;
@@ -29,21 +27,6 @@ const to = copy.getContext("2d"); to.drawImage(canvas, 0, 0);
 const bytes = to.getImageData(0, 0, copy.width, copy.height).data;
 let count = 0; for (let at = 0; at < bytes.length; at += 4) count += bytes[at + 2] < 240; return count; })()"""
 """Pixels that something is drawn on."""
-
-
-@pytest.fixture
-def quiet(browser: "Browser") -> "Page":
-    """A page that must neither fail nor complain."""
-    faults: list[str] = []
-    with browser.new_context(viewport={"width": 1280, "height": 900}) as context:
-        opened = context.new_page()
-        opened.set_default_timeout(30000)
-        opened.on("pageerror", lambda error: faults.append(str(error)))
-        opened.on("console", lambda line: faults.append(line.text) if line.type in ("error", "warning")
-                  and NOISE not in line.text else None)
-        opened.on("dialog", lambda dialog: (faults.append(f"dialog: {dialog.message}"), dialog.dismiss()))
-        yield opened
-    assert faults == []
 
 
 @pytest.fixture(scope="module")
@@ -55,15 +38,14 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "out"
 
 
-def opened(page: "Page", file: Path) -> "Page":
-    """The page once all of it is drawn."""
+def opened(page: "Page", file: Path) -> None:
+    """Open a page, and wait until all of it is drawn."""
     page.goto(file.as_uri())
     page.wait_for_selector(".stage[data-ready=yes]")
-    return page
 
 
-def test_an_arrangement_turns_toggles_and_tells(quiet: "Page", written: Path, tmp_path: Path) -> None:
-    page = opened(quiet, written / "view.html")
+def test_an_arrangement_turns_toggles_and_tells(page: "Page", written: Path, tmp_path: Path) -> None:
+    opened(page, written / "view.html")
     assert page.locator("h1").inner_text() == "small: example 2"
     everything, start = page.evaluate(DARK), page.evaluate(VIEWER)
     assert everything > 10000
@@ -92,8 +74,8 @@ def test_an_arrangement_turns_toggles_and_tells(quiet: "Page", written: Path, tm
     page.screenshot(path=tmp_path / "turned.png")
 
 
-def test_through_the_camera_the_target_is_where_the_pinhole_has_it(quiet: "Page", written: Path) -> None:
-    page = opened(quiet, written / "view.html")
+def test_through_the_camera_the_target_is_where_the_pinhole_has_it(page: "Page", written: Path) -> None:
+    opened(page, written / "view.html")
     page.get_by_role("button", name="Through the camera").click()
     frame, stage = (page.locator(each).bounding_box() for each in (".picture-frame", ".stage canvas"))
     assert frame is not None
@@ -112,7 +94,7 @@ def test_through_the_camera_the_target_is_where_the_pinhole_has_it(quiet: "Page"
     np.testing.assert_allclose(before, view["plan"]["camera"]["position"], atol=1e-4)
 
 
-def test_names_are_no_html_and_a_preview_says_what_it_is(quiet: "Page", tmp_path: Path) -> None:
+def test_names_are_no_html_and_a_preview_says_what_it_is(page: "Page", tmp_path: Path) -> None:
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
     thing = StandingThing(name=HOSTILE, part="target", category=HOSTILE, positions=corners,
                           faces=np.array([[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]),
@@ -121,7 +103,7 @@ def test_names_are_no_html_and_a_preview_says_what_it_is(quiet: "Page", tmp_path
                              roof=np.inf)
     (tmp_path / "view.html").write_text(
         arrangement_page(shown, HOSTILE, None, QuickRender(missing=HOSTILE), [HOSTILE]), encoding="utf-8")
-    page = opened(quiet, tmp_path / "view.html")
+    opened(page, tmp_path / "view.html")
     assert page.locator("img").count() == 0
     assert page.locator("h1").inner_text() == HOSTILE
     assert HOSTILE in page.locator(".name-tag").first.inner_text()
@@ -129,7 +111,7 @@ def test_names_are_no_html_and_a_preview_says_what_it_is(quiet: "Page", tmp_path
     assert page.get_by_role("button", name="Through the camera").count() == 0
 
 
-def test_three_hundred_thousand_triangles_open(quiet: "Page", tmp_path: Path) -> None:
+def test_three_hundred_thousand_triangles_open(page: "Page", tmp_path: Path) -> None:
     side = 388
     x, y = (axis.ravel() for axis in np.mgrid[0:side, 0:side] / side * 4.0)
     corner = (np.arange(side - 1)[:, None] * side + np.arange(side - 1)).ravel()
@@ -141,7 +123,7 @@ def test_three_hundred_thousand_triangles_open(quiet: "Page", tmp_path: Path) ->
     shown = ShownArrangement(key="", things=(hill,), lights=(), camera=None, roof=np.inf)
     text = arrangement_page(shown, "hill", None, QuickRender())
     (tmp_path / "view.html").write_text(text, encoding="utf-8")
-    page = opened(quiet, tmp_path / "view.html")
+    opened(page, tmp_path / "view.html")
     assert "299,538 triangles" in page.locator(".head").inner_text()
     assert page.evaluate(DARK) > 10000
     assert page.evaluate("arrangementScene.renderer.info.render.triangles") == len(faces)
