@@ -20,7 +20,7 @@ from dataset_builder.tonemap import exposure, to_8bit
 
 WIDTH, HEIGHT, CELL, EDGE, LINE = 960, 720, 400, 12, 26
 """Pixels of the view from above, of a picture of the preview, and about them."""
-SCRIPTS = ("vendor/three.js", *VIEWER, "scripts/arrangement.js", "scripts/view_page.js")
+SCRIPTS = ("vendor/three.js", *VIEWER, "scripts/name_tags.js", "scripts/arrangement.js", "scripts/view_page.js")
 
 
 def arrangement_panels(shown: ShownArrangement) -> dict[str, np.ndarray]:

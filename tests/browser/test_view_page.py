@@ -15,7 +15,7 @@ from dataset_builder.report.looking.shown_arrangement import ShownArrangement
 from dataset_builder.report.looking.standing import StandingThing
 from dataset_builder.report.quick_render import QuickRender
 from tests.browser.made_up import HOSTILE
-from tests.small_specs import write_spec
+from tests.small_specs import FILES, write_spec
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -92,6 +92,65 @@ def test_through_the_camera_the_target_is_where_the_pinhole_has_it(page: "Page",
     np.testing.assert_allclose(found, expected, atol=0.15)
     before = page.evaluate(VIEWER)
     np.testing.assert_allclose(before, view["plan"]["camera"]["position"], atol=1e-4)
+
+
+SMALL = {"small.yaml": FILES["small.yaml"].replace("[objects/ottoman.yaml]", "[objects/tiny.yaml]"),
+         "objects/tiny.yaml": "file: ../tiny.obj\ncategory: crumb\nlicence: CC0-1.0\nscale: 0.001\nup: z\n",
+         "tiny.obj": "".join(f"v {x} {y} {z}\n" for x in (0, 1) for y in (0, 1) for z in (0, 1))
+         + "f 1 2 4 3\nf 5 7 8 6\nf 1 5 6 2\nf 3 4 8 7\nf 1 3 7 5\nf 2 6 8 4\n"}
+"""A cube of a millimetre."""
+PICTURE = """(() => { const canvas = document.querySelector(".stage canvas"); arrangementScene.draw();
+const copy = document.createElement("canvas"), to = copy.getContext("2d");
+[copy.width, copy.height] = [canvas.width, canvas.height]; to.drawImage(canvas, 0, 0);
+const found = new Set(), bytes = to.getImageData(0, 0, copy.width, copy.height).data;
+for (let at = 0; at < bytes.length; at += 4) found.add(`${bytes[at]} ${bytes[at + 1]} ${bytes[at + 2]}`);
+return found.size; })()"""
+"""How many colours the stage shows."""
+
+
+def test_a_millimetre_is_seen_through_its_camera_and_measured(page: "Page", tmp_path: Path) -> None:
+    spec = write_spec(tmp_path / "specs", SMALL)
+    assert main(["view", str(spec), "--example", "8", "--no-preview", "--out", str(tmp_path)]) == 0
+    opened(page, tmp_path / "view.html")
+    page.locator("summary", has_text="things").click()
+    page.locator(".thing").first.click()
+    assert "× 0.001 m" in page.locator(".side section").first.inner_text()
+    page.get_by_role("button", name="Through the camera").click()
+    shown = page.evaluate(PICTURE)
+    page.evaluate("arrangementScene.groups.target.clear()")
+    assert page.evaluate(PICTURE) < shown
+
+
+def test_the_frame_of_the_picture_follows_the_window(page: "Page", written: Path) -> None:
+    opened(page, written / "view.html")
+    page.get_by_role("button", name="Through the camera").click()
+    for size in ({"width": 1600, "height": 1000}, {"width": 700, "height": 600}, {"width": 1280, "height": 500}):
+        page.set_viewport_size(size)
+        frame, stage = (page.locator(each).bounding_box() for each in (".picture-frame", ".stage canvas"))
+        assert frame is not None
+        assert stage is not None
+        assert frame["width"] / frame["height"] == pytest.approx(24 / 20, rel=0.01)
+        assert min(stage["width"] - frame["width"], stage["height"] - frame["height"]) == pytest.approx(0, abs=1)
+
+
+def test_names_have_distances_and_do_not_overlap(page: "Page", written: Path) -> None:
+    opened(page, written / "view.html")
+    view = page.evaluate("JSON.parse(document.getElementById('view').textContent)")
+    away = np.linalg.norm(np.subtract(view["plan"]["camera"]["position"], view["arrangement"]["target"]["centre"]))
+    assert page.locator(".name-tag", has_text="camera").inner_text() == f"camera, {away:.2f} m"
+    for _ in range(6):
+        boxes = [each.bounding_box() for each in page.locator(".name-tag:visible").all()]
+        assert len(boxes) > 2
+        for at, one in enumerate(boxes):
+            for other in boxes[:at]:
+                assert one is not None
+                assert other is not None
+                assert (one["x"] + one["width"] <= other["x"] + 1 or other["x"] + other["width"] <= one["x"] + 1
+                        or one["y"] + one["height"] <= other["y"] + 1 or other["y"] + other["height"] <= one["y"] + 1)
+        page.mouse.move(500, 500)
+        page.mouse.down()
+        page.mouse.move(570, 520, steps=2)
+        page.mouse.up()
 
 
 def test_names_are_no_html_and_a_preview_says_what_it_is(page: "Page", tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from PIL import Image, ImageDraw, ImageFont
 from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.report.looking.light_shapes import COLOURS, LightShape
 from dataset_builder.report.looking.off_screen import plotter
+from dataset_builder.report.looking.plain_numbers import metres
 from dataset_builder.report.looking.shown_arrangement import BELOW_ROOF, ShownArrangement
 from dataset_builder.report.looking.standing import StandingThing
 
@@ -118,15 +119,23 @@ def box_edges(box: np.ndarray) -> np.ndarray:
     return np.array([[corners[a], corners[a | bit]] for a in range(8) for bit in (1, 2, 4) if not a & bit])
 
 
+def camera_name(camera: Pinhole, shown: ShownArrangement) -> str:
+    """`camera, 1.54 m`: with its distance from the target."""
+    return f"camera, {metres(float(np.linalg.norm(camera.position - shown.centre)))} m"
+
+
+def light_name(light: LightShape, shown: ShownArrangement) -> str:
+    """`target 0: spot, 2.03 m`: with its distance from the target, unless it shines from outside."""
+    away = float(np.linalg.norm(light.at - shown.centre))
+    return light.name if light.outside else f"{light.name}, {metres(away)} m"
+
+
 def names(shown: ShownArrangement) -> list[tuple[str, np.ndarray, tuple[int, int, int]]]:
     """What is named, with the place (3,) that it is named at and its colour, the most important first."""
     found = [(shown.target.name, np.append(shown.centre[:2], shown.target.box[1, 2]), TARGET_COLOUR)]
     if shown.camera is not None:
-        away = np.linalg.norm(shown.camera.position - shown.centre)
-        found.append((f"camera, {away:.2f} m", shown.camera.position, CAMERA_COLOUR))
-    for light in shown.lights:
-        distance = "" if light.outside else f", {np.linalg.norm(light.at - shown.centre):.2f} m"
-        found.append((light.name + distance, light.at, COLOURS[light.of]))
+        found.append((camera_name(shown.camera, shown), shown.camera.position, CAMERA_COLOUR))
+    found += [(light_name(light, shown), light.at, COLOURS[light.of]) for light in shown.lights]
     pieces = [thing for thing in shown.things if thing.part == "furniture"]
     pieces.sort(key=lambda thing: float(np.linalg.norm(thing.box.mean(axis=0) - shown.centre)))
     return found + [(thing.category, np.append(thing.box[:, :2].mean(axis=0), thing.box[1, 2]), INK)

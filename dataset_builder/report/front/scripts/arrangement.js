@@ -1,7 +1,7 @@
 // An arrangement in three dimensions: things that can be hidden and picked, lamps, the camera's view, names.
 "use strict";
 const Arrangement = (() => {
-  const STEPS = 65535, PANE = 0.25;
+  const STEPS = 65535, PANE = 0.25, NEAR = 0.01; // the last: share of the distance to what is looked at
   const LINEAR = Uint16Array.from({ length: 256 }, (_, code) => {
     const value = code / 255;
     return Math.round(65535 * (value <= 0.04045 ? value / 12.92 : ((value + 0.055) / 1.055) ** 2.4));
@@ -53,7 +53,7 @@ const Arrangement = (() => {
       this.scene.add(new THREE.HemisphereLight(0xffffff, 0x8a8580, 2.2));
       this.lamp = new THREE.DirectionalLight(0xffffff, 1.1);
       this.scene.add(this.lamp, this.lamp.target);
-      this.viewer = new THREE.PerspectiveCamera(data.eye.fov, 1, 0.02, 500);
+      this.viewer = new THREE.PerspectiveCamera(data.eye.fov);
       this.viewer.up.set(0, 0, 1);
       this.controls = new THREE.OrbitControls(this.viewer, this.renderer.domElement);
       this.controls.zoomToCursor = true;
@@ -62,7 +62,7 @@ const Arrangement = (() => {
       this.roof = new THREE.Plane(new THREE.Vector3(0, 0, -1), Infinity);
       this.near = new THREE.Plane();
       this.centre = point(data.target.centre);
-      this.names = [];
+      this.names = new NameTags(box);
       for (const part of ["target", "furniture", "walls", "ceiling", "floor", "lights", "camera"]) {
         this.groups[part] = new THREE.Group();
         this.scene.add(this.groups[part]);
@@ -87,8 +87,8 @@ const Arrangement = (() => {
         }
         const top = new THREE.Vector3(thing.low[0] + thing.side[0] / 2, thing.low[1] + thing.side[1] / 2,
           thing.low[2] + thing.side[2]);
-        if (thing.part === "target") this.name(thing.name, top, "target", this.data.target.colour);
-        if (thing.part === "furniture") this.name(thing.category, top, "furniture", "#222");
+        if (thing.part === "target") this.names.add(thing.name, top, "target", this.data.target.colour, 0);
+        if (thing.part === "furniture") this.names.add(thing.category, top, "furniture", "#222", 3 + thing.away);
       }
       this.draw();
     }
@@ -109,7 +109,7 @@ const Arrangement = (() => {
         mesh.userData = light;
         if (light.faces.length) this.groups.lights.add(mesh);
         if (light.lines.length) this.groups.lights.add(lines(light.lines, light.colour, false));
-        this.name(light.name, point(light.at), "lights", light.colour);
+        this.names.add(light.label, point(light.at), "lights", light.colour, 2);
       }
     }
 
@@ -117,16 +117,7 @@ const Arrangement = (() => {
       const camera = this.data.camera;
       if (!camera) return;
       this.groups.camera.add(lines(camera.lines, camera.colour, true));
-      this.name(camera.name, point(camera.position), "camera", camera.colour);
-    }
-
-    name(text, place, part, colour) {
-      const element = document.createElement("span");
-      element.className = "name-tag";
-      element.textContent = text;
-      element.style.color = colour;
-      this.box.append(element);
-      this.names.push({ element, place, part });
+      this.names.add(camera.label, point(camera.position), "camera", camera.colour, 1);
     }
 
     overview() {
@@ -159,11 +150,10 @@ const Arrangement = (() => {
       this.left();
     }
 
-    // Width and height of the example's picture on the screen while the viewer looks through its camera.
+    // Style of the example's picture within the stage, of any size, while the viewer looks through its camera.
     frame() {
-      const { width, height } = this.data.camera, { clientWidth, clientHeight } = this.box;
-      const scale = Math.min(clientWidth / width, clientHeight / height);
-      return { width: `${width * scale}px`, height: `${height * scale}px` };
+      const { width, height } = this.data.camera;
+      return { width: `min(100cqw, ${width / height} * 100cqh)`, aspectRatio: `${width} / ${height}` };
     }
 
     resize() {
@@ -204,19 +194,21 @@ const Arrangement = (() => {
       this.lamp.target.position.copy(this.controls.target);
     }
 
+    // Depths that are drawn: near enough to what is looked at, however small, and all of it, however large.
+    depths() {
+      const at = this.viewer.position, { low, high } = this.data.reach;
+      const middle = point(low).add(point(high)).divideScalar(2);
+      this.viewer.far = 1.1 * (at.distanceTo(middle) + point(low).distanceTo(point(high)) / 2);
+      this.viewer.near = Math.min(at.distanceTo(this.centre), at.distanceTo(this.controls.target)) * NEAR;
+      this.viewer.near = Math.max(this.viewer.near, this.viewer.far * 1e-7);
+      this.viewer.updateProjectionMatrix();
+    }
+
     draw() {
       this.place();
+      this.depths();
       this.renderer.render(this.scene, this.viewer);
-      const { clientWidth, clientHeight } = this.box;
-      for (const { element, place, part } of this.names) {
-        const at = place.clone().project(this.viewer);
-        const shown = !this.hidden.has("names") && !this.hidden.has(part) && Math.abs(at.z) < 1 && !this.through;
-        element.hidden = !shown;
-        if (shown) {
-          element.style.transform = `translate(-50%, -100%) translate(${(at.x + 1) / 2 * clientWidth}px, ` +
-            `${(1 - at.y) / 2 * clientHeight}px)`;
-        }
-      }
+      this.names.draw(this.viewer, (part) => !this.through && !this.hidden.has("names") && !this.hidden.has(part));
     }
 
     listen() {
