@@ -19,7 +19,10 @@ MOST_WIDE, MOST_HIGH = 100.0, 30.0
 WALLS = """# Walls and a floor of your own, by colour, finish or picture; else they are drawn:
 #materials: {wall: {base_color: "#c8d4c0"}, floor: {family: boards, tone: oak}}
 """
-CAMERA = """# One camera before which the model turns, once round in `views` pictures; else cameras all about it:
+LOOK = """# The room in the pictures, too; else light is kept of the model alone, and all about it is black:
+#layers: {i_s: frame, d: object, r: object, i_t: frame, s_prime: object, mask: object}
+# One camera before which the model turns, once round in `views` pictures; else cameras all about it. Lamps that are
+# drawn stay as well with `lights_per: pair` in the split:
 #camera: {path: {kind: turntable}}
 """
 LAMP = """  # Or lamps where you put them, in place of `kinds`: degrees about the model, metres from it
@@ -97,7 +100,7 @@ def _dataset(proposals: Sequence[Proposal], name: str, licence: str, largest: fl
     near = max(1.2, 0.6 * largest)
     said = f"licence: {licence}\n" * bool(licence)
     text = (f"# Written by `dataset-builder import`; every line is yours to change.\nname: {name}\n{said}"
-            "image: {width: 128, height: 128}\n" + CAMERA +
+            "image: {width: 128, height: 128}\n" + LOOK +
             "rough: {sigma: {log_uniform: [2e-3, 8e-3]}}\n"
             f"target:\n  kinds: [area, sphere, spot, point]\n{LAMP.replace('DISTANCE', f'{near:.1f}')}"
             "  strength: {log_uniform: [1.5, 5]}\n"

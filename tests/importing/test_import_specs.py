@@ -179,7 +179,7 @@ def test_a_model_that_no_view_shows_is_left_out(run: Import, tmp_path: Path,
     assert run("m", "--out", "out", "--licence", "CC0-1.0") == 1
     said = capsys.readouterr().out
     assert "left out " in said and "needle.obj: cannot be planned: expected a camera" in said
-    assert "1 models written, 1 files left out" in said
+    assert "1 model written, 1 file left out" in said
     assert [path.stem for path in (tmp_path / "out" / "objects").iterdir()] == ["table"]
 
 
