@@ -67,7 +67,7 @@ class PathKeySpec(Model):
     (`position`, `look_at`)."""
 
     azimuth: float | None = None
-    """Degrees about the object, 0 in front of it. 0, 180, 360 goes once round."""
+    """Degrees about the object, 0 in front of it. 0, 180, 360 goes once round; at most 3600 from the key before."""
     elevation: Annotated[float, Field(ge=-STEEPEST_KEY, le=STEEPEST_KEY)] = 0.0
     """Degrees above the horizon, seen from the object's centre."""
     distance: Annotated[float, Field(ge=1e-3, le=1e4)] | None = None
