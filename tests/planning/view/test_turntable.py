@@ -114,9 +114,9 @@ def test_a_camera_of_fixed_angles_is_drawn_at_other_distances(load: Callable[...
 
 def test_views_that_show_the_same_are_told(load: Callable[..., Any], dataset_data: dict[str, Any]) -> None:
     """Two turns in 12 views are one turn in 6, twice; half a turn is not."""
-    for turns, said in ((2, "60 degrees counter-clockwise from each to the next, so view 6 shows what view 0 does; the"),
-                        (0.5, "15 degrees counter-clockwise from each to the next; the")):
-        assert f"12 views, {said}" in " ".join(plans_of(load(turning(dataset_data, turns=turns)))[0].notes)
+    for turns, said in ((2, "60 degrees counter-clockwise from each to the next, so view 6 shows what view 0 does; "),
+                        (0.5, "15 degrees counter-clockwise from each to the next; ")):
+        assert f"12 views, {said}the camera" in " ".join(plans_of(load(turning(dataset_data, turns=turns)))[0].notes)
 
 
 def test_a_room_that_is_too_narrow_to_turn_in_is_told(load: Callable[..., Any], dataset_data: dict[str, Any]) -> None:
