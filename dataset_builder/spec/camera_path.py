@@ -10,6 +10,8 @@ from dataset_builder.spec.numbers import AnyNumber, Interval, Uniform, branches,
 
 STEEPEST = 89.0
 """Degrees above the horizon that a ring may be at most: straight above, all its views would be one."""
+WIDEST = 3600.0
+"""Degrees about the object from a key of a spline to the next."""
 STEEPEST_KEY = 85.0
 """Degrees up or down that a spline may look at most: nearer to the vertical, the picture would spin about it."""
 Vector3 = tuple[float, float, float]
@@ -65,7 +67,7 @@ class PathKeySpec(Model):
     (`position`, `look_at`)."""
 
     azimuth: float | None = None
-    """Degrees about the object, 0 in front of it. 0, 180, 360 goes once round."""
+    """Degrees about the object, 0 in front of it. 0, 180, 360 goes once round; at most 3600 from the key before."""
     elevation: Annotated[float, Field(ge=-STEEPEST_KEY, le=STEEPEST_KEY)] = 0.0
     """Degrees above the horizon, seen from the object's centre."""
     distance: Annotated[float, Field(ge=1e-3, le=1e4)] | None = None
@@ -116,6 +118,10 @@ class SplineSpec(Model):
         for number, (before, after) in pairs:
             if before == after:
                 raise broken("expected a key that differs from the one before", path=("keys", number))
+            away = abs((after["azimuth"] or 0.0) - (before["azimuth"] or 0.0))
+            if number and away > WIDEST and None not in (after["azimuth"], before["azimuth"]):
+                raise broken(f"expected at most {WIDEST:g} degrees from the key before, got {away:g}",
+                             path=("keys", number, "azimuth"))
         return self
 
 

@@ -7,7 +7,7 @@ from pydantic import Field, Tag, model_validator
 from dataset_builder.light_kinds import LIGHT_KINDS, LampName
 from dataset_builder.spec.hex_colour import Colour
 from dataset_builder.spec.model import Model, broken
-from dataset_builder.spec.numbers import AnyNumber, branches, support, within
+from dataset_builder.spec.numbers import AnyNumber, branches, draws, support, within
 
 Three = tuple[AnyNumber, AnyNumber, AnyNumber]
 LampAim = Annotated[
@@ -84,6 +84,8 @@ class LampSpec(Model):
                 raise broken(f"expected no `{other}` beside `{name}`, got both", path=(other,))
         if self.direction is not None and self.aim != "object":
             raise broken("expected no `aim` beside `direction`, got both", path=("aim",))
+        if self.aim == self.position and not any(map(draws, self.aim)):
+            raise broken("expected a point other than `position`", path=("aim",))
         for name in ("direction", "color"):
             if not any(_may_be_more(number) for number in getattr(self, name) or (1,)):
                 raise broken(f"expected a {name} with a number that is not 0, got all 0", path=(name,))

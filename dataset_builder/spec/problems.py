@@ -140,6 +140,8 @@ def _hint(detail: ErrorDetails, context: dict[str, Any], known: list[str]) -> st
         return f"nearest: {close[0]}" if close else ""
     if kind == "branch" and isinstance(value, dict) and "kind" in value:
         return nearest(str(value["kind"]), detail["msg"].rpartition("one of ")[2].split(", "), "kind")
+    if kind == "branch" and isinstance(value, dict) and " kind is one of " in detail["msg"]:
+        return "say which with `kind`"
     if kind == "branch" and isinstance(value, dict):
         return nearest(str(next(iter(value), "")), known, "key")
     return nearest(str(value), context["known"]) if context.get("known") else ""

@@ -31,6 +31,7 @@ def target(*lamps: dict[str, Any], **more: Any) -> TargetSpec:
     ({"azimuth": 0, "color": "#000000"}, "a color with a number that is not 0"),
     ({"azimuth": 0, "direction": (0, 0, 0)}, "a direction with a number that is not 0"),
     ({"azimuth": 0, "direction": (0, 0, 1), "aim": (1, 0, 0)}, "no `aim` beside `direction`"),
+    ({"position": (0, 0, 1), "aim": (0, 0, 1)}, "expected a point other than `position`"),
     ({"azimuth": 0, "aim": "me"}, r"`object` or a point \[x, y, z\]"),
     ({"azimuth": 0, "kind": "point", "size": 0.1}, "no `size` of a light of kind point"),
     ({"azimuth": 0, "kind": "area", "cutoff": 30}, "no `cutoff` of a light of kind area"),

@@ -24,11 +24,16 @@ from dataset_builder.assets.pose_readers.capture import (
 from dataset_builder.digest import read_regular
 from dataset_builder.errors import UserError
 from dataset_builder.spec.pose_files import MOST_BYTES, TRANSFORMS, transforms_file
+from dataset_builder.spec.problems import dotted, shown
 
 ENDINGS = (".png", ".jpg", ".jpeg", ".JPG", ".webp")
 """Of images that are named without one."""
 READ = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE")
 """Camera models that are pinholes with two radial and two tangential terms, or fewer."""
+EXPECTED = {"model_type": "a mapping", "list_type": "a list", "float_type": "a number",
+            "float_parsing": "a number", "string_type": "text", "bool_type": "true or false",
+            "bool_parsing": "true or false"}
+"""What pydantic calls by its own names."""
 OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 """OpenGL's camera from OpenCV's, and back."""
 
@@ -82,8 +87,10 @@ def _read(path: Path, *, poses_only: bool) -> Capture:
         file = _Transforms.model_validate(json.loads(read_regular(path, most=MOST_BYTES)))
     except ValidationError as error:
         first = error.errors()[0]
-        raise problem(path, f"{first['msg']} ({error.error_count()} such)", path=".".join(map(str, first["loc"]))
-                      ) from error
+        more = f", and {error.error_count() - 1} more" * (error.error_count() > 1)
+        rule = ("expected a value, the key is missing" if first["type"] == "missing" else
+                f"expected {EXPECTED.get(first['type'], first['msg'])}, got {shown(first['input'])}")
+        raise problem(path, rule + more, path=dotted(first["loc"])) from error
     undo = np.linalg.inv(_matrix(file.applied_transform)) if file.applied_transform else np.eye(4)
     shots = []
     for index, frame in enumerate(file.frames):

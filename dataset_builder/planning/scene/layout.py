@@ -87,7 +87,8 @@ def place_target(piece: Piece, shell: Shell, space: float = 0.0) -> Pose:
     about = f" with {space:g} m of free floor about it" if space else ""
     rule = (f"expected the target to fit in the {shell.noun}, got an object of {size} m{about} in {shell.said} "
             f"({ATTEMPTS} positions drawn)")
-    raise PlanError([Problem(where="", path=f"{piece.name} in {shell.name}", rule=rule, hint=shell.larger)])
+    raise PlanError([Problem(where="", path=f"{piece.name} in {shell.name}", rule=rule,
+                             hint=shell.larger + ", or lower `space` of the scene" * bool(space))])
 
 
 def _fits(box: Footprint, others: Sequence[Footprint], shell: Shell) -> bool:

@@ -1,5 +1,6 @@
 """Why drawn cameras will not do: what is said of them, and what to change."""
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -64,6 +65,12 @@ def explained(misses: Sequence[Miss], noun: str = "room") -> tuple[str, str]:
                             _SAID | {cause: words for cause, (words, _) in of_file.items()})
     hints = _HINT | {cause: hint for cause, (_, hint) in of_file.items()}
     return said, hints[causes[0]] if causes else ""
+
+
+def told(miss: Miss, noun: str = "room") -> str:
+    """What one camera that was not drawn fails, with its figure."""
+    words = _OF_FILES[miss.cause][0] if noun == "scene" and miss.cause in _OF_FILES else _SAID[miss.cause]
+    return re.sub(r"\{low\S+ to \{high[^}]+\}", "{high:.4g}", words).format(high=miss.figure)
 
 
 def _counted(figures: Sequence[tuple[Cause, float]], words: dict[Cause, str]) -> tuple[str, list[Cause]]:

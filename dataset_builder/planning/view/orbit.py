@@ -4,6 +4,7 @@ from math import asin, pi, radians, sin, sqrt
 
 import numpy as np
 
+from dataset_builder.errors import count_of
 from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.planning.view.cameras import towards
@@ -13,8 +14,8 @@ from dataset_builder.spec.camera_path import OrbitSpec
 from dataset_builder.spec.numbers import draw
 from dataset_builder.spec.render import ImageSpec
 
-HINT = ("make the room larger, take a smaller object or less furniture about it, widen `fov`, narrow "
-        "`camera.path.elevation`, or widen `camera.coverage` and lower `camera.visibility`")
+HINT = ("give the scene `space`, make the room larger, take a smaller object or less furniture about it, widen `fov`, "
+        "narrow `camera.path.elevation`, or widen `camera.coverage` and lower `camera.visibility`")
 
 
 def spiral(views: int, elevation: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
@@ -52,7 +53,7 @@ def plan_orbit(arrangement: Arrangement, path: OrbitSpec, spec: CameraSpec, imag
     free = free_distances(arrangement, spec, directions)
     distance = min([wanted, *free[free >= fits.near]])
     blocked = int((free < distance).sum())
-    note = f"orbit: {views} views at {distance:.2f} m" + (
+    note = f"orbit: {count_of(views, 'view')} at {distance:.2f} m" + (
         f", drawn {wanted:.2f} m and shortened to what stands in the way" if distance < wanted else "") + (
         f"; something is in the way of {blocked} even so" if blocked else "")
     centre, frames = arrangement.centre, list[PathFrame]()

@@ -31,6 +31,8 @@ LEVEL = 1e-7
 TOLD, VISIBLE = 1e-4, 0.02
 """Widths of the image that a lens without what is not honoured moves pixels by: told from the first on, refused from
 the second."""
+TOLD_FAULTS = 5
+"""Poses with a fault that are named."""
 ASPECT = 0.005
 """Share by which the height of a file's images may differ from that of ours, widths being equal, before it is told."""
 HINT = ("set `scale`, `about` and `up` of `camera.path` such that the cameras see the object, make the room larger, or "
@@ -53,12 +55,15 @@ def read_poses(loaded: LoadedSpec, path: PosesSpec, place: KeyPath, views: int) 
         whole = files[0].suffix.lower() == ".json"
         found = read_transforms_poses(files[0]) if whole else read_colmap(files[0].parent, poses_only=True)
     except UserError as error:
-        raise PlanError([loaded.problem("", at, ": ".join(filter(None, (each.where, each.rule))), each.hint)
+        raise PlanError([loaded.problem("", at, ": ".join(filter(None, (each.where, each.path, each.rule))), each.hint)
                          for each in error.problems]) from error
     except OSError as error:
         raise PlanError([loaded.problem("", at, f"expected a readable file, got: {error.strerror}")]) from error
-    problems = [loaded.problem("", at, rule) for shot in found.shots
-                if (rule := _fault(shot, lens_counts=path.fov is None))]
+    rules = [rule for shot in found.shots if (rule := _fault(shot, lens_counts=path.fov is None))]
+    problems = [loaded.problem("", at, rule) for rule in rules[:TOLD_FAULTS]]
+    if len(rules) > TOLD_FAULTS:
+        problems.append(loaded.problem("", at, f"expected no fault in any pose, got {len(rules)} of "
+                                       f"{len(found.shots)} with one, of which the first are named"))
     if len(found.shots) < views:
         problems.append(loaded.problem("", at, f"expected at least as many poses as the {views} `views` of the "
                                        f"split, got {len(found.shots)}", "lower `views`"))

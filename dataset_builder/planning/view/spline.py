@@ -6,7 +6,7 @@ from math import degrees
 
 import numpy as np
 
-from dataset_builder.errors import PlanError, Problem
+from dataset_builder.errors import PlanError, Problem, count_of
 from dataset_builder.geometry.edges import unit
 from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.planning.scene.arrangement import Arrangement
@@ -23,8 +23,8 @@ FINE = 128
 """Pieces of a path between two keys whose straight lengths stand for its own."""
 BETWEEN = 8
 """Directions from each key to the next that a distance is found for."""
-HINT = ("move keys away from walls and furniture, make the room larger, or widen `camera.coverage` and lower "
-        "`camera.visibility`")
+HINT = ("move keys away from walls and furniture, turn `look_at` to the object, give the scene `space`, make the room "
+        "larger, or widen `camera.coverage` and lower `camera.visibility`")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -73,7 +73,9 @@ def flight(arrangement: Arrangement, path: SplineSpec, spec: CameraSpec, image: 
     if all(key.azimuth is not None for key in keys):
         spread = np.array([[key.azimuth or 0.0, key.elevation] for key in keys])
         if path.closed:
-            spread[-1, 0] += 360 * np.round((spread[-2, 0] - spread[0, 0]) / 360)
+            # The nearer way to the first key; of two as near, on the way that the keys went
+            turns = (spread[-2, 0] - spread[0, 0]) / 360
+            spread[-1, 0] += 360 * np.copysign(np.floor(abs(turns) + 0.5), turns)
         between = np.linspace(0, len(spread) - 1, BETWEEN * (len(spread) - 1) + 1)
         usual = 0.0 if all(key.distance for key in keys) else _distance(arrangement, spec, image, fov, share, np.array([
             np.interp(between, np.arange(len(spread)), column) for column in spread.T]).T)
@@ -143,7 +145,8 @@ def plan_spline(arrangement: Arrangement, path: SplineSpec, spec: CameraSpec, im
         pinhole = Pinhole(position=position, target=level_with(arrangement, position, aim), fov=lens,
                           width=image.width, height=image.height)
         frames.append(PathFrame(pinhole=pinhole, said=placed_at(position)))
-    note = f"spline: {views} views at equal lengths through {len(path.keys)} keys" + ", closed" * path.closed
+    note = f"spline: {count_of(views, 'view')} at equal lengths through {len(path.keys)} keys" + (
+        ", closed" * path.closed)
     return ViewPath(kind="spline", frames=tuple(frames), note=note, hint=HINT)
 
 

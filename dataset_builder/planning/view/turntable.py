@@ -1,10 +1,12 @@
 """Views of a target that turns on the spot before one camera."""
 
 from dataclasses import replace
+from math import remainder
 from pathlib import Path
 
 import numpy as np
 
+from dataset_builder.errors import count_of
 from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.planning.view.camera_misses import Miss
@@ -20,8 +22,10 @@ from dataset_builder.spread import spaced
 
 JUDGED = 6
 """Turns of the target that a drawn camera is judged by."""
-HINT = ("choose `camera.path.azimuth` and `elevation`, use less furniture, make the room larger, widen `fov`, or widen "
-        "`camera.coverage` and lower `camera.visibility`")
+SAME = 1e-6
+"""Degrees between turns that look alike."""
+HINT = ("give the scene `space`, choose `camera.path.azimuth` and `elevation`, use less furniture, make the room "
+        "larger, widen `fov`, or widen `camera.coverage` and lower `camera.visibility`")
 
 
 def plan_turntable(arrangement: Arrangement, path: TurntableSpec, spec: CameraSpec, image: ImageSpec, views: int,
@@ -38,7 +42,7 @@ def plan_turntable(arrangement: Arrangement, path: TurntableSpec, spec: CameraSp
     judged = [arrangement.turned(float(turns[k]), mesh_root) for k in spaced(views, JUDGED)]
     best, most, attempt = _drawn(arrangement, path, spec, image, fov, share, turns, rng), -1, 0
     for number in range(spec.attempts):
-        drawn = best if number == 0 else _drawn(arrangement, path, spec, image, fov, share, turns, rng)
+        drawn = best if number == 0 else _drawn(arrangement, path, spec, image, fov, float(rng.uniform()), turns, rng)
         had = _had(judged, spec, drawn.pinhole)
         if had > most:
             best, most, attempt = drawn, had, number
@@ -46,8 +50,10 @@ def plan_turntable(arrangement: Arrangement, path: TurntableSpec, spec: CameraSp
             break
     frames = tuple(replace(best, turn=float(turn), said=f"target turned by {turn:.0f} degrees, camera {best.said}")
                    for turn in turns)
-    note = (f"turntable: {views} views, {abs(step):.4g} degrees {path.direction} from each to the next; the camera is "
-            f"draw {attempt + 1} of at most {spec.attempts}")
+    again = next((k for k in range(1, views) if abs(remainder(k * step, 360)) < SAME), 0)
+    note = (f"turntable: {count_of(views, 'view')}, {abs(step):.4g} degrees {path.direction} from each to the next"
+            + f", so view {again} shows what view 0 does" * bool(again)
+            + f"; the camera is draw {attempt + 1} of at most {spec.attempts}")
     return ViewPath(kind="turntable", frames=frames, note=note, hint=HINT)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.planning.scene.arrangement import Arrangement
-from dataset_builder.planning.view.camera_misses import Miss, explained
+from dataset_builder.planning.view.camera_misses import Miss, told
 from dataset_builder.planning.view.cameras import (
     MIN_COVERAGE,
     PlannedCamera,
@@ -101,10 +101,10 @@ def path_camera(arrangement: Arrangement, path: ViewPath, spec: CameraSpec, fram
     view = path.frames[frame]
     found = seen_from(arrangement, spec, view.pinhole)
     if isinstance(found, Miss):
-        (low, high), said = spec.coverage, explained([found], arrangement.shell.noun)[0]
+        low, high = spec.coverage
         rule = (f"expected view {frame} of the {path.kind} ({view.said}) to see the object on {low:g} to {high:g} of "
                 f"the frame with visibility >= {spec.visibility:g} and clearance >= "
-                f"{clearance_of(arrangement, spec):.3g} m, got: {said.removeprefix('1 ')}")
+                f"{clearance_of(arrangement, spec):.3g} m, got: {told(found, arrangement.shell.noun)}")
         raise PlanError([Problem(where=where, path="camera.path", rule=rule, hint=path.hint)])
     camera, sight = found
     return PlannedCamera(camera=camera, sight=sight, note=f"camera: view {frame}; {path.note}")

@@ -130,7 +130,7 @@ def test_frames_have_lenses_and_masks_of_their_own(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("change", "rule"), [
     ({"camera_model": "OPENCV_FISHEYE"}, "got OPENCV_FISHEYE"), ({"k3": 0.1}, "without k3 and k4"),
-    ({"is_fisheye": True}, "expected a camera model"), ({"frames": 3}, "frames: Input should be a valid list"),
+    ({"is_fisheye": True}, "expected a camera model"), ({"frames": 3}, "frames: expected a list, got 3"),
     ({"frames": [{"file_path": "../../etc/passwd", "transform_matrix": np.eye(4).tolist()}]}, "expected the path of a"),
     ({"frames": [{"file_path": "/etc/passwd", "transform_matrix": np.eye(4).tolist()}]}, "expected the path of a"),
     ({"frames": [{"file_path": "a.png", "transform_matrix": [[1.0]]}]}, r"a matrix of shape \(1, 1\)"),

@@ -123,7 +123,7 @@ def test_how_far_a_lens_is_from_a_pinhole() -> None:
 
 
 @pytest.mark.parametrize(("change", "path", "rule"), [
-    (lambda document: document.pop("frames"), {}, "Field required"),
+    (lambda document: document.pop("frames"), {}, "json: frames: expected a value, the key is missing"),
     (lambda document: document["frames"].pop(), {},
      "expected at least as many poses as the 8 `views` of the split, got 7"),
     (lambda document: document.update(cx=40), {}, r"moves pixels by 12\.5% of the width"),
@@ -139,6 +139,16 @@ def test_what_is_no_camera_is_refused(filmed: Callable[..., LoadedSpec], tmp_pat
     with pytest.raises(PlanError, match=rule) as caught:
         cameras(filmed({"kind": "poses", "file": "nerf", **path}))
     assert caught.value.problems[0].path == "splits[1].camera.path.file"
+
+
+def test_a_fault_of_all_poses_is_told_of_a_few(filmed: Callable[..., LoadedSpec], tmp_path: Path) -> None:
+    Made(poses=orbit(8), size=(64, 48), focal=80.0).write_transforms(
+        tmp_path / "nerf", images=False, change=lambda document: document.update(cx=40))
+    with pytest.raises(PlanError) as caught:
+        cameras(filmed({"kind": "poses", "file": "nerf"}))
+    rules = [problem.rule for problem in caught.value.problems]
+    assert ["view_004" in rule for rule in rules] == [False] * 4 + [True, False]
+    assert rules[-1].startswith("expected no fault in any pose, got 8 of 8 with one")
 
 
 def test_a_file_that_changed_is_not_taken(filmed: Callable[..., LoadedSpec], tmp_path: Path) -> None:

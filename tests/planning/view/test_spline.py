@@ -91,6 +91,15 @@ def test_a_closed_ring_of_four_keys_is_near_a_circle(hall: Arrangement) -> None:
     assert places == pytest.approx(np.array(expected), abs=1e-6)
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+def test_two_opposite_keys_closed_go_once_round(hall: Arrangement, sign: int) -> None:
+    """On as they went, not back the same way: neither view is another's."""
+    spec = of([{"azimuth": 0, "distance": 2}, {"azimuth": 180 * sign, "distance": 2}], closed=True)
+    places = flown(hall, spec).poses(flown(hall, spec).even(4, closed=True))[0] - hall.centre
+    expected = [2 * towards(30 + 90 * sign * k, 0) for k in range(4)]
+    assert places == pytest.approx(np.array(expected), abs=1e-6)
+
+
 def test_without_a_distance_the_object_is_as_large_as_asked(hall: Arrangement) -> None:
     spec = CameraSpec.model_validate({"coverage": (0.05, 0.4), "path": {"kind": "spline", "closed": True, "keys": [
         {"azimuth": 0, "elevation": 20}, {"azimuth": 120, "elevation": 40}, {"azimuth": 240, "elevation": 20}]}})
@@ -108,7 +117,8 @@ def test_what_cannot_be_had_is_named(hall: Arrangement) -> None:
     path = plan_spline(hall, spec.path, spec, IMAGE, 3, rng(0), "")
     assert path_camera(hall, path, spec, 1, "turn/000001").camera.position == pytest.approx((0.0, -5.5, 1.0))
     with pytest.raises(PlanError, match=r"turn/000002: camera\.path: expected view 2 of the spline \(at \[0\.00, "
-                                        r"-9\.00, 1\.00\]\) .* got: outside the room"):
+                                        r"-9\.00, 1\.00\]\) .* got: outside the room at any coverage "
+                                        r"\(distances needed: [0-9.]+ m\) \(.*give the scene `space`"):
         path_camera(hall, path, spec, 2, "turn/000002")
     over = of([{"position": (0.0, -1.0, 3.0)}, {"position": (0.0, 1.0, 3.0)}])
     assert isinstance(over.path, SplineSpec)
@@ -119,6 +129,7 @@ def test_what_cannot_be_had_is_named(hall: Arrangement) -> None:
 @pytest.mark.parametrize(("keys", "rule"), [
     ([{"azimuth": 0}], "at least 2 items"),
     ([{"azimuth": 0}, {"azimuth": 0, "fov": 30}], "expected a key that differs from the one before"),
+    ([{"azimuth": 0}, {"azimuth": 3601}], "expected at most 3600 degrees from the key before, got 3601"),
     ([{"azimuth": 0}, {"azimuth": 0, "position": (0, 0, 1)}], "exactly one of `azimuth` and `position`, got both"),
     ([{"azimuth": 0}, {"elevation": 5}], "exactly one of `azimuth` and `position`, got neither"),
     ([{"azimuth": 0}, {"position": (0, 0, 1), "elevation": 5}], "expected no `elevation` beside `position`"),

@@ -1,6 +1,7 @@
 """The target turns by equal steps; camera, room and lamps stay; the circle that it sweeps is free."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from math import hypot
 from typing import Any
 
@@ -14,6 +15,7 @@ from dataset_builder.label.scene_plan import ObjectPlan, PlacedObject
 from dataset_builder.planning.plan import Planner
 from dataset_builder.planning.scene.footprints import Box, footprint
 from dataset_builder.planning.scene.sweep import Sweep, swept_box
+from dataset_builder.planning.view import turntable
 from dataset_builder.planning.view.visibility import look
 from dataset_builder.spec.scene import ObjectSpec
 
@@ -90,6 +92,31 @@ def test_turns_and_direction(load: Callable[..., Any], dataset_data: dict[str, A
     azimuth = np.degrees(np.arctan2(*(np.subtract(plans[0].camera.position, plans[0].camera.target)[:2] * [1, -1])))
     # The camera is in front of the object as it was placed, which is 10 degrees before the first view
     assert (azimuth - plans[0].target.yaw + 10 + 180) % 360 - 180 == pytest.approx(0, abs=1e-6)
+
+
+def test_a_camera_of_fixed_angles_is_drawn_at_other_distances(load: Callable[..., Any], dataset_data: dict[str, Any],
+                                                               monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each draw may be the one that is within `coverage` at all turns, so no two are the same camera."""
+    tried = list[float]()
+
+    def none_will_do(_: Any, spec: Any, pinhole: Pinhole) -> int:
+        tried.append(float(np.linalg.norm(pinhole.position - pinhole.target)))
+        return 0
+
+    monkeypatch.setattr(turntable, "_had", none_will_do)
+    data = turning(dataset_data, azimuth=0, elevation=20)
+    data["splits"][1]["camera"]["attempts"] = 5
+    planner = Planner(load(data))
+    with suppress(PlanError):
+        planner.example(next(ref for ref in planner.examples if ref.view.pair.split == "eval"))
+    assert len(tried) == 5 and len(set(tried)) == 5
+
+
+def test_views_that_show_the_same_are_told(load: Callable[..., Any], dataset_data: dict[str, Any]) -> None:
+    """Two turns in 12 views are one turn in 6, twice; half a turn is not."""
+    for turns, said in ((2, "60 degrees counter-clockwise from each to the next, so view 6 shows what view 0 does; "),
+                        (0.5, "15 degrees counter-clockwise from each to the next; ")):
+        assert f"12 views, {said}the camera" in " ".join(plans_of(load(turning(dataset_data, turns=turns)))[0].notes)
 
 
 def test_a_room_that_is_too_narrow_to_turn_in_is_told(load: Callable[..., Any], dataset_data: dict[str, Any]) -> None:
