@@ -22,8 +22,8 @@ WALLS = """# Walls and a floor of your own, by colour, finish or picture; else t
 FRAME = """# The room in the pictures, too; else they hold the model's pixels alone:
 #layers: [{i_s: frame, i_t: frame}, d, r, s_prime, mask]
 """
-CAMERA = """# One camera before which the model turns, once round in `views` pictures; else cameras all about it. Lamps that are
-# drawn stay as well with `lights_per: pair` in the split:
+CAMERA = """# One camera before which the model turns, once round in `views` pictures; else cameras all about it.
+# Lamps that are drawn stay as well with `lights_per: pair` in the split:
 #camera: {path: {kind: turntable}}
 """
 LAMP = """  # Or lamps where you put them, in place of `kinds`: metres from the middle of the floor, z upwards
