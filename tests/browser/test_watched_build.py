@@ -49,6 +49,7 @@ def test_a_build_that_died_does_not_look_alive(page: "Page", tmp_path: Path) -> 
     assert page.locator("#stale").is_hidden()
     write(file, every=60, written=f"{time() - 310:.1f}")
     page.reload()
+    assert page.locator("#stale").is_visible()
     assert "Not heard of for 5 min" in re.sub(r"\s+", " ", page.locator("#stale").inner_text())
     write(file, every=60, written=f"{time() - 3 * 3600 - 130:.1f}")
     page.reload()
