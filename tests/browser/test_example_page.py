@@ -163,6 +163,13 @@ def test_names_are_no_html_and_another_example_keeps_a_held_exposure(viewer: "Pa
     assert exposure(viewer) == held
     np.testing.assert_array_equal(pixels(viewer, "i_t"), expected("i_t", held, example=1))
     assert viewer.locator("img").count() == 0
+    set_slider(viewer, "Exposure in stops", 2)
+    viewer.get_by_role("button", name="Automatic").click()
+    assert not viewer.get_by_label("hold").is_checked()
+    own = tonemap.exposure([EXAMPLES[1][name].astype(np.float16) for name in ("i_s", "i_t", "s_prime")
+                            if name in EXAMPLES[1]])
+    assert exposure(viewer) == pytest.approx(own, rel=2e-3)
+    assert held != pytest.approx(own, rel=2e-3)
 
 
 def test_damaged_layers_are_told(page: "Page", tmp_path: Path) -> None:
