@@ -34,19 +34,25 @@ def layer_tiles(example: Mapping[str, Any], title: Sequence[str]) -> Image.Image
     width = next(iter(images.values())).shape[1]
     times = max(1, SMALL // width)
     columns = max(1, (WIDEST + SPACE) // (times * width + SPACE))
-    tiles = [_tile(name, image, factor, errors.get(name), times) for name, image in images.items()]
+    planned = example.get("meta", {}).get("plan", {}).get("render", {}).get("denoise", ())
+    denoised = {*planned, *(layer["layer"] for layer in record.get("denoised", ()))}
+    tiles = [_tile(name, image, factor, errors.get(name), times, denoised=name in denoised)
+             for name, image in images.items()]
     rows = [tiles[start:start + columns] for start in range(0, len(tiles), columns)]
     zoom = f"; every pixel {times} times as large" if times > 1 else ""
     return tiled([*title, f"light at exposure {factor:.4g}, sRGB{zoom}"], rows)
 
 
-def _tile(name: str, image: np.ndarray, factor: float, error: float | None, times: int) -> Tile:
+def _tile(name: str, image: np.ndarray, factor: float, error: float | None, times: int, *,
+          denoised: bool) -> Tile:
     layer, kind = LAYERS[name], look(name)
     unit = UNITS.get(layer.unit, layer.unit)
     lines = [] if kind in ("number", "direction") else [
         f"{image.min():.4g} to {image.max():.4g} {unit}".rstrip() + f", mean {image.mean():.4g}"]
     if error is not None:
-        lines.append(f"relative error {error:.2%}")
+        lines.append(f"relative error {error:.2%}{' before it was denoised' if denoised else ''}")
+    elif denoised:
+        lines.append("denoised")
     if kind == "light" and (below := int(np.count_nonzero(image < 0))):
         lines.append(f"{below} values below 0 are shown as 0")
     bar = None
