@@ -149,6 +149,9 @@ def test_the_label_folds_and_is_searched(viewer: "Page") -> None:
     tree.get_by_role("searchbox").fill("Relative_Err")
     assert "0.021" in tree.inner_text()
     assert "camera" not in tree.inner_text()
+    tree.get_by_role("searchbox").fill("")
+    tree.locator("summary", has_text="camera").wait_for()
+    assert "0.021" not in tree.inner_text(), "what only the search has unfolded"
     tree.get_by_role("searchbox").fill("no such thing")
     assert "Nothing matches." in tree.inner_text()
 
