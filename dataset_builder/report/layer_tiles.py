@@ -33,7 +33,9 @@ def layer_tiles(example: Mapping[str, Any], title: Sequence[str]) -> Image.Image
     width = next(iter(images.values())).shape[1]
     times = max(1, SMALL // width)
     columns = max(1, (WIDEST + SPACE) // (times * width + SPACE))
-    denoised = example.get("meta", {}).get("plan", {}).get("render", {}).get("denoise", ())
+    label = example.get("meta", {})
+    denoised = {*label.get("plan", {}).get("render", {}).get("denoise", ()),
+                *(each["layer"] for each in label.get("record", {}).get("denoised", ()))}
     tiles = [layer_tile(name, image, factor, errors.get(name), times, denoised=name in denoised)
              for name, image in images.items()]
     rows = [tiles[start:start + columns] for start in range(0, len(tiles), columns)]
