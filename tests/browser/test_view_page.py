@@ -174,7 +174,7 @@ def test_names_are_no_html_and_a_preview_says_what_it_is(page: "Page", tmp_path:
     thing = StandingThing(name=HOSTILE, part="target", category=HOSTILE, positions=corners,
                           faces=np.array([[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]),
                           colours=np.full((4, 3), 90, np.uint8), clear=np.array([0, 0, 0, 1], bool))
-    shown = ShownArrangement(key="", things=(thing, replace(thing, part="furniture")), lights=(), camera=None,
+    shown = ShownArrangement(things=(thing, replace(thing, part="furniture")), lights=(), camera=None,
                              roof=np.inf)
     (tmp_path / "view.html").write_text(
         arrangement_page(shown, HOSTILE, None, QuickRender(missing=HOSTILE), [HOSTILE]), encoding="utf-8")
@@ -195,7 +195,7 @@ def test_three_hundred_thousand_triangles_open(page: "Page", tmp_path: Path) -> 
     hill = StandingThing(name="hill", part="target", category="hill", faces=faces, clear=np.zeros(len(faces), bool),
                          positions=np.stack([x, y, 0.3 * np.sin(3 * x) * np.cos(2 * y)], 1),
                          colours=np.tile(np.array([[120, 90, 60]], np.uint8), (len(faces), 1)))
-    shown = ShownArrangement(key="", things=(hill,), lights=(), camera=None, roof=np.inf)
+    shown = ShownArrangement(things=(hill,), lights=(), camera=None, roof=np.inf)
     text = arrangement_page(shown, "hill", None, QuickRender())
     (tmp_path / "view.html").write_text(text, encoding="utf-8")
     opened(page, tmp_path / "view.html")

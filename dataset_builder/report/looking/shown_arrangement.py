@@ -26,8 +26,6 @@ BELOW_ROOF = 0.02
 class ShownArrangement:
     """What stands where, for a viewer."""
 
-    key: str
-    """Of the example; empty where it cannot be planned."""
     things: tuple[StandingThing, ...]
     """The target first."""
     lights: tuple[LightShape, ...]
@@ -83,13 +81,13 @@ def shown_example(plan: ExamplePlan, mesh_root: Path) -> ShownArrangement:
     across = camera.basis[0, :2] * 2 * SYMBOL
     lights = tuple(shape for (of, light), side in zip(lit, (-across, across), strict=True)
                    for shape in light_shapes(light, of, SymbolPlaces(centre, low, high, side)))
-    return ShownArrangement(key=plan.key, things=things, lights=lights, camera=camera, roof=roof_above(things, points))
+    return ShownArrangement(things=things, lights=lights, camera=camera, roof=roof_above(things, points))
 
 
 def shown_room(arrangement: Arrangement, mesh_root: Path) -> ShownArrangement:
     """The arrangement of a pair of which no view can be planned: what stands there, without camera and light."""
     things = standing(arrangement.room, arrangement.target, arrangement.furniture, mesh_root)
-    return ShownArrangement(key="", things=things, lights=(), camera=None,
+    return ShownArrangement(things=things, lights=(), camera=None,
                             roof=roof_above(things, _points(things[0], None, [])))
 
 

@@ -34,7 +34,7 @@ ROOM = (block("floor", "floor", (-2, -2, -0.1), (2, 2, 0)), block("ceiling", "ce
             ((-2, 2, 0), (2, 2.1, 1.3))))))
 CAMERA = Pinhole(position=np.array([1.6, -1.5, 1.1]), target=np.array([0.1, 0.2, 0.3]), up=np.array([0.2, 0.1, 0.97]),
                  fov=50, width=96, height=64)
-ALONE = ShownArrangement(key="", things=(TARGET,), lights=(), camera=CAMERA, roof=np.inf)
+ALONE = ShownArrangement(things=(TARGET,), lights=(), camera=CAMERA, roof=np.inf)
 
 
 def reddish(pixels: np.ndarray) -> np.ndarray:
