@@ -106,6 +106,12 @@ def test_through_the_camera_the_target_is_where_the_pinhole_has_it(page: "Page",
     camera = Pinhole.of(CameraPlan.model_validate(view["plan"]["camera"]), 24, 20)
     expected = camera.project(np.array([view["arrangement"]["target"]["centre"]]))[0, :2]
     np.testing.assert_allclose(found, expected, atol=0.15)
+    page.set_viewport_size({"width": 1000, "height": 620})
+    page.wait_for_function("before => document.querySelector('.picture-frame').offsetWidth < before - 10",
+                           arg=frame["width"])
+    smaller, stage = (page.locator(each).bounding_box() for each in (".picture-frame", ".stage canvas"))
+    assert smaller["height"] == pytest.approx(stage["height"], abs=3)
+    assert smaller["width"] / smaller["height"] == pytest.approx(24 / 20, rel=0.01)
     before = page.evaluate(VIEWER)
     np.testing.assert_allclose(before, view["plan"]["camera"]["position"], atol=1e-4)
 
