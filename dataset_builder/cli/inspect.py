@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from dataset_builder.api import DATASETS
 from dataset_builder.cli import common
 from dataset_builder.cli.inspect_one import add_one, inspect_one
-from dataset_builder.errors import UserError
+from dataset_builder.errors import UserError, count_of
 from dataset_builder.remote.address import shown, title_of
 
 if TYPE_CHECKING:
@@ -115,7 +115,7 @@ def _gallery(options: argparse.Namespace) -> int:
     job = GalleryJob(dataset=options.folder, out=options.html, count=options.count,
                      splits=common.names(options.splits), layers=common.names(options.layers))
     done = write_gallery(job, watched)
-    print(f"gallery: {done.page}, {done.examples:,} example{'s' * (done.examples != 1)}, {done.bytes:,} bytes")
+    print(f"gallery: {done.page}, {count_of(done.examples, 'example')}, {done.bytes:,} bytes")
     return 0
 
 
