@@ -50,7 +50,7 @@ def _tile(name: str, image: np.ndarray, factor: float, error: float | None, time
     lines = [] if kind in ("number", "direction") else [
         f"{image.min():.4g} to {image.max():.4g} {unit}".rstrip() + f", mean {image.mean():.4g}"]
     if error is not None:
-        lines.append(f"relative error {error:.2%}{' before it was denoised' if denoised else ''}")
+        lines.append(f"relative error {error:.2%}{', before denoising' if denoised else ''}")
     elif denoised:
         lines.append("denoised")
     if kind == "light" and (below := int(np.count_nonzero(image < 0))):
