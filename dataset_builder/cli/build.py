@@ -13,6 +13,7 @@ from dataset_builder.cli.common import (
     add_cache,
     add_spec,
     add_verb,
+    example_index,
     local_folder,
     out_folder,
     plain_console,
@@ -21,7 +22,7 @@ from dataset_builder.cli.common import (
 )
 from dataset_builder.cli.engine import add_engine, engine_of
 from dataset_builder.cli.watched import add_html, followed
-from dataset_builder.errors import UserError
+from dataset_builder.errors import UserError, count_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -38,7 +39,7 @@ def add(verbs: Verbs) -> None:
     """Add both verbs."""
     plan = add_verb(verbs, "plan", _plan, "estimate passes, pixels, paths, time and bytes, without rendering")
     add_spec(plan)
-    plan.add_argument("--example", type=int, action="append", default=[],
+    plan.add_argument("--example", type=example_index, action="append", default=[],
                       help="print the whole plan of example N as JSON")
     plan.add_argument("--views", type=positive, default=24, help="views to plan in full; the rest is extrapolated")
     plan.add_argument("--workers", type=positive, help="processes that are to share the build (default: as of `build`)")
@@ -65,7 +66,7 @@ def add(verbs: Verbs) -> None:
                        help="most that a view may take, 0 for no limit (default: 20 times what is expected, 20 minutes "
                             "at least; none for a single worker, which is this process unless a limit is given)")
     add_engine(build)
-    build.add_argument("--example", type=int, action="append", default=[],
+    build.add_argument("--example", type=example_index, action="append", default=[],
                        help="only stage example N, and write a page of it; repeat for more")
     build.add_argument("--part", metavar="K/N", help="only stage part K of N, for `merge`")
     add_html(build)
@@ -155,12 +156,14 @@ def _build(options: argparse.Namespace) -> int:
     for line in rejected_lines(rejected, folder):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     if record:
-        console.print(f"part {record.part}: {len(record.examples)} examples staged in {folder}, {len(record.rejected)} "
-                      "rejected; give it to `merge` with the others", highlight=False, soft_wrap=True)
+        staged = count_of(len(record.examples), "example")
+        console.print(f"part {record.part}: {staged} staged in {folder}, {len(record.rejected)} rejected; give it to "
+                      "`merge` with the others", highlight=False, soft_wrap=True)
     elif not manifest:
-        staged, before = tally.examples - len(rejected), len(set(options.example)) - tally.examples
-        console.print(f"{staged} examples staged in {folder}, {before} already published; build without --example to "
-                      "finish", highlight=False, soft_wrap=True)
+        staged = count_of(tally.examples - len(rejected), "example")
+        before = len(set(options.example)) - tally.examples
+        console.print(f"{staged} staged in {folder}, {before} already published; build without "
+                      "--example to finish", highlight=False, soft_wrap=True)
         for line in _pages(single, loaded, folder, Staging(folder, engine.staging_url)):
             console.print(line, highlight=False, markup=False, soft_wrap=True)
     else:

@@ -151,6 +151,13 @@ def positive(text: str) -> int:
     return int(text)
 
 
+def example_index(text: str) -> int:
+    """The index of an example, as argparse wants it."""
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"expected the index of an example, 0 or more, got {text}")
+    return int(text)
+
+
 def positive_number(text: str) -> float:
     """A finite number above 0, as argparse wants it."""
     with suppress(ValueError):

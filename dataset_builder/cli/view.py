@@ -22,19 +22,12 @@ def add(verbs: common.Verbs) -> None:
     """Add the verb."""
     verb = common.add_verb(verbs, "view", _view, "show what stands where in an example, and a quick preview of it")
     common.add_spec(verb)
-    verb.add_argument("--example", type=_index, default=0, metavar="N", help="which example (default: 0)")
+    verb.add_argument("--example", type=common.example_index, default=0, metavar="N", help="which example (default: 0)")
     verb.add_argument("--out", type=common.out_folder, metavar="DIR",
                       help=f"folder for view.html and view.png (default: {VIEWS}/NAME-N)")
     verb.add_argument("--no-preview", action="store_true", help="render nothing")
     verb.add_argument("--open", action="store_true", help="open the page in the browser")
     common.add_backend(verb)
-
-
-def _index(text: str) -> int:
-    """The index of an example."""
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"expected the index of an example, 0 or more, got {text}")
-    return int(text)
 
 
 def _view(options: argparse.Namespace) -> int:

@@ -56,7 +56,7 @@ def layer_tile(name: str, image: np.ndarray, factor: float, error: float | None,
         lines.append(f"{broken} values are infinite or no number")
     image = np.nan_to_num(image)
     if error is not None:
-        lines.append(f"relative error {error:.2%}{' before it was denoised' if denoised else ''}")
+        lines.append(f"relative error {error:.2%}{', before denoising' if denoised else ''}")
     elif denoised:
         lines.append("denoised")
     if kind == "light" and (below := int(np.count_nonzero(image < 0))):

@@ -1,5 +1,6 @@
 """A page that shows a build while it runs, written over every few seconds. Whatever befalls it, the build goes on."""
 
+import re
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -27,6 +28,10 @@ STYLES = ("styles/page.css", "styles/watched_build.css")
 
 EVERY = 5.0
 """Seconds between two writings, and between two pictures of examples."""
+
+HEARD = 3
+"""Writings that a build that runs may be late by."""
+WRITTEN = re.compile(rb'<main data-state="running" data-written="([0-9]+[.][0-9])"')
 
 PICTURES = 8
 """Examples that are shown, the last ones."""
@@ -57,7 +62,11 @@ class WatchedPage:
         self._thread = threading.Thread(target=self._renew, daemon=True)
 
     def begin(self) -> None:
-        """Write the page, and again every few seconds from now on."""
+        """Write the page, and again every few seconds from now on. Warns where another build may be writing it."""
+        age = _running_age(self._path)
+        if age is not None and age < HEARD * EVERY:
+            self._warn(f"warning: the page {self._path} was written {age:.0f} s ago by a build that had not ended; if "
+                       "it still runs, both write over it: name another --html for one of them")
         self._write("running")
         self._thread.start()
 
@@ -127,6 +136,15 @@ class WatchedPage:
                 self._pictures.append(_Picture(key=outcome.ref.key, said=said, source=source))
                 self._pictured = monotonic()
                 return
+
+
+def _running_age(path: Path) -> float | None:
+    """Seconds since a build that had not ended wrote the page; None where there is no such page."""
+    try:
+        found = WRITTEN.search(path.read_bytes())
+    except OSError:
+        return None
+    return max(0.0, time() - float(found[1])) if found else None
 
 
 def _field_row(news: FieldNews) -> tuple[str, str, float]:

@@ -88,6 +88,7 @@ def test_the_pointer_reads_values_and_standard_errors(viewer: "Page", tmp_path: 
     said = viewer.locator("[data-spread=i_s]").inner_text()
     assert said == "no error per pixel; relative error 3.4 %"
     assert viewer.locator("[data-spread=mask]").inner_text() == "no error per pixel"
+    assert "denoising" not in viewer.locator("#page").inner_text()
     assert "pixel 14, 9" in viewer.locator(".head").inner_text()
     viewer.screenshot(path=tmp_path / "pointed.png")
 
@@ -181,3 +182,16 @@ def test_damaged_layers_are_told(page: "Page", tmp_path: Path) -> None:
     (tmp_path / "damaged.html").write_text(examples_page("Damaged", [payload]), encoding="utf-8")
     page.goto((tmp_path / "damaged.html").as_uri())
     assert "cannot be decoded: expected" in page.get_by_role("alert").inner_text()
+
+
+def test_errors_of_a_denoised_layer_are_those_from_before(page: "Page", tmp_path: Path) -> None:
+    example = lit_ball(1)
+    example["meta"]["plan"]["render"] = {"denoise": ["i_s", "i_t"]}
+    (tmp_path / "one.html").write_text(examples_page("one", [example_payload(example)]), encoding="utf-8")
+    page.goto((tmp_path / "one.html").as_uri())
+    page.locator("canvas").first.wait_for()
+    point(page, "i_t", 14, 9)
+    assert page.locator("[data-spread=i_t]").inner_text().endswith(", before denoising")
+    said = page.locator("[data-spread=i_s]").inner_text()
+    assert said == "no error per pixel; relative error 3.4 %, before denoising"
+    assert page.locator("[data-spread=mask]").inner_text() == "no error per pixel"

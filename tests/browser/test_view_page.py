@@ -155,6 +155,18 @@ def test_the_frame_of_the_picture_follows_the_window(page: "Page", written: Path
         assert min(stage["width"] - frame["width"], stage["height"] - frame["height"]) == pytest.approx(0, abs=1)
 
 
+def test_a_long_name_covers_neither_the_stage_nor_the_margin(page: "Page", tmp_path: Path) -> None:
+    spec = write_spec(tmp_path / "specs", {"objects/ottoman.yaml": f"family: ottoman\ncategory: {150 * 'x'}\n"})
+    assert main(["view", str(spec), "--example", "8", "--no-preview", "--out", str(tmp_path)]) == 0
+    opened(page, tmp_path / "view.html")
+    tag = page.locator(".name-tag", has_text="xxxx").bounding_box()
+    assert tag is not None
+    assert tag["width"] < 241
+    assert page.evaluate("document.documentElement.scrollWidth") == 1280
+    assert page.evaluate("(() => { const head = document.querySelector('.head'); return head.scrollWidth <= "
+                         "head.clientWidth; })()")
+
+
 def test_names_have_distances_and_do_not_overlap(page: "Page", written: Path) -> None:
     opened(page, written / "view.html")
     view = page.evaluate("JSON.parse(document.getElementById('view').textContent)")

@@ -74,6 +74,21 @@ def test_a_page_says_how_the_build_is_and_that_it_ended(tmp_path: Path, monkeypa
     assert "small 1.0.0" not in text and len(findall("[0-9a-f]{64}", text)) == 1
 
 
+def test_two_builds_on_one_page_are_told(tmp_path: Path) -> None:
+    page, said = tmp_path / "small.html", list[str]()
+
+    def news() -> Iterator[Event]:
+        yield from events()
+        said.append(watch(tmp_path, page, events()))
+
+    assert "had not ended" not in watch(tmp_path, page, news())
+    assert f"the page {page} was written" in said[0] and "name another --html" in said[0]
+    assert "had not ended" not in watch(tmp_path, page, events()), "one that ended is written over"
+    page.write_text(page.read_text().replace('data-state="finished"', 'data-state="running"').replace(
+        'data-written="', 'data-written="1.0" data-old="'))
+    assert "had not ended" not in watch(tmp_path, page, events()), "one that died long ago, too"
+
+
 @pytest.mark.parametrize(("error", "reason"), [
     (OutputError([Problem(where="view train/000003", path="", rule="its process was killed by SIGKILL, 3 times")]),
      "view train/000003: its process was killed by SIGKILL, 3 times"),

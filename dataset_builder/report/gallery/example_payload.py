@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from dataset_builder.errors import count_of
 from dataset_builder.layers import LAYERS, RADIANCE
 
 HALF_MAX = 65504.0
@@ -79,7 +80,7 @@ def trust(denoised: Mapping[str, Any]) -> str:
     """How far a denoised layer may be trusted, in words. denoised: what a record says of the layer."""
     better = f"squared error {denoised['relmse_raw']:.3g} before, {denoised['relmse_denoised']:.3g} after"
     return (f"denoised: bias {denoised['bias']:+.2%} ± {denoised['bias_error']:.2%}, of a pixel "
-            f"{denoised['pixel_bias']:.1%}; {better}, of {denoised['examples']} examples")
+            f"{denoised['pixel_bias']:.1%}; {better}, of {count_of(denoised['examples'], 'example')}")
 
 
 def _plain(value: Any) -> Any:

@@ -19,6 +19,8 @@ CAMERA_COLOUR, TARGET_COLOUR = (190, 30, 45), (0, 120, 90)
 PANE = 0.25
 """Opacity of what lets light through."""
 INK, HALO, FONT = (25, 25, 25), (255, 255, 255), 15
+MOST_LETTERS = 40
+"""Of a name; what is longer would cover the picture."""
 MOST_NAMES = 12
 """Pieces of furniture that are named, the nearest to the target first."""
 
@@ -155,7 +157,8 @@ def _named(pixels: np.ndarray, shown: ShownArrangement, eye: Pinhole) -> np.ndar
             if (ends[:, 2] > 0).all():
                 draw.line([tuple(end) for end in ends[:, :2]], fill=colour, width=2)
     taken: list[tuple[float, ...]] = []
-    for text, at, colour in names(shown):
+    for name, at, colour in names(shown):
+        text = name if len(name) <= MOST_LETTERS else name[:MOST_LETTERS - 1] + "…"
         column, row, ahead = eye.project(at[None])[0]
         if ahead <= 0 or not (0 <= column < eye.width and 0 <= row < eye.height):
             continue

@@ -67,13 +67,16 @@ const LayerCaption = {
     spread() {
       if (this.layer.look === "error") return "a standard error";
       if (this.errors) {
-        return this.pixel ? "± " + Layers.valuesAt(this.errors, this.at).map(Figures.exact).join("  ") : this.relative;
+        return this.pixel ? "± " + Layers.valuesAt(this.errors, this.at).map(Figures.exact).join("  ") + this.before
+          : this.relative;
       }
       return `no error per pixel${this.layer.error === null ? "" : `; ${this.relative}`}`;
     },
     relative() {
-      return this.layer.error === null ? "" : `relative error ${Figures.percent(this.layer.error)}`;
+      return this.layer.error === null ? "" : `relative error ${Figures.percent(this.layer.error)}${this.before}`;
     },
+    // Errors are those of the estimate that a denoiser was given
+    before() { return this.layer.denoised ? ", before denoising" : ""; },
     scale() { return Layers.scale(this.layer, this.factor, this.falseLight); },
     bar() {
       const stops = Layers.MAPS[this.scale.map].map((stop) => `rgb(${stop.join(" ")})`);
