@@ -98,8 +98,8 @@ def main(folder: Path) -> None:
     activate("auto", cores())
     folder.mkdir(parents=True, exist_ok=True)
     for picture in (TUPLES, ROOMS):
-        path = folder / f"{picture.name}.png"
-        compose(picture).save(path, optimize=True)
+        path = folder / f"{picture.name}.webp"
+        compose(picture).save(path, lossless=True, quality=100, method=6)
         print(f"{path}: {path.stat().st_size} bytes")
 
 

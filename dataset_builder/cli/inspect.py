@@ -53,7 +53,8 @@ def _add_gallery(inspect: argparse.ArgumentParser) -> None:
     gallery = inspect.add_argument_group("gallery", "pages to browse the dataset in; nothing else is written then")
     gallery.add_argument("--html", type=common.out_folder, metavar="OUT",
                          help="where to: a name that ends in .html is one file with all inside, another a folder")
-    gallery.add_argument("--count", type=common.positive, metavar="N", help="N examples, spread evenly (default: all)")
+    gallery.add_argument("--count", type=common.positive, metavar="N",
+                         help="N examples, spread evenly, at least one of each split (default: all)")
     gallery.add_argument("--split", action="extend", nargs="+", default=[], metavar="NAME", dest="splits",
                          help="only these splits")
     gallery.add_argument("--layers", action="extend", nargs="+", default=[], metavar="A,B", help="only these layers")
@@ -97,6 +98,8 @@ def _inspect(options: argparse.Namespace) -> int:
 
 def _require_together(options: argparse.Namespace) -> None:
     """Raise UserError where an option would be passed over without a word."""
+    if empty := next((name for name in ("example", "mesh", "sequence") if getattr(options, name) == ""), None):
+        raise UserError(f"--{empty}: expected a name, got an empty one (leave it away for tables of the dataset)")
     if not options.html:
         given = [name for name, value in (("--count", options.count), ("--split", options.splits),
                                           ("--layers", options.layers)) if value]

@@ -33,13 +33,18 @@ def layer_tiles(example: Mapping[str, Any], title: Sequence[str]) -> Image.Image
     width = next(iter(images.values())).shape[1]
     times = max(1, SMALL // width)
     columns = max(1, (WIDEST + SPACE) // (times * width + SPACE))
-    tiles = [layer_tile(name, image, factor, errors.get(name), times) for name, image in images.items()]
+    label = example.get("meta", {})
+    denoised = {*label.get("plan", {}).get("render", {}).get("denoise", ()),
+                *(each["layer"] for each in label.get("record", {}).get("denoised", ()))}
+    tiles = [layer_tile(name, image, factor, errors.get(name), times, denoised=name in denoised)
+             for name, image in images.items()]
     rows = [tiles[start:start + columns] for start in range(0, len(tiles), columns)]
     zoom = f"; every pixel {times} times as large" if times > 1 else ""
     return tiled([*title, f"light at exposure {factor:.4g}, sRGB{zoom}"], rows)
 
 
-def layer_tile(name: str, image: np.ndarray, factor: float, error: float | None, times: int) -> Tile:
+def layer_tile(name: str, image: np.ndarray, factor: float, error: float | None, times: int, *,
+               denoised: bool = False) -> Tile:
     """One layer. image: (H, W, C); factor: the exposure of light; error: its relative error, if known; times: how many
     times as large every pixel is."""
     layer, kind = LAYERS[name], look(name)
@@ -51,7 +56,9 @@ def layer_tile(name: str, image: np.ndarray, factor: float, error: float | None,
         lines.append(f"{broken} values are infinite or no number")
     image = np.nan_to_num(image)
     if error is not None:
-        lines.append(f"relative error {error:.2%}")
+        lines.append(f"relative error {error:.2%}{' before it was denoised' if denoised else ''}")
+    elif denoised:
+        lines.append("denoised")
     if kind == "light" and (below := int(np.count_nonzero(image < 0))):
         lines.append(f"{below} values below 0 are shown as 0")
     bar = None

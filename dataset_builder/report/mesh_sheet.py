@@ -42,7 +42,7 @@ def mesh_sheet(meshes: ViewMeshes) -> Image.Image:
     explained = Tile(title="distance R3DM to 3DM", pixels=None, bar=bar, lines=(
         "Of every vertex of the R3DM from the nearest point of the 3DM. The last colour stands for all beyond, too.",
         *meshes.missing))
-    heat = [Tile(title=f"{level.title}: distance", pixels=heat_panel(level, meshes, full)) for level in levels]
+    heat = [Tile(title=f"{level.title}: distance", pixels=heat_panel(level, eye, full)) for level in levels]
     clean = Tile(title="3DM", pixels=mesh_panel(meshes.clean, eye, PANEL),
                  lines=(f"{len(meshes.clean.corners):,} triangles",))
     return tiled(title, [[clean, *shaded], [explained, *heat]])
@@ -59,11 +59,11 @@ def heat_limit(levels: tuple[LevelMesh, ...]) -> float:
     return max([LEAST, *(float(np.percentile(distance, FULL)) for distance in known)])
 
 
-def heat_panel(level: LevelMesh, meshes: ViewMeshes, full: float) -> np.ndarray | None:
+def heat_panel(level: LevelMesh, eye: Eye, full: float) -> np.ndarray | None:
     """(PANEL, PANEL, 3) uint8 picture of a level's distances from 0 to `full` radii; None where there are none."""
     if level.distance is None:
         return None
-    return mesh_panel(level.rough, eye_of(meshes), PANEL, level.distance / full, heat_colours())
+    return mesh_panel(level.rough, eye, PANEL, level.distance / full, heat_colours())
 
 
 def heat_colours(count: int = 256) -> np.ndarray:

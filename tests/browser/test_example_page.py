@@ -149,6 +149,9 @@ def test_the_label_folds_and_is_searched(viewer: "Page") -> None:
     tree.get_by_role("searchbox").fill("Relative_Err")
     assert "0.021" in tree.inner_text()
     assert "camera" not in tree.inner_text()
+    tree.get_by_role("searchbox").fill("")
+    tree.locator("summary", has_text="camera").wait_for()
+    assert "0.021" not in tree.inner_text(), "what only the search has unfolded"
     tree.get_by_role("searchbox").fill("no such thing")
     assert "Nothing matches." in tree.inner_text()
 
@@ -163,6 +166,13 @@ def test_names_are_no_html_and_another_example_keeps_a_held_exposure(viewer: "Pa
     assert exposure(viewer) == held
     np.testing.assert_array_equal(pixels(viewer, "i_t"), expected("i_t", held, example=1))
     assert viewer.locator("img").count() == 0
+    set_slider(viewer, "Exposure in stops", 2)
+    viewer.get_by_role("button", name="Automatic").click()
+    assert not viewer.get_by_label("hold").is_checked()
+    own = tonemap.exposure([EXAMPLES[1][name].astype(np.float16) for name in ("i_s", "i_t", "s_prime")
+                            if name in EXAMPLES[1]])
+    assert exposure(viewer) == pytest.approx(own, rel=2e-3)
+    assert held != pytest.approx(own, rel=2e-3)
 
 
 def test_damaged_layers_are_told(page: "Page", tmp_path: Path) -> None:

@@ -74,6 +74,22 @@ def test_an_arrangement_turns_toggles_and_tells(page: "Page", written: Path, tmp
     page.screenshot(path=tmp_path / "turned.png")
 
 
+def test_what_is_above_and_near_is_cut_away_until_it_is_asked_for(page: "Page", written: Path) -> None:
+    """A click on the middle of the room meets the building only while nothing of it is cut away."""
+    opened(page, written / "view.html")
+    for part in ("furniture", "lights", "camera"):
+        page.get_by_label(part, exact=True).uncheck()
+    place = page.evaluate("""(() => { const scene = arrangementScene, at = scene.centre.clone().project(scene.viewer);
+        return [(at.x + 1) / 2 * scene.box.clientWidth, (1 - at.y) / 2 * scene.box.clientHeight]; })()""")
+    met = {}
+    for cut in (True, False):
+        page.get_by_label("cut away").set_checked(cut)
+        page.locator(".stage canvas").click(position={"x": place[0], "y": place[1]})
+        met[cut] = page.locator(".side h2").first.inner_text()
+    assert met[True] == page.locator(".thing").first.text_content().strip()
+    assert met[False] in ("walls", "ceiling")
+
+
 def test_through_the_camera_the_target_is_where_the_pinhole_has_it(page: "Page", written: Path) -> None:
     opened(page, written / "view.html")
     page.get_by_role("button", name="Through the camera").click()

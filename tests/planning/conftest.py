@@ -39,7 +39,7 @@ def _furniture(*, family: str, params: dict[str, float], seed: int, name: str) -
 
 
 def _room(*, width: float, depth: float, height: float, ceiling: bool, windows: int, skirting: float,
-          seed: int) -> dict[str, Asset]:
+          seed: int, finish: object) -> dict[str, Asset]:
     x, y = width / 2, depth / 2
     parts = {"floor": box_asset("floor", (-x, -y, -0.1), (x, y, 0.0)),
              "walls": box_asset("walls", (-x - 0.1, -y, 0.0), (-x, y, height))}

@@ -40,6 +40,20 @@ def test_light_has_one_exposure_which_errors_do_not_change() -> None:
     assert places(page, cell_pixels("mask", images["mask"], 1.0)) == 1
 
 
+def test_a_denoised_layer_says_so() -> None:
+    images = {"i_t": np.full((20, 700, 3), 0.5), "i_s": np.full((20, 700, 3), 0.5)}
+    plain = np.asarray(layer_tiles(images, ["title"]))
+    planned = layer_tiles({**images, "meta": {"plan": {"render": {"denoise": ["i_s"]}}}}, ["title"])
+    errors = [{"name": "i_t", "relative_error": 0.25}]
+    known = layer_tiles({**images, "meta": {"record": {"layers": errors}}}, ["title"])
+    both = layer_tiles({**images, "meta": {"record": {"layers": errors, "denoised": [{"layer": "i_t"}]}}}, ["title"])
+    assert np.asarray(planned).shape[0] > plain.shape[0], "a line more"
+    assert np.asarray(known).shape == np.asarray(both).shape
+    differ = (np.asarray(known) != np.asarray(both)).any(axis=(0, 2)).nonzero()[0]
+    assert differ.size
+    assert differ.min() > 700 + MARGIN, "below i_t alone, which stands second"
+
+
 def test_errors_and_lengths_are_in_false_colour() -> None:
     """Between 0 and the 99th percentile, and between the percentiles 0.5 and 99.5 of what is somewhere."""
     images = made_up()

@@ -8,7 +8,7 @@ from PIL import Image
 
 from dataset_builder.cli.main import main
 from dataset_builder.report.looking.level_meshes import ViewMeshes, fields_of_dataset, view_meshes
-from dataset_builder.report.mesh_sheet import HEAT, LEAST, PANEL, heat_colours, heat_limit, heat_panel
+from dataset_builder.report.mesh_sheet import HEAT, LEAST, PANEL, eye_of, heat_colours, heat_limit, heat_panel
 from tests.file_servers import range_server
 
 
@@ -24,7 +24,7 @@ def colourful(pixels: np.ndarray) -> np.ndarray:
 
 def test_grey_is_where_nothing_moved(meshes: ViewMeshes) -> None:
     limit = heat_limit(meshes.levels)
-    flat, rough = (heat_panel(level, meshes, limit) for level in meshes.levels)
+    flat, rough = (heat_panel(level, eye_of(meshes), limit) for level in meshes.levels)
     assert flat is not None and rough is not None
     assert not colourful(flat).any() and (np.abs(flat.astype(int) - HEAT[0]).max(axis=2) <= 2).mean() > 0.05
     covered = (rough < 250).any(axis=2)

@@ -11,7 +11,11 @@ import pytest
 
 from dataset_builder.digest import sha256_file
 from dataset_builder.errors import OutputError, UserError
+from dataset_builder.label.shared_content import SharedContent
+from dataset_builder.shards.folder import Claim
 from dataset_builder.shards.manifest import Manifest, from_json
+from dataset_builder.shards.one_writer import build_lock
+from dataset_builder.shards.publish import publish_dataset
 from dataset_builder.shards.reader import load_manifest, open_dataset
 from dataset_builder.shards.shard_index import ShardIndex
 from dataset_builder.shards.verify import verify
@@ -57,6 +61,18 @@ def test_chosen_examples_are_a_dataset(choice: ExampleChoice, wanted: list[int],
     place.log.clear()
     assert pull(place, here, choice=choice).moved == 0
     assert {piece.name for piece in place.log} == {"dataset.json", "SHA256SUMS"}
+
+
+def test_what_splits_share_is_told_where_both_are_there(home: Path, tmp_path: Path) -> None:
+    shared = SharedContent(what="objects", splits=("train", "test"), count=1, of=(2, 1))
+    shutil.copytree(home, tmp_path / "whole")
+    manifest = load_manifest(home).model_copy(update={"in_common": (shared,)})
+    with build_lock(tmp_path / "whole", Claim(name=manifest.name, version=manifest.version), replace=False):
+        publish_dataset(tmp_path / "whole", manifest)
+    for name, choice, told in (("both", ExampleChoice(count=2), (shared,)),
+                               ("one", ExampleChoice(split=("test",)), ())):
+        pull(tmp_path / "whole", tmp_path / name, choice=choice)
+        assert load_manifest(tmp_path / name).in_common == told
 
 
 @pytest.mark.parametrize("shared", ["each", "once"])

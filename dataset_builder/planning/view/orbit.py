@@ -8,7 +8,7 @@ from dataset_builder.errors import count_of
 from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.planning.view.cameras import towards
-from dataset_builder.planning.view.view_path import PathFrame, ViewPath, fitting, free_distances
+from dataset_builder.planning.view.view_path import PathFrame, ViewPath, fitting, free_distances, placed_about
 from dataset_builder.spec.camera import CameraSpec
 from dataset_builder.spec.camera_path import OrbitSpec
 from dataset_builder.spec.numbers import draw
@@ -62,9 +62,3 @@ def plan_orbit(arrangement: Arrangement, path: OrbitSpec, spec: CameraSpec, imag
                           width=image.width, height=image.height)
         frames.append(PathFrame(pinhole=pinhole, said=placed_about(arrangement, azimuth, elevation, distance)))
     return ViewPath(kind="orbit", frames=tuple(frames), note=note, hint=HINT)
-
-
-def placed_about(arrangement: Arrangement, azimuth: float, elevation: float, distance: float) -> str:
-    """A place about the object in words. azimuth: in the world, degrees."""
-    about = (azimuth - arrangement.target.yaw + 180) % 360 - 180
-    return f"{about:.0f} degrees about the object, {elevation:.0f} above the horizon, {distance:.2f} m away"

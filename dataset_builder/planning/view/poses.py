@@ -15,8 +15,7 @@ from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.geometry.turns import upright
 from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.planning.scene.assets_of_plan import turned_up
-from dataset_builder.planning.view.spline import level_with, placed_at
-from dataset_builder.planning.view.view_path import PathFrame, ViewPath
+from dataset_builder.planning.view.view_path import PathFrame, ViewPath, level_with, placed_at
 from dataset_builder.spec.camera_path import PosesSpec
 from dataset_builder.spec.document import Path as KeyPath
 from dataset_builder.spec.pose_files import pose_files

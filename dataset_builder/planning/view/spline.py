@@ -7,11 +7,10 @@ from math import degrees
 import numpy as np
 
 from dataset_builder.errors import PlanError, Problem, count_of
-from dataset_builder.geometry.edges import unit
 from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.planning.view.cameras import towards
-from dataset_builder.planning.view.view_path import PathFrame, ViewPath, fitting, free_distances
+from dataset_builder.planning.view.view_path import PathFrame, ViewPath, fitting, free_distances, level_with, placed_at
 from dataset_builder.spec.camera import CameraSpec
 from dataset_builder.spec.camera_path import STEEPEST_KEY, SplineSpec
 from dataset_builder.spec.numbers import draw
@@ -148,18 +147,3 @@ def plan_spline(arrangement: Arrangement, path: SplineSpec, spec: CameraSpec, im
     note = f"spline: {count_of(views, 'view')} at equal lengths through {len(path.keys)} keys" + (
         ", closed" * path.closed)
     return ViewPath(kind="spline", frames=tuple(frames), note=note, hint=HINT)
-
-
-def placed_at(position: np.ndarray) -> str:
-    """A place in the room in words."""
-    return "at [{:.2f}, {:.2f}, {:.2f}]".format(*position)
-
-
-def level_with(arrangement: Arrangement, position: np.ndarray, aim: np.ndarray) -> np.ndarray:
-    """(3,) the point in the middle of the frame that is nearest to the object's centre, of a camera at `position` that
-    looks at `aim`: one as near as the centre, where the object is not before the camera."""
-    away, forward = arrangement.centre - position, unit(aim - position)
-    along = float(away @ forward)
-    if float(np.linalg.norm(arrangement.centre - aim)) == 0:
-        return aim
-    return position + (along if along > 0 else max(float(np.linalg.norm(away)), 1e-3)) * forward

@@ -11,8 +11,7 @@ from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.planning.view.camera_misses import Miss
 from dataset_builder.planning.view.cameras import clearance_of, seen_from, towards
-from dataset_builder.planning.view.orbit import placed_about
-from dataset_builder.planning.view.view_path import OUTLINES, PathFrame, ViewPath, fitting_areas
+from dataset_builder.planning.view.view_path import OUTLINES, PathFrame, ViewPath, fitting_areas, placed_about
 from dataset_builder.planning.view.visibility import silhouette_area
 from dataset_builder.spec.camera import CameraSpec
 from dataset_builder.spec.camera_path import TurntableSpec

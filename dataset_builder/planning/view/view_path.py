@@ -6,6 +6,7 @@ from math import radians, sin, sqrt, tan
 import numpy as np
 
 from dataset_builder.errors import PlanError, Problem
+from dataset_builder.geometry.edges import unit
 from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.planning.view.camera_misses import Miss, told
@@ -108,3 +109,24 @@ def path_camera(arrangement: Arrangement, path: ViewPath, spec: CameraSpec, fram
         raise PlanError([Problem(where=where, path="camera.path", rule=rule, hint=path.hint)])
     camera, sight = found
     return PlannedCamera(camera=camera, sight=sight, note=f"camera: view {frame}; {path.note}")
+
+
+def placed_about(arrangement: Arrangement, azimuth: float, elevation: float, distance: float) -> str:
+    """A place about the object in words. azimuth: in the world, degrees."""
+    about = (azimuth - arrangement.target.yaw + 180) % 360 - 180
+    return f"{about:.0f} degrees about the object, {elevation:.0f} above the horizon, {distance:.2f} m away"
+
+
+def placed_at(position: np.ndarray) -> str:
+    """A place in the room in words."""
+    return "at [{:.2f}, {:.2f}, {:.2f}]".format(*position)
+
+
+def level_with(arrangement: Arrangement, position: np.ndarray, aim: np.ndarray) -> np.ndarray:
+    """(3,) the point in the middle of the frame that is nearest to the object's centre, of a camera at `position` that
+    looks at `aim`: one as near as the centre, where the object is not before the camera."""
+    away, forward = arrangement.centre - position, unit(aim - position)
+    along = float(away @ forward)
+    if float(np.linalg.norm(arrangement.centre - aim)) == 0:
+        return aim
+    return position + (along if along > 0 else max(float(np.linalg.norm(away)), 1e-3)) * forward

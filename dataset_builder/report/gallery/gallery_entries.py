@@ -2,11 +2,14 @@
 
 import csv
 import re
+import struct
+import zlib
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -74,12 +77,21 @@ def rejected_in(dataset: Dataset, splits: Sequence[str]) -> Iterator[tuple[Rejec
             yield item, pixels_of(Path(dataset.folder), item.key) if own else None
 
 
+DAMAGE = (OSError, ValueError, EOFError, KeyError, BadZipFile, zlib.error, struct.error, NotImplementedError,
+          RuntimeError)
+"""What NumPy and zip files raise for bytes that are no longer theirs; the last two for compression and encryption."""
+
+
 def rejected_layers(path: Path, layers: Sequence[str]) -> dict[str, np.ndarray]:
     """The layers of a rejected example that are wanted. Raises ShardError where the file is damaged."""
     try:
-        with np.load(path, allow_pickle=False) as file:
-            return {name: file[name] for name in file.files if name in layers}
-    except (OSError, ValueError, EOFError, KeyError) as error:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
+            found = {name: file[name] for name in file.files if name in layers}
+        if odd := [name for name, image in found.items() if image.ndim != 3 or image.dtype.kind != "f"
+                   or image.shape[:2] != next(iter(found.values())).shape[:2]]:
+            raise ValueError(f"{odd[0]} is {found[odd[0]].dtype} of {found[odd[0]].shape}")
+        return found
+    except DAMAGE as error:
         problem = Problem(where=str(path), path="", rule=f"expected layers of a rejected example ({error})",
                           hint="remove the file, or build again")
         raise ShardError([problem]) from error

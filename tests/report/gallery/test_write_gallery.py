@@ -184,10 +184,16 @@ def test_what_cannot_be_is_refused_beforehand(tiny: Path, tmp_path: Path, monkey
 
 def test_damage_is_told_and_nothing_is_left(tiny: Path, tmp_path: Path) -> None:
     shutil.copytree(tiny, tmp_path / "broken")
-    (tmp_path / "broken" / ".build" / "rejected" / f"{LOST}.npz").write_bytes(b"PK no more")
-    with pytest.raises(ShardError, match="expected layers of a rejected example"):
-        made(tmp_path / "broken", tmp_path / "out")
-    assert not (tmp_path / "out").exists()
+    kept = tmp_path / "broken" / ".build" / "rejected" / f"{LOST}.npz"
+    whole, flat = kept.read_bytes(), BytesIO()
+    np.savez_compressed(flat, i_t=np.zeros((4, 4), np.float32))
+    cut = whole[:len(whole) // 2]
+    turned = bytes(byte ^ 90 if 60 <= place < 90 else byte for place, byte in enumerate(whole))
+    for data in (b"PK no more", cut, b"", turned, flat.getvalue()):
+        kept.write_bytes(data)
+        with pytest.raises(ShardError, match="expected layers of a rejected example"):
+            made(tmp_path / "broken", tmp_path / "out")
+        assert not (tmp_path / "out").exists()
 
 
 def test_a_dataset_at_an_address(tiny: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -207,7 +213,9 @@ def test_a_dataset_at_an_address(tiny: Path, tmp_path: Path, monkeypatch: pytest
 @pytest.mark.parametrize(("options", "rule"), [
     (["--count", "2"], "--count: expected --html OUT with it"), (["--split", "test"], "--split: expected --html OUT"),
     (["--html", "x.html", "--sequence", "turn"], "--html: expected no --sequence with it"),
-    (["--html", "x.html", "--sheet", "y.png"], "--html: expected no --sheet with it")])
+    (["--html", "x.html", "--sheet", "y.png"], "--html: expected no --sheet with it"),
+    (["--example", ""], "--example: expected a name, got an empty one"),
+    (["--mesh", ""], "--mesh: expected a name, got an empty one")])
 def test_options_that_would_be_passed_over(tiny: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
                                            capsys: pytest.CaptureFixture[str], options: list[str], rule: str) -> None:
     monkeypatch.chdir(tmp_path)

@@ -105,7 +105,7 @@ const GalleryFacts = (() => {
     for (const name of TEXT) if (params.has(name)) query[name] = params.get(name);
     if (!(query.sort.replace("-", "") in SORTS)) query.sort = "key";
     for (const name in RANGES) {
-      const [low, high] = (params.get(name) ?? "").split("~").map(Number);
+      const [low, high] = (params.get(name) ?? "").split("~").map((text) => text ? Number(text) : NaN);
       if (high >= low) query.ranges[name] = [low, high];
     }
     return { query, open: params.get("open") };

@@ -33,7 +33,7 @@ const LabelTree = (() => {
     },
     template: `
       <div v-if="leaf" class="leaf"><span class="key">{{ name }}</span><span class="value">{{ text }}</span></div>
-      <details v-else :open="open" @toggle="unfolded = $event.target.open">
+      <details v-else :open="open" @toggle="words || (unfolded = $event.target.open)">
         <summary><span class="key">{{ name }}</span> <span class="count">{{ size }}</span></summary>
         <LabelNode v-for="[key, one] in children" :key="key" :name="key" :value="one" :words="below"
           :depth="depth + 1" />
