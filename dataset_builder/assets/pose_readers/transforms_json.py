@@ -137,7 +137,8 @@ def _image(path: Path, name: str) -> Path:
 def _lens(file: _Transforms, frame: _Frame, image: Path | None, where: str) -> Lens:
     """Of a frame; what it does not say, the file says for all. image: whose size it has, where neither says it."""
     own = frame.model_dump(exclude_none=True)
-    said = {**file.model_dump(exclude_none=True), **own}
+    # Without all other frames, of which there may be thousands
+    said = {**file.model_dump(exclude={"frames"}, exclude_none=True), **own}
     for angle, length in (("camera_angle_x", "fl_x"), ("camera_angle_y", "fl_y")):
         if angle in own and length not in own:
             said.pop(length, None)
