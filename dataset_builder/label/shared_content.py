@@ -18,12 +18,15 @@ class SharedContent(Model):
     """How many both have."""
     of: tuple[int, int]
     """How many different ones each has."""
+    whole: bool = False
+    """Whether numbers are of the whole dataset where this is a subset of it, which may hold less."""
 
     @property
     def sentence(self) -> str:
         """What that means for figures."""
         first, second = self.splits
         noun = self.what if self.count > 1 else self.what.removesuffix("s")
-        return (f"splits {first} and {second} share {self.count} {noun} ({first} has {self.of[0]}, {second} "
+        head = "in the whole dataset, " if self.whole else ""
+        return (f"{head}splits {first} and {second} share {self.count} {noun} ({first} has {self.of[0]}, {second} "
                 f"{self.of[1]}): figures on {second} of what was trained on {first} say how well a method does on "
                 f"{self.what} that it knows, not on new ones")

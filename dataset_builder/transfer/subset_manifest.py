@@ -45,7 +45,8 @@ def subset_manifest(origin: Origin, choice: ExampleChoice, layers: Sequence[str]
         "splits": tuple(split for split in whole.splits if split.name in kept),
         "totals": whole.totals.model_copy(update={"rejected": len(rejected)}), "rejected": rejected,
         "parts": tuple(_parts(whole.parts, labels)), "fields": fields,
-        "in_common": tuple(one for one in whole.in_common if kept.issuperset(one.splits)),
+        "in_common": tuple(one.model_copy(update={"whole": True}) for one in whole.in_common
+                           if kept.issuperset(one.splits)),
         "subset": subset_record(origin, choice)})
     return with_shards(part, shards)
 

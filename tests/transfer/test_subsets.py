@@ -69,7 +69,9 @@ def test_what_splits_share_is_told_where_both_are_there(home: Path, tmp_path: Pa
     manifest = load_manifest(home).model_copy(update={"in_common": (shared,)})
     with build_lock(tmp_path / "whole", Claim(name=manifest.name, version=manifest.version), replace=False):
         publish_dataset(tmp_path / "whole", manifest)
-    for name, choice, told in (("both", ExampleChoice(count=2), (shared,)),
+    whole = shared.model_copy(update={"whole": True})
+    assert whole.sentence == f"in the whole dataset, {shared.sentence}"
+    for name, choice, told in (("both", ExampleChoice(count=2), (whole,)),
                                ("one", ExampleChoice(split=("test",)), ())):
         pull(tmp_path / "whole", tmp_path / name, choice=choice)
         assert load_manifest(tmp_path / name).in_common == told
