@@ -22,7 +22,6 @@ Vue.createApp({
     try {
       this.scene = Vue.markRaw(new Arrangement.Scene(this.$refs.stage, this.page.arrangement,
         (picked) => { this.picked = picked; }, () => { this.through = false; }));
-      new ResizeObserver(() => this.fit()).observe(this.$refs.stage);
       await this.scene.load();
       this.$refs.stage.dataset.ready = "yes";
     } catch (error) {
@@ -41,10 +40,8 @@ Vue.createApp({
       if (!this.scene) return;
       this.through = through;
       if (through) this.scene.lookThrough(); else this.scene.overview();
-      this.fit();
+      this.frame = through ? this.scene.frame() : {};
     },
-    // The frame of the picture is as large as the stage allows.
-    fit() { if (this.through) this.frame = this.scene.frame(); },
   },
   template: `
     <article class="view-page">
