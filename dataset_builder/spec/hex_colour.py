@@ -16,6 +16,9 @@ def _linear(value: Any) -> Any:
     >>> _linear("#ff0000")
     (1.0, 0.0, 0.0)
     """
+    if value is None:
+        raise ValueError("expected three numbers or '#' and six hexadecimal digits, got nothing: without quotes, YAML "
+                         "takes # for the beginning of a comment")
     if not isinstance(value, str):
         return value
     if (found := _DIGITS.fullmatch(value)) is None:
@@ -26,5 +29,5 @@ def _linear(value: Any) -> Any:
 
 _Factor = within(low=0, high=1)
 _Factors = tuple[_Factor, _Factor, _Factor]  # type: ignore[valid-type]
-Colour = Annotated[_Factors, BeforeValidator(_linear, json_schema_input_type=_Factors | str)]
-"""Three factors in [0, 1], linear Rec.709."""
+MaybeColour = Annotated[_Factors | None, BeforeValidator(_linear, json_schema_input_type=_Factors | str)]
+"""Three factors in [0, 1], linear Rec.709. The key may be left out, but where it is written, it says something."""

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, Tag, model_validator
 
 from dataset_builder.light_kinds import LIGHT_KINDS, LampName
-from dataset_builder.spec.hex_colour import Colour
+from dataset_builder.spec.hex_colour import MaybeColour
 from dataset_builder.spec.model import Model, broken
 from dataset_builder.spec.numbers import AnyNumber, branches, draws, support, within
 
@@ -52,7 +52,7 @@ class LampSpec(Model):
     source dome's; of a spot or a point, intensity in these units times a square metre."""
     temperature: within(low=1000, high=40000) | None = None  # type: ignore[valid-type]
     """Colour temperature in kelvin."""
-    color: Colour | None = None
+    color: MaybeColour = None
     """In place of `temperature`: linear Rec.709, or sRGB as `"#rrggbb"`. It tints the light and does not dim it."""
     texture: str = ""
     """Image (.exr .png) that an area light shows, relative to the dataset file; normalised to mean luminance 1."""

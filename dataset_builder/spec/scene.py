@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import ConfigDict, Field, model_validator
 
 from dataset_builder.spec.file_scene import SceneFileSpec
-from dataset_builder.spec.hex_colour import Colour
+from dataset_builder.spec.hex_colour import MaybeColour
 from dataset_builder.spec.licences import Licence
 from dataset_builder.spec.model import Model, broken
 from dataset_builder.spec.numbers import AnyNumber, within
@@ -31,7 +31,7 @@ class FogSpec(Model):
 class SurfaceSpec(Model):
     """Fields of a material; omitted ones are unchanged."""
 
-    base_color: Colour | None = None
+    base_color: MaybeColour = None
     """Linear Rec.709 factors of reflectance, or sRGB as `"#rrggbb"`; of transmission where the surface transmits."""
     roughness: within(low=0, high=1) | None = None  # type: ignore[valid-type]
     """Perceptual; 0 is a mirror or clear glass."""
@@ -43,7 +43,7 @@ class SurfaceSpec(Model):
     """Weight of a clear coat with index of refraction 1.5."""
     coat_roughness: within(low=0, high=1) | None = None  # type: ignore[valid-type]
     """Perceptual roughness of the coat."""
-    sheen: Colour | None = None
+    sheen: MaybeColour = None
     """Colour of the sheen of fibres; 0 is none."""
     sheen_roughness: within(low=0.05, high=1) | None = None  # type: ignore[valid-type]
     """Roughness of the sheen."""

@@ -28,6 +28,7 @@ def target(*lamps: dict[str, Any], **more: Any) -> TargetSpec:
     ({"azimuth": 0, "strength": 1, "radiance": 1}, "no `radiance` beside `strength`"),
     ({"azimuth": 0, "temperature": 3000, "color": "#ffffff"}, "no `color` beside `temperature`"),
     ({"azimuth": 0, "color": "red"}, "three numbers or '#' and six hexadecimal digits"),
+    ({"azimuth": 0, "color": None}, "got nothing: without quotes, YAML takes # for the beginning of a comment"),
     ({"azimuth": 0, "color": "#000000"}, "a color with a number that is not 0"),
     ({"azimuth": 0, "direction": (0, 0, 0)}, "a direction with a number that is not 0"),
     ({"azimuth": 0, "direction": (0, 0, 1), "aim": (1, 0, 0)}, "no `aim` beside `direction`"),
