@@ -9,6 +9,8 @@ from dataset_builder.spec.resolve import LoadedSpec
 
 SHAPES = (1.5, 3.0)
 """Widths over heights of what may be latitude and longitude, which are 2 to 1."""
+COVERED = 1 - 1e-6
+"""Share of an image of a wall that must be there: light does not pass what bounds a room."""
 
 
 def check_images(loaded: LoadedSpec) -> None:
@@ -39,8 +41,11 @@ def _problems(use: ImageUse, loaded: LoadedSpec) -> list[Problem]:
 def _surface_problems(use: ImageUse, loaded: LoadedSpec) -> list[Problem]:
     path = loaded.path.parent / use.name
     try:
-        read_texels(ImageFile(name=path.name, content=path), srgb=True, max_size=1, opaque=True)
+        covered = float(read_texels(ImageFile(name=path.name, content=path), srgb=True, max_size=1)[..., 3].mean())
     except UserError as error:
         return [replace(problem, where=use.where, path=use.key, rule=f"{use.name}: {problem.rule}")
                 for problem in error.problems]
+    if covered < COVERED:
+        return [Problem(where=use.where, path=use.key, hint="save it without an alpha channel",
+                        rule=f"{use.name}: expected an image that is opaque, got one that covers {covered:.1%}")]
     return []

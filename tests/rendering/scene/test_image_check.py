@@ -3,6 +3,7 @@
 import numpy as np
 import OpenEXR
 import pytest
+from PIL import Image
 
 from dataset_builder.cli.main import main
 from dataset_builder.errors import PlanError
@@ -53,3 +54,16 @@ def test_a_texture_of_a_room_is_looked_at_too(tmp_path):
         check_images(load_dataset(path))
     assert str(caught.value).startswith(f"{tmp_path / 'rooms/den.yaml'}:3: materials.wall.texture: a.png: expected a "
                                         "readable image")
+
+
+def test_walls_let_no_light_through(tmp_path):
+    path = write_spec(tmp_path, {"rooms/den.yaml": "width: 4\nmaterials:\n  wall: {texture: ../a.png}\n"})
+    for alpha, refused in ((255, False), (254, True)):
+        image = Image.new("RGBA", (4, 4), (200, 100, 50, 255))
+        image.putpixel((1, 2), (200, 100, 50, alpha))
+        image.save(tmp_path / "a.png")
+        if not refused:
+            check_images(load_dataset(path))
+            continue
+        with pytest.raises(PlanError, match=r"materials\.wall\.texture: a\.png: expected an image that is opaque, got"):
+            check_images(load_dataset(path))
