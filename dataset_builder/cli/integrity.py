@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from dataset_builder.cli import common
 from dataset_builder.cli.rate_line import RateLine
+from dataset_builder.errors import count_of
 from dataset_builder.processes import cores
 
 if TYPE_CHECKING:
@@ -59,7 +60,7 @@ def _verify(options: argparse.Namespace) -> int:
     if others := [split.name for split in manifest.splits if options.split and split.name not in options.split]:
         print(f"not looked at: shards of {', '.join(others)}")
     shards = [shard for shard in manifest.shards if not options.split or shard.split in options.split]
-    print(f"{sum(shard.examples for shard in shards)} examples in {len(shards)} shards, "
+    print(f"{count_of(sum(shard.examples for shard in shards), 'example')} in {count_of(len(shards), 'shard')}, "
           f"{sum(shard.bytes for shard in shards)} bytes: no problems found")
     return 0
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from dataset_builder.cli.common import Verbs, add_folder, add_verb, gigabytes, names, out_folder, positive
 from dataset_builder.cli.rate_line import RateLine
+from dataset_builder.errors import count_of
 
 if TYPE_CHECKING:
     from dataset_builder.transfer.fetching import TransferProgress
@@ -64,7 +65,7 @@ def _pull(options: argparse.Namespace) -> int:
                       replace=options.replace, told=_on(line))
     totals = pulled.manifest.totals
     for split in pulled.manifest.splits:
-        print(f"{split.name}: {split.examples} examples in {len(split.shards)} shards")
+        print(f"{split.name}: {count_of(split.examples, 'example')} in {count_of(len(split.shards), 'shard')}")
     print(f"{totals.examples} examples, {totals.bytes} bytes; {pulled.wanted} bytes wanted, {pulled.moved} fetched\n"
           f"dataset: {options.folder}")
     return 0
