@@ -192,6 +192,7 @@ const Layers = (() => {
     return told;
   }
 
-  return { VALUES, MAPS, inflated, decode, decodeAll, exposure, toneTable, colourTable, nearestCode, mapColour, percentile, scale,
+  return { VALUES, MAPS, inflated, decode, decodeAll, exposure, toneTable, colourTable, nearestCode, mapColour,
+           percentile, scale,
     paint, valuesAt, remarks };
 })();
