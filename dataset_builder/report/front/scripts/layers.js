@@ -193,6 +193,5 @@ const Layers = (() => {
   }
 
   return { VALUES, MAPS, inflated, decode, decodeAll, exposure, toneTable, colourTable, nearestCode, mapColour,
-           percentile, scale,
-    paint, valuesAt, remarks };
+           percentile, scale, paint, valuesAt, remarks };
 })();
