@@ -231,8 +231,8 @@ def test_a_dataset_that_a_build_refuses_is_not_compared_with(override: str, buil
 
 
 @pytest.mark.parametrize(("options", "message"), [
-    (("--cache", ""), "empty name"), (("--cache-size", "1e300"), "expected a number from 0"),
-    (("--cache-size", "nan"), "expected a number from 0"), (("--cache-size", "-1"), "expected a number from 0")])
+    (("--cache", ""), "empty name"), (("--cache-size", "1e300"), "expected GB from 0"),
+    (("--cache-size", "nan"), "expected GB from 0"), (("--cache-size", "-1"), "expected GB from 0")])
 def test_wrong_caches_are_refused(options: tuple[str, str], message: str, tmp_path: Path,
                                   capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
