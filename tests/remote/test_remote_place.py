@@ -210,11 +210,16 @@ def test_ctrl_c_ends_a_request_at_once(folder: Path) -> None:
     plan = Plan(faults=["stall"], in_a_row=99)
     with range_server(folder) as upstream, fault_proxy(upstream, plan) as address:
         place, begin = place_of(address), monotonic()
+        # Tests that a shell runs in the background begin with Ctrl-C ignored
+        before = signal.signal(signal.SIGINT, signal.default_int_handler)
         timer = threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT))
         timer.start()
-        with pytest.raises(KeyboardInterrupt):
-            place.read("shards/a.tar", most=SIZE)
-        timer.join()
+        try:
+            with pytest.raises(KeyboardInterrupt):
+                place.read("shards/a.tar", most=SIZE)
+            timer.join()
+        finally:
+            signal.signal(signal.SIGINT, before)
         assert monotonic() - begin < 15
         plan.rate = 0.0
         assert place.read("b c.txt", most=3) == b"abc"
