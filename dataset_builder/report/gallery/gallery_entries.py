@@ -3,16 +3,15 @@
 import csv
 import re
 import struct
-import zlib
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 
+from dataset_builder.assets.field_file import UNREADABLE
 from dataset_builder.engine.rejected_pixels import pixels_of
 from dataset_builder.errors import Problem, ShardError
 from dataset_builder.remote.open_place import place_of
@@ -77,9 +76,8 @@ def rejected_in(dataset: Dataset, splits: Sequence[str]) -> Iterator[tuple[Rejec
             yield item, pixels_of(Path(dataset.folder), item.key) if own else None
 
 
-DAMAGE = (OSError, ValueError, EOFError, KeyError, BadZipFile, zlib.error, struct.error, NotImplementedError,
-          RuntimeError)
-"""What NumPy and zip files raise for bytes that are no longer theirs; the last two for compression and encryption."""
+DAMAGE = (*UNREADABLE, RuntimeError, struct.error)
+"""What NumPy and zip files raise for bytes that are no longer theirs, encrypted ones included."""
 
 
 def rejected_layers(path: Path, layers: Sequence[str]) -> dict[str, np.ndarray]:
