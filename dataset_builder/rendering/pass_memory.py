@@ -43,6 +43,8 @@ class PassResult:
     pixels: np.ndarray
     """(P,) indices row * width + column, in rising order."""
     found: Estimate
+    raw: Estimate
+    """The same, each pixel's error as its own batches have it."""
     stopped: Mapping[str, Stop]
     """Why sampling of each layer with a goal ended."""
     facts: Mapping[str, float]

@@ -14,6 +14,7 @@ from typing import Literal
 
 import numpy as np
 
+from dataset_builder.rendering.sampling.heavy_tails import layer_mean
 from dataset_builder.rendering.sampling.moments import Estimate, averaged, gathered, pooled
 from dataset_builder.rendering.sampling.pixel_noise import deviations, expected_error, moderated, wanted
 from dataset_builder.seeding import derive_seed
@@ -29,6 +30,9 @@ GROWTH = 8.0
 
 AIM = 0.97
 """Share of the error asked for that iterations aim at, to arrive rather than come close again and again."""
+
+DOUBT = 2.0
+"""Times the samples it had that every pixel gets in an iteration where the errors are there but the mean is unknown."""
 
 SLACK = 0.02
 """A pixel that lacks this share of its samples at most is there."""
@@ -72,9 +76,14 @@ class Sampled:
         """In single precision, as it is kept: the same bits, kept or not."""
         return replace(self, halves=tuple(half.rounded() for half in self.halves))
 
+    @property
+    def together(self) -> Estimate:
+        """All samples together, each pixel's error as it was found."""
+        return averaged(self.halves) if len(self.halves) > 1 else self.halves[0]
+
     def estimate(self, pixels: np.ndarray, width: int) -> Estimate:
         """All samples together, each pixel's error moderated by its neighbours'."""
-        return moderated(averaged(self.halves) if len(self.halves) > 1 else self.halves[0], pixels, width)
+        return moderated(self.together, pixels, width)
 
 
 def more_samples(sample: Sample, pixels: np.ndarray, before: Sampled | None, *, spp: int, part: int, batches: int,
@@ -98,10 +107,11 @@ def refine(sample: Sample, pixels: np.ndarray, width: int, *, first: int, batche
     while True:
         found = [pooled(half) for half in halves]
         known = [moderated(half, pixels, width) for half in found]
-        extras = [{goal.layer: _extra(goal, found[k], known[1 - k], each * BATCH_SIZES[0]) for goal in goals}
-                  for k in (0, 1)]
-        stopped = {goal.layer: _stop(goal, found, known, [extra[goal.layer] for extra in extras], clock() - start)
-                   for goal in goals}
+        unknown = [[goal.layer for goal in goals if _unknown(goal, half)] for half in found]
+        extras = [{goal.layer: _extra(goal, found[k], known[1 - k], each * BATCH_SIZES[0],
+                                      unknown=goal.layer in unknown[1 - k]) for goal in goals} for k in (0, 1)]
+        stopped = {goal.layer: _stop(goal, found, known, [extra[goal.layer] for extra in extras], clock() - start,
+                                     unknown=any(goal.layer in names for names in unknown)) for goal in goals}
         open_goals = [goal for goal in goals if not stopped[goal.layer]]
         if not open_goals:
             break
@@ -120,29 +130,36 @@ def _error_of_a_half(goal: Goal) -> float:
     return sqrt(2) * goal.error
 
 
-def _extra(goal: Goal, own: Estimate, other: Estimate, smallest: int) -> np.ndarray:
+def _unknown(goal: Goal, half: Estimate) -> bool:
+    """Whether a half says that it does not know the layer's mean: then errors of pixels cannot be relied on either."""
+    return bool(goal.error) and layer_mean(half, goal.channels, goal.inside).known == "unknown"
+
+
+def _extra(goal: Goal, own: Estimate, other: Estimate, smallest: int, *, unknown: bool = False) -> np.ndarray:
     """(P,) samples that a half lacks for one goal, by what the other half knows; an iteration can take no fewer than
-    `smallest` of a pixel. 0 for pixels that are there, or at the cap."""
+    `smallest` of a pixel. 0 for pixels that are there, or at the cap. unknown: whether that half does not know the
+    layer's mean."""
     wish = np.where(goal.inside, GROWTH * own.spp, 0)
     if goal.error:
         deviation = deviations(other, goal.channels, goal.inside)
-        if expected_error(deviation, own.spp) <= _error_of_a_half(goal):
+        reached = expected_error(deviation, own.spp) <= _error_of_a_half(goal)
+        if reached and not unknown:
             return np.zeros(len(own.spp))
-        wish = wanted(deviation, AIM * _error_of_a_half(goal))
+        wish = np.where(goal.inside, DOUBT * own.spp, 0) if reached else wanted(deviation, AIM * _error_of_a_half(goal))
     lacking = np.minimum(wish, GROWTH * own.spp) - own.spp
     room = goal.cap // 2 - own.spp
     return np.where((lacking > SLACK * own.spp) & (room >= smallest), np.minimum(lacking, room), 0)
 
 
 def _stop(goal: Goal, found: Sequence[Estimate], known: Sequence[Estimate], extras: Sequence[np.ndarray],
-          spent: float) -> Stop | None:
+          spent: float, *, unknown: bool = False) -> Stop | None:
     """Why a goal is done with, if it is."""
     if goal.seconds and spent >= goal.seconds:
         return "time"
     if any(extra.any() for extra in extras):
         return None
     reached = [expected_error(deviations(known[1 - k], goal.channels, goal.inside), found[k].spp) for k in (0, 1)]
-    return "error" if goal.error and max(reached) <= _error_of_a_half(goal) else "cap"
+    return "error" if goal.error and max(reached) <= _error_of_a_half(goal) and not unknown else "cap"
 
 
 def _within(goal: Goal, found: Estimate, extra: np.ndarray, spent: float) -> np.ndarray:
