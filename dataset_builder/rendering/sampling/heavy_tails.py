@@ -24,6 +24,8 @@ MATTERS = 0.01
 tail, too, but hold next to nothing."""
 TOP_PART = 0.001
 """Part of the contributions that is the top, at least one of them."""
+ROUNDING = 1e-6
+"""Share of the largest contribution, and of the mean of the image that a layer is a part of, that is rounding."""
 FEWEST = 25
 """Contributions above 0 that a tail takes."""
 CLOSEST = 0.9
@@ -61,15 +63,18 @@ def least_known(*means: LayerMean) -> Known:
     return max((mean.known for mean in means), key=get_args(Known).index)
 
 
-def layer_mean(found: Estimate, channels: slice, inside: np.ndarray, *, together: bool = False) -> LayerMean:
+def layer_mean(found: Estimate, channels: slice, inside: np.ndarray, *, together: bool = False,
+               image: slice | None = None) -> LayerMean:
     """Of the pixels `inside` (P,) of an estimate whose errors are those of each pixel alone.
 
     A pixel's contribution is its largest batch, but no more than its standard error: so what is bright and even, a lamp
-    in the picture, is none. together: whether pixels share light paths, so that their errors do not cancel out.
+    in the picture, is none. together: whether pixels share light paths, so that their errors do not cancel out; image:
+    channels of the image that the layer is a part of, which says what is rounding.
     """
     mean, error, half, peak = (getattr(found, name)[inside, channels] for name in ("mean", "error", "half", "peak"))
     total = float(abs(mean.sum())) / max(mean.shape[1], 1)
-    if not total:
+    whole = float(abs(found.mean[inside, image].sum())) / max(mean.shape[1], 1) if image else 0.0
+    if total <= ROUNDING * whole:
         return LayerMean(error=0.0, expected=0.0, tail=0.0, top_share=0.0)
     # Channels of a pixel are noisy together
     spread = sqrt(float(np.sum(error.mean(axis=1) ** 2))) / total
@@ -92,7 +97,7 @@ def pareto_tail(values: np.ndarray) -> float:
     posterior mean (Zhang and Stephens, Technometrics 51, 2009), and k drawn towards 1/2 with a weight of ten of them
     (Vehtari et al., appendix C).
     """
-    values = values[np.isfinite(values) & (values > 0)]
+    values = values[np.isfinite(values) & (values > ROUNDING * values.max(initial=0))]
     if len(values) < FEWEST:
         return 0.0
     count = int(min(len(values) / 5, 3 * sqrt(len(values))))
