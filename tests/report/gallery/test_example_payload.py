@@ -63,6 +63,7 @@ def test_an_example_with_its_label() -> None:
         "denoised: bias -0.20% ± 0.10%, of a pixel 4.0%; squared error 0.1 before, 0.02 after, of 8 examples", "",
         "denoised; not measured"]
     assert [layer["mean"] for layer in payload["layers"]] == ["mean ± 2.00%", "", ""]
+    assert not any(layer["doubtful"] for layer in payload["layers"])
     # NaN of a label becomes null, or a page would not be JSON
     assert payload["label"]["record"]["layers"][1]["relative_error"] is None
     assert '"relative_error":null' in script_json(payload)
