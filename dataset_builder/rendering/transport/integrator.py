@@ -23,6 +23,7 @@ import drjit as dr
 import mitsuba as mi
 
 from dataset_builder.rendering.surface.first_hit import FirstHit, emission, first_hit, mixture_pdf
+from dataset_builder.rendering.surface.nesting import beyond
 from dataset_builder.rendering.transport.fog import Fog
 from dataset_builder.rendering.transport.light_sampling import (
     EVERYTHING,
@@ -145,9 +146,12 @@ def scattered(world: World, si: mi.SurfaceInteraction3f, hit: FirstHit,
             depth = dr.select(delta & hit.null, mi.UInt32(0), depth)
     # Where the same path serves S, all of its colours count
     channel = dr.select(delta, lone_channel(weight_image), 0) if world.dispersion else mi.Float(0)
+    direction, inside = si.to_world(hit.wo), mi.UInt32(0)
+    if world.nested:
+        inside = beyond(si.bsdf(), si, mi.UInt32(0), direction, si.is_valid())
     return weight_image, weight_shading, PathStart(
-        point=si, direction=si.to_world(hit.wo), pdf=pdf, delta=delta, depth=depth, prior_throughput=prior_throughput,
-        lone_channel=channel)
+        point=si, direction=direction, pdf=pdf, delta=delta, depth=depth, prior_throughput=prior_throughput,
+        lone_channel=channel, inside=inside)
 
 
 def _air(world: World, fog: Fog, sampler: mi.Sampler, rest: mi.Sampler, ray: mi.Ray3f, end: mi.Float,
@@ -172,7 +176,7 @@ def _air(world: World, fog: Fog, sampler: mi.Sampler, rest: mi.Sampler, ray: mi.
     # Sample a direction
     direction, pdf = fog.sample_phase(ray.d, sampler.next_2d(active_next))
     start = PathStart(point=point, direction=direction, pdf=pdf, delta=mi.Bool(False), depth=mi.UInt32(1),
-                      prior_throughput=fog.albedo * opacity, lone_channel=mi.Float(0))
+                      prior_throughput=fog.albedo * opacity, lone_channel=mi.Float(0), inside=mi.UInt32(0))
     L_i = incident_radiance(world, rest, start, active_next)
     return opacity * (fog.albedo * (direct + L_i) - surface)
 

@@ -16,6 +16,7 @@ import drjit as dr
 import mitsuba as mi
 
 from dataset_builder.rendering.surface.first_hit import emission
+from dataset_builder.rendering.surface.nesting import beyond, inside_of, time_of
 from dataset_builder.rendering.transport.light_sampling import (
     FreeFlight,
     World,
@@ -46,6 +47,8 @@ class PathStart:
     """Weight that the result gets; Russian roulette goes by it."""
     lone_channel: mi.Float
     """See `light_sampling.lone_channel`."""
+    inside: mi.UInt32
+    """Bodies of glass that the ray sets out in, see `nesting`."""
 
 
 @dataclass
@@ -79,6 +82,8 @@ def incident_radiance(world: World, sampler: mi.Sampler, start: PathStart, activ
     throughput = mi.Color3f(1)                     # Path throughput: product of f cos / p since the start
     if world.dispersion:
         ray.time, throughput = start.lone_channel, of_channel(start.lone_channel)
+    if world.nested:
+        ray.time = time_of(ray.time, start.inside)
     eta = mi.Float(1)                              # Product of relative indices of refraction since the start
     depth = mi.UInt32(start.depth)                 # Edges of the path, the current ray included
     active = mi.Bool(active)                       # Active lanes
@@ -116,9 +121,7 @@ def incident_radiance(world: World, sampler: mi.Sampler, start: PathStart, activ
         active_next &= may_extend | vertex.passed
         throughput *= dr.select(active_next, vertex.weight, 0)
         eta = eta * vertex.eta if world.glass else eta
-        ray = flight.point.spawn_ray(vertex.direction)
-        if world.dispersion:
-            ray.time = lone_channel(throughput)
+        ray = _onward(world, si, bsdf, flight, vertex.direction, throughput, at_vertex)
 
         # What the next vertex needs to know of this one, which a passed pane or gap is not
         prev_point = dr.select(vertex.passed, prev_point, mi.Interaction3f(flight.point))
@@ -132,6 +135,18 @@ def incident_radiance(world: World, sampler: mi.Sampler, start: PathStart, activ
         active = active_next & (dr.max(throughput) != 0) & (~roulette | (sampler.next_1d(active_next) < survival))
         throughput = dr.select(roulette, throughput * dr.rcp(survival), throughput)
     return L
+
+
+def _onward(world: World, si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr, flight: FreeFlight, direction: mi.Vector3f,
+            throughput: mi.Color3f, at_vertex: mi.Bool) -> mi.Ray3f:
+    """The ray that leaves a vertex; its time holds what glass has to know of the path."""
+    ray = flight.point.spawn_ray(direction)
+    if world.dispersion:
+        ray.time = lone_channel(throughput)
+    if world.nested:
+        inside = beyond(bsdf, si, inside_of(flight.point.time), direction, at_vertex & ~flight.collided)
+        ray.time = time_of(ray.time if world.dispersion else mi.Float(0), inside)
+    return ray
 
 
 def _vertex(world: World, sampler: mi.Sampler, ray: mi.Ray3f, si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr,
