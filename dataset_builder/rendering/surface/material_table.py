@@ -40,8 +40,8 @@ class Textures:
         """Pack and copy; see `texels.pack`. Raises PlanError as that does."""
         arrays = pack(materials, texture_size, sky)
         return cls(factors=owned(mi.Float, arrays.factors), extents=owned(mi.UInt32, arrays.extents),
-                   texels=owned(dr.float16_array_t(mi.Float), arrays.texels), bodies=owned(mi.Float, body_rows(arrays.bodies)),
-                   needs=needs(materials))
+                   texels=owned(dr.float16_array_t(mi.Float), arrays.texels),
+                   bodies=owned(mi.Float, body_rows(arrays.bodies)), needs=needs(materials))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -38,8 +38,8 @@ PLANES: tuple[dict[str, int], ...] = (
 
 FACTORS = 24
 """Row layout: base colour (3), roughness | metallic, specular, coat, coat roughness | sheen (3), sheen roughness |
-transmission, index of refraction, thin, Abbe number | emission (3), alpha | cutoff or -1, number of the body of glass or
-0, unused (2)."""
+transmission, index of refraction, thin, Abbe number | emission (3), alpha | cutoff or -1, number of the body of glass
+or 0, unused (2)."""
 
 MIRROR, CLAMP, ALONG_V, NEAREST, MORE = 1, 2, 2, 16, 32
 """Bits that say how a texture is read: at its ends along u, the same `ALONG_V` places higher, between its texels, and
@@ -212,6 +212,8 @@ def _factors(m: Material) -> list[tuple[str, str, object, bool]]:
             *((name, "shares in [0, 1]", value, all(0 <= v <= 1 for v in value)) for name, value in colours.items()),
             ("emission", "finite values >= 0", m.emission, all(0 <= v < np.inf for v in m.emission)),
             ("alpha_cutoff", "a finite value >= 0", cutoff, cutoff is None or 0 <= cutoff < np.inf),
+            ("priority", "a whole number >= 0, and above 0 only where nothing is cut out (alpha 1)", m.priority,
+             m.priority == 0 or (m.priority > 0 and m.priority == int(m.priority) and coverage_range(m)[0] == 1)),
             ("ior", "a finite index of refraction >= 1", m.ior, 1 <= m.ior < np.inf),
             ("abbe", "a finite Abbe number >= 0", m.abbe, 0 <= m.abbe < np.inf)]
 
