@@ -2,9 +2,9 @@
 
 Of the bodies that take the same space the one of the highest priority owns it (Schmidt and Budge, "Simple nested
 dielectrics in ray traced images", Journal of Graphics Tools 7(2), 2002). A path counts how many times it is in each
-body, in 3 bits; bodies are numbered from 1 in the order of priority, so that the owner is the highest count above 0. A
-surface that does not change the owner is not there. Rays hold the counts in their time, above the nine bits of what is left of
-the colour channels: single precision holds all whole numbers up to 2^24.
+body, in 3 bits; bodies are numbered from 1 in the order of priority, so that the owner is the highest count above 0.
+A surface that does not change the owner is not there. Rays hold the counts in their time, above the nine bits of what
+is left of the colour channels: single precision holds all whole numbers up to 2^24.
 
 Paths start in the air. One that leaves a body that it never entered, as from a camera in the glass, is taken to have
 been in it.
