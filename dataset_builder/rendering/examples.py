@@ -12,7 +12,7 @@ from dataset_builder.label.example_label import LayerAccuracy, PassRecord, Rende
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.label.roughness_record import RoughnessRecord, ShapeRoughness
 from dataset_builder.label.scene_plan import Vector
-from dataset_builder.layers import LAYERS, Pass
+from dataset_builder.layers import HALF, LAYERS, Pass
 from dataset_builder.planning.effects.decisions import guide_extents, has_direct
 from dataset_builder.rendering import plugins
 from dataset_builder.rendering.denoise import Noisy, denoised
@@ -36,7 +36,7 @@ from dataset_builder.rendering.sampling.heavy_tails import LayerMean, layer_mean
 from dataset_builder.rendering.sampling.moments import Estimate, quantile, relative, root_mean_square
 from dataset_builder.rendering.view_passes import ViewPasses
 
-ERROR_SUFFIX, RAW_SUFFIX = "_se", "_raw"
+ERROR_SUFFIX = "_se"
 EVIDENCE = ("i_t", "s", "spec", "air")
 
 
@@ -132,8 +132,9 @@ def _values(result: PassResult, name: str, unit: float) -> np.ndarray:
     if not layer.radiometric:
         values = first_hit_layers(result.found)[name.removesuffix("_rough")]
         return values * unit if layer.unit == "m" else values
-    channels = radiance_channels(name.removesuffix(ERROR_SUFFIX).removesuffix(RAW_SUFFIX))
-    source = result.found.error if name.endswith(ERROR_SUFFIX) else result.found.mean
+    channels = radiance_channels(layer.of or name)
+    source = result.found.error if name.endswith(ERROR_SUFFIX) else \
+        result.found.half if name == HALF else result.found.mean
     # The specular part is a difference of floats, which rounding may leave a hair below 0
     return np.maximum(source[:, channels], 0) if name == "spec" else source[:, channels]
 

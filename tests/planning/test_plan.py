@@ -3,7 +3,7 @@ from typing import Any
 
 import pytest
 
-from dataset_builder.errors import PlanError
+from dataset_builder.errors import PlanError, SpecError
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.layers import LAYERS
 from dataset_builder.planning.plan import Planner, plan_example
@@ -129,3 +129,14 @@ def test_a_camera_that_can_never_see_the_object_is_an_error(load: Load, dataset_
     dataset_data["camera"] = {"coverage": (0.9, 1.0), "visibility": 1, "attempts": 15}
     with pytest.raises(PlanError, match=r"train/000000 \(train-\w+-0\d in train-room-0\d\): camera: .* in 15 draws"):
         plan_example(load(dataset_data), 0)
+
+
+@pytest.mark.parametrize(("render", "got"), [({"batches": 3, "spp": {"source": 9, "target": 9, "rough": 9}}, "3 batches"),
+                                             ({"denoise": {"layers": ["i_t"]}}, "i_t denoised")])
+def test_halves_are_refused_where_there_are_no_two(load: Load, dataset_data: dict[str, Any], render: dict[str, Any],
+                                                   got: str) -> None:
+    dataset_data["layers"] = {"i_t": "object", "i_t_half": "object"}
+    assert plan_example(load(dataset_data), 0).render.layers == (("i_t", "object"), ("i_t_half", "object"))
+    dataset_data["render"] = render
+    with pytest.raises(SpecError, match=f"an even number of batches and i_t as it was sampled, got {got}"):
+        load(dataset_data)
