@@ -129,6 +129,10 @@ class GatesSpec(Model):
     """Minimum and maximum mean of `s_prime` over the mask."""
     coverage: Annotated[Interval, interval(0, 1)] = (0.01, 0.95)
     """Minimum and maximum share of the frame under the mask."""
+    mean_error: Annotated[float, Field(ge=0)] = 0.0
+    """Maximum `mean_error` of every layer with light, whose mean must not be unknown either; 0: no bound."""
+    tail: Annotated[float, Field(ge=0)] = 0.0
+    """Maximum `tail` of every layer with light; 0: no bound."""
 
 
 class DatasetSpec(Model):

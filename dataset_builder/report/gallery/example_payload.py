@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from dataset_builder.errors import count_of
+from dataset_builder.label.mean_told import mean_told
 from dataset_builder.layers import LAYERS, RADIANCE
 
 HALF_MAX = 65504.0
@@ -37,8 +38,10 @@ def example_payload(example: Mapping[str, Any], *, key: str = "", title: str = "
     height, width = next(iter(images.values())).shape[:2]
     record = label.get("record", {})
     denoised = {layer["layer"]: trust(layer) for layer in record.get("denoised", ())}
+    means = {layer["name"]: mean_told(layer) for layer in record.get("layers", ())}
     planned = label.get("plan", {}).get("render", {}).get("denoise", ())
     layers = [{**layer_facts(name), "error": errors.get(name), **half_floats(images[name]),
+               "mean": means.get(name, ""),
                "denoised": denoised.get(name, "denoised; not measured" if name in planned else "")}
               for name in sorted(images, key=order.__getitem__)]
     shown = key or str(label.get("key", ""))
