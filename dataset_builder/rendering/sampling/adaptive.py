@@ -14,8 +14,8 @@ from typing import Literal
 
 import numpy as np
 
-from dataset_builder.rendering.sampling.moments import Estimate, averaged, gathered, pooled
-from dataset_builder.rendering.sampling.pixel_noise import deviations, expected_error, moderated, wanted
+from dataset_builder.rendering.sampling.moments import Estimate, averaged, gathered, pooled, quantile, relative
+from dataset_builder.rendering.sampling.pixel_noise import SHARE, deviations, expected_error, moderated, wanted
 from dataset_builder.seeding import derive_seed
 
 Stop = Literal["spp", "error", "cap", "time"]
@@ -98,10 +98,12 @@ def refine(sample: Sample, pixels: np.ndarray, width: int, *, first: int, batche
     while True:
         found = [pooled(half) for half in halves]
         known = [moderated(half, pixels, width) for half in found]
-        extras = [{goal.layer: _extra(goal, found[k], known[1 - k], each * BATCH_SIZES[0]) for goal in goals}
-                  for k in (0, 1)]
-        stopped = {goal.layer: _stop(goal, found, known, [extra[goal.layer] for extra in extras], clock() - start)
-                   for goal in goals}
+        together = moderated(averaged(found), pixels, width)
+        excess = {goal.layer: _excess(goal, together) for goal in goals}
+        extras = [{goal.layer: _extra(goal, found[k], known[1 - k], each * BATCH_SIZES[0], excess[goal.layer])
+                   for goal in goals} for k in (0, 1)]
+        stopped = {goal.layer: _stop(goal, excess[goal.layer], [extra[goal.layer] for extra in extras],
+                                     clock() - start) for goal in goals}
         open_goals = [goal for goal in goals if not stopped[goal.layer]]
         if not open_goals:
             break
@@ -115,34 +117,37 @@ def refine(sample: Sample, pixels: np.ndarray, width: int, *, first: int, batche
     return Sampled(halves=tuple(found), iterations=tuple(count), stopped=ended)
 
 
-def _error_of_a_half(goal: Goal) -> float:
-    """What each half's error is to be, for the average of both to have the one asked for."""
-    return sqrt(2) * goal.error
+def _excess(goal: Goal, together: Estimate) -> float:
+    """The error that the layer has, as its record will say, over the one asked for; 0 where none is."""
+    if not goal.error:
+        return 0.0
+    means, errors = (values[goal.inside, goal.channels] for values in (together.mean, together.error))
+    return quantile(relative(means, errors), SHARE) / goal.error
 
 
-def _extra(goal: Goal, own: Estimate, other: Estimate, smallest: int) -> np.ndarray:
+def _extra(goal: Goal, own: Estimate, other: Estimate, smallest: int, excess: float) -> np.ndarray:
     """(P,) samples that a half lacks for one goal, by what the other half knows; an iteration can take no fewer than
-    `smallest` of a pixel. 0 for pixels that are there, or at the cap."""
+    `smallest` of a pixel. 0 for pixels that are there, or at the cap. excess: see `_excess`."""
     wish = np.where(goal.inside, GROWTH * own.spp, 0)
     if goal.error:
-        deviation = deviations(other, goal.channels, goal.inside)
-        if expected_error(deviation, own.spp) <= _error_of_a_half(goal):
+        # The average of both halves is to have the error asked for
+        deviation, asked = deviations(other, goal.channels, goal.inside), sqrt(2) * goal.error
+        reached = expected_error(deviation, own.spp)
+        if reached <= asked and excess <= 1:
             return np.zeros(len(own.spp))
-        wish = wanted(deviation, AIM * _error_of_a_half(goal))
+        wish = wanted(deviation, AIM * min(asked, reached / max(excess, 1)))
     lacking = np.minimum(wish, GROWTH * own.spp) - own.spp
     room = goal.cap // 2 - own.spp
     return np.where((lacking > SLACK * own.spp) & (room >= smallest), np.minimum(lacking, room), 0)
 
 
-def _stop(goal: Goal, found: Sequence[Estimate], known: Sequence[Estimate], extras: Sequence[np.ndarray],
-          spent: float) -> Stop | None:
+def _stop(goal: Goal, excess: float, extras: Sequence[np.ndarray], spent: float) -> Stop | None:
     """Why a goal is done with, if it is."""
     if goal.seconds and spent >= goal.seconds:
         return "time"
     if any(extra.any() for extra in extras):
         return None
-    reached = [expected_error(deviations(known[1 - k], goal.channels, goal.inside), found[k].spp) for k in (0, 1)]
-    return "error" if goal.error and max(reached) <= _error_of_a_half(goal) else "cap"
+    return "error" if goal.error and excess <= 1 else "cap"
 
 
 def _within(goal: Goal, found: Estimate, extra: np.ndarray, spent: float) -> np.ndarray:
