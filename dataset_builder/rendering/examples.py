@@ -32,6 +32,7 @@ from dataset_builder.rendering.passes import (
     radiance_channels,
 )
 from dataset_builder.rendering.rough_images import overlap, relmse
+from dataset_builder.rendering.sampling.heavy_tails import LayerMean, layer_mean, least_known
 from dataset_builder.rendering.sampling.moments import Estimate, quantile, relative, root_mean_square
 from dataset_builder.rendering.view_passes import ViewPasses
 
@@ -209,10 +210,19 @@ def _pass_record(shared: ViewPasses, plan: ExamplePlan, name: Pass) -> PassRecor
 def _accuracy(shared: ViewPasses, plan: ExamplePlan, name: str, extent: str) -> LayerAccuracy:
     """How good a layer became: relative errors over its extent and over the object, as `moments.relative` means them,
     and why sampling ended."""
-    result, channels = shared.result(LAYERS[name].render_pass, plan), radiance_channels(name)
+    render_pass = LAYERS[name].render_pass
+    result, channels = shared.result(render_pass, plan), radiance_channels(name)
     figures: dict[str, float] = {}
+    means: list[LayerMean] = []
+    joined = plan.effects.of(render_pass).transport == "joined"
     for prefix, kind in (("", extent), ("object_", "object")):
         inside = _inside(shared, plan, name, kind)
         errors = relative(result.found.mean[inside, channels], result.found.error[inside, channels])
-        figures |= {f"{prefix}relative_error": root_mean_square(errors), f"{prefix}relative_error_95": quantile(errors)}
-    return LayerAccuracy(name=name, stopped=result.stopped.get(name, "spp"), **figures)
+        means.append(layer_mean(result.raw, channels, inside, together=joined))
+        figures |= {f"{prefix}relative_error": root_mean_square(errors), f"{prefix}relative_error_95": quantile(errors),
+                    f"{prefix}mean_error": means[-1].error}
+    # Paths that a part of an image has not met are those that the image has not met
+    image = channels_of(WANTED[render_pass])["image"] if "image" in WANTED[render_pass] else channels
+    whole = layer_mean(result.raw, image, _inside(shared, plan, name, extent))
+    return LayerAccuracy(name=name, stopped=result.stopped.get(name, "spp"), **figures, tail=means[0].tail,
+                         top_share=means[0].top_share, mean_known=least_known(means[0], whole))

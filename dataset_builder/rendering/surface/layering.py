@@ -15,6 +15,7 @@ import drjit as dr
 import mitsuba as mi
 
 from dataset_builder.rendering.surface import sheen as sheen_lobe
+from dataset_builder.rendering.surface.channels_left import unpack
 from dataset_builder.rendering.surface.glass import glass_of
 from dataset_builder.rendering.surface.gloss import GgxLobe
 from dataset_builder.rendering.surface.lobes import Lobes
@@ -58,7 +59,8 @@ def lobes_of(point: SurfacePoint, features: frozenset[str], si: mi.SurfaceIntera
         opaque = 1 - share
         lobes.glass = glass_of(weight=share * below, base=point.base, roughness=point.roughness, ior=point.ior,
                                abbe=point.abbe if "dispersion" in features else None, thin=_thin(point.thin, features),
-                               outside=dr.dot(si.to_world(si.wi), si.n) > 0, lone_channel=si.time)
+                               outside=dr.dot(si.to_world(si.wi), si.n) > 0,
+                               left=unpack(si.time) if "dispersion" in features else mi.Color3f(1))
     _opaque(lobes, point, features, cosine, below, opaque, tables)
     return lobes
 

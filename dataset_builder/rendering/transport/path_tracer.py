@@ -15,14 +15,13 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
+from dataset_builder.rendering.surface.channels_left import kept, pack, unpack
 from dataset_builder.rendering.surface.first_hit import emission
 from dataset_builder.rendering.transport.light_sampling import (
     FreeFlight,
     World,
     balance,
     emitter_pdf,
-    lone_channel,
-    of_channel,
     sample_emitter,
     sample_free_flight,
 )
@@ -44,8 +43,8 @@ class PathStart:
     """Edges of the path so far, this ray included if it ends somewhere."""
     prior_throughput: mi.Float
     """Weight that the result gets; Russian roulette goes by it."""
-    lone_channel: mi.Float
-    """See `light_sampling.lone_channel`."""
+    channels: mi.Float
+    """What is left of them, see `channels_left.pack`."""
 
 
 @dataclass
@@ -72,13 +71,14 @@ class PathVertex:
 def incident_radiance(world: World, sampler: mi.Sampler, start: PathStart, active: mi.Bool) -> mi.Color3f:
     """L_i: radiance that arrives at the start's point from its direction."""
     scene, max_depth, rr_depth, prior_throughput = world.scene, world.max_depth, world.rr_depth, start.prior_throughput
+    before = start.channels
 
     # Loop state
     ray = start.point.spawn_ray(start.direction)   # Current ray, in units of the local frame
     L = mi.Color3f(0)                              # Radiance found so far, in units of the lights
     throughput = mi.Color3f(1)                     # Path throughput: product of f cos / p since the start
     if world.dispersion:
-        ray.time, throughput = start.lone_channel, of_channel(start.lone_channel)
+        ray.time, throughput = before, kept(before)
     eta = mi.Float(1)                              # Product of relative indices of refraction since the start
     depth = mi.UInt32(start.depth)                 # Edges of the path, the current ray included
     active = mi.Bool(active)                       # Active lanes
@@ -118,7 +118,7 @@ def incident_radiance(world: World, sampler: mi.Sampler, start: PathStart, activ
         eta = eta * vertex.eta if world.glass else eta
         ray = flight.point.spawn_ray(vertex.direction)
         if world.dispersion:
-            ray.time = lone_channel(throughput)
+            ray.time = pack(throughput * unpack(before))
 
         # What the next vertex needs to know of this one, which a passed pane or gap is not
         prev_point = dr.select(vertex.passed, prev_point, mi.Interaction3f(flight.point))
