@@ -100,14 +100,12 @@ def _one(light: np.ndarray, most: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _beyond(light: np.ndarray) -> np.ndarray:
-    """(N,) what paths will bring after the last edge that they were followed to, as their last quarter brought it: each
-    further quarter the same share of the one before; infinite where that is no less."""
-    quarter = light.shape[1] // 4
-    before, last = light[:, -2 * quarter:-quarter].sum(axis=1), light[:, -quarter:].sum(axis=1)
-    if not last.any():
-        return last
-    share = last.sum() / before.sum() if before.any() else 1.0
-    return last * share / (1 - share) if share < 1 else np.full(len(light), np.inf)
+    """(N,) what paths will bring after the last edge that they were followed to: as their second half brought it, each
+    further half the same share of the one before; infinite where that is no less."""
+    half = light.shape[1] // 2
+    before, last = light[:, :half].sum(), light[:, half:].sum(axis=1)
+    share = last.sum() / before if before else 1.0
+    return last * share / (1 - share) if share < 1 else np.where(last.any(), np.inf, last)
 
 
 def light_left(*, room: RoomPlan, target: PlacedObject, furniture: Sequence[PlacedObject], light: IlluminationPlan,
