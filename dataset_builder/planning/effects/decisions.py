@@ -3,7 +3,7 @@
 Every decision has a reason in words. Nothing here draws, renders or looks at pixels; `docs/effects.md` has the rules.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
@@ -11,13 +11,22 @@ from typing import Any, get_args
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.label.example_plan import Decision, EffectsPlan, Feature, PassEffects, RenderPlan
 from dataset_builder.label.field_plan import NO_FIELD, FieldPlan
-from dataset_builder.label.scene_plan import FogPlan, IlluminationPlan, PlacedObject, PortalPlan, RoomPlan, Vector
+from dataset_builder.label.scene_plan import (
+    CameraPlan,
+    FogPlan,
+    IlluminationPlan,
+    PlacedObject,
+    PortalPlan,
+    RoomPlan,
+    Vector,
+)
 from dataset_builder.layers import ALIKE, EVERYWHERE, LAYERS, LIT, PASSES, Extent
 from dataset_builder.planning.effects.caustics_told import throws_caustics, told
 from dataset_builder.planning.effects.daylight_choice import daylight
 from dataset_builder.planning.effects.features import scene_features
+from dataset_builder.planning.effects.light_left import MAX_DEPTH, LightLeft, light_left
 from dataset_builder.planning.effects.materials_used import MaterialUse, SceneUse, scene_use
-from dataset_builder.planning.effects.reach import MAX_DEPTH, path_depth, reaching, said
+from dataset_builder.planning.effects.reach import bends, path_depth, reaching, said
 from dataset_builder.planning.effects.transport_choice import PassLight, choose, choose_for_everything
 from dataset_builder.planning.scene.shell import Shell
 from dataset_builder.spec.render import RenderSpec
@@ -34,6 +43,8 @@ FACTOR = 16
 """
 REPEATS = 2
 """Independent renders of such an example as the dataset asks: their products hold the bias without the noise."""
+DEEP = 128
+"""Least number of edges where everything is simulated."""
 MASKS = {"3dm": ("mask",), "r3dm": ("mask", "mask_rough")}
 """By geometry: where a layer of extent `object` lives is where any of these is above 0."""
 
@@ -69,7 +80,6 @@ class _Scene:
     shell: Shell
     near: Vector
     """Where the target stands."""
-    diagonal: float
     use: SceneUse
     light: dict[str, IlluminationPlan]
     fog: FogPlan
@@ -78,19 +88,22 @@ class _Scene:
     """Its surface, square metres."""
     field: FieldPlan
     """What the source pass sees, where it is no mesh."""
+    left: Callable[[str, Sequence[int]], LightLeft]
+    """What longer paths would bring to a pass with some of its lights."""
+    where: str
+    """The view, as errors name it."""
 
 
-def plan_effects(*, spec: RenderSpec, room: RoomPlan, shell: Shell, diagonal: float, target: PlacedObject,
+def plan_effects(*, spec: RenderSpec, room: RoomPlan, shell: Shell, camera: CameraPlan, target: PlacedObject,
                  furniture: tuple[PlacedObject, ...], source_light: IlluminationPlan, target_light: IlluminationPlan,
                  fog: FogPlan, render: RenderPlan, mesh_root: Path, where: str = "",
                  field: FieldPlan = NO_FIELD, taken: bool = False) -> EffectsPlan:
-    """What is simulated for one example, with reasons. diagonal: longest way through the air, metres. where: the view,
-    as errors name it. field: what `i_s` shows in place of the mesh. taken: whether R3DMs of the view are
-    taken from fields.
+    """What is simulated for one example, with reasons. where: the view, as errors name it. field: what `i_s` shows in
+    place of the mesh. taken: whether R3DMs of the view are taken from fields.
 
     Features, and what the light-free and source passes simulate, follow from the view alone: no target light changes
-    them. Raises PlanError where a mesh file is not the one that was planned, and where no light of a pass that runs can
-    reach the object.
+    them. Raises PlanError where a mesh file is not the one that was planned, where no light of a pass that runs can
+    reach the object, and where fog is so dense that no path planned is long enough.
     """
     light: dict[str, IlluminationPlan] = {name: source_light if name.startswith("source") else target_light
                                           for name in LIT}
@@ -100,8 +113,19 @@ def plan_effects(*, spec: RenderSpec, room: RoomPlan, shell: Shell, diagonal: fl
     if spec.effects == "all":
         return _everything(spec, render, light)
     use = scene_use(room, (target, *furniture), mesh_root)
-    scene = _Scene(spec=spec, shell=shell, near=target.position, diagonal=diagonal, use=use, light=light, fog=fog,
-                   render=render, target_area=use.area_of(target.object.name), field=field)
+
+    def left(name: str, kept: Sequence[int]) -> LightLeft:
+        alike = [each for each in LIT if each.startswith("source") == name.startswith("source")
+                 and each not in seen and _runs(render, each)]
+        glass = bends(use.materials)
+        share = max(fog.albedo * (fog.extinction > 0), float(glass), *(one.scattered for one in use.materials))
+        return light_left(room=room, target=target, furniture=furniture, light=light[name], fog=fog, camera=camera,
+                          kept=[light[name].lights[index] for index in kept], render=render, passes=alike,
+                          bias=spec.bias, share=share, glass=glass,
+                          mesh_root=mesh_root)
+
+    scene = _Scene(spec=spec, shell=shell, near=target.position, use=use, light=light, fog=fog, render=render,
+                   target_area=use.area_of(target.object.name), field=field, left=left, where=where)
     planned = [_plan_pass(scene, name) for name in PASSES]
     features, on_surfaces = scene_features(use, fog, render, taken)
     lit = [(each.light, each.entry.transport) for each in planned if each.light and _runs(render, each.light.name)]
@@ -111,7 +135,7 @@ def plan_effects(*, spec: RenderSpec, room: RoomPlan, shell: Shell, diagonal: fl
 
 
 def _everything(spec: RenderSpec, render: RenderPlan, light: dict[str, IlluminationPlan]) -> EffectsPlan:
-    depth = MAX_DEPTH if spec.max_depth == "auto" else max(int(spec.max_depth), MAX_DEPTH)
+    depth = DEEP if spec.max_depth == "auto" else max(int(spec.max_depth), DEEP)
     lit = {name: tuple(range(len(illumination.lights))) for name, illumination in light.items()}
     reason = "everything simulated, as requested"
     paths = {name: choose_for_everything(name, spec.transport, reason) for name in LIT}
@@ -149,7 +173,7 @@ def _plan_pass(scene: _Scene, name: str) -> _Planned:
     if name not in LIT:
         return _Planned(entry=_entry(name, extent, max_depth=1), decisions=(on_pass,))
     kept, on_lights = _lights(scene, name)
-    depth, on_depth = _depth(scene, name)
+    depth, on_depth = _depth(scene, name, kept)
     light = PassLight(name=name, lights=tuple(scene.light[name].lights[index] for index in kept),
                       materials=_standing(scene, name), fog=scene.fog, depth=depth, target_area=scene.target_area)
     transport, on_transport = choose(light, scene.spec.transport)
@@ -242,6 +266,13 @@ def _standing(scene: _Scene, name: str) -> tuple[MaterialUse, ...]:
     return tuple(use for use in scene.use.materials if use.part not in opened)
 
 
-def _depth(scene: _Scene, name: str) -> tuple[int, Decision]:
-    found = path_depth(scene.spec.max_depth, scene.spec.bias, _standing(scene, name), scene.fog, scene.diagonal)
+def _depth(scene: _Scene, name: str, kept: Sequence[int]) -> tuple[int, Decision]:
+    left = scene.left(name, kept)
+    found = path_depth(scene.spec.max_depth, scene.spec.bias, _standing(scene, name), scene.fog, left)
+    if scene.fog.extinction and left.paths and not found.kept and scene.spec.max_depth == "auto":
+        rule = (f"expected fog that paths of at most {MAX_DEPTH} edges get through, got an extinction of "
+                f"{scene.fog.extinction:g} per metre and an albedo of {scene.fog.albedo:g}: longer ones would bring "
+                f"about {found.left_out:.0%} of the light of the pass {name}")
+        raise PlanError([Problem(where=scene.where, path="fog", rule=rule, hint="take thinner or darker fog, allow a "
+                                 "larger `render.bias`, or set `render.max_depth` and lose that light")])
     return found.depth, Decision(effect=f"path depth of {name}", choice=str(found.depth), reason=found.reason)
