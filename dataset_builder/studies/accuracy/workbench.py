@@ -34,6 +34,11 @@ class Budget:
     """What is denoised of the uniform curve."""
     denoised_goals: tuple[float, ...]
     """What is denoised of adaptive sampling."""
+    runs: int
+    """Runs of every way to sample, each with its own samples, taken in turns."""
+    others: int
+    """Examples that tell how examples differ."""
+    others_spp: int
     depths: tuple[int, ...]
     depth_spp: int
     replicates: int
@@ -52,13 +57,19 @@ class Budget:
 
 BUDGETS = {
     "full": Budget(
-        reference_spp=4096, uniform=(4, 8, 16, 32, 64, 128, 256, 512, 1024), first=16, goals=(0.2, 0.1, 0.05, 0.025),
-        cap=4096, denoised_spp=(4, 16, 64, 256), denoised_goals=(0.2, 0.1, 0.05), depths=(2, 3, 4, 6, 8, 12, 16),
-        depth_spp=64, replicates=4, edges=(4.0, 2.0, 1.0, 0.5, 0.25), textures=(8, 16, 32, 64, 128, 256, 512),
-        passes=256, codec_repeats=5, counts=(1_000, 10_000, 100_000, 1_000_000)),
+        reference_spp=4096, uniform=(4, 16, 64, 256, 1024), first=16, goals=(0.2, 0.1, 0.05), cap=4096,
+        denoised_spp=(4, 16, 64, 256), denoised_goals=(0.2, 0.1), runs=3, others=24, others_spp=32,
+        depths=(2, 3, 4, 6, 8, 12, 16), depth_spp=64, replicates=4, edges=(4.0, 2.0, 1.0, 0.5, 0.25),
+        textures=(8, 16, 32, 64, 128, 256, 512), passes=256, codec_repeats=5,
+        counts=(1_000, 10_000, 100_000, 1_000_000)),
+    "medium": Budget(
+        reference_spp=2048, uniform=(4, 16, 64, 256), first=16, goals=(0.2, 0.1), cap=1024, denoised_spp=(4, 16, 64),
+        denoised_goals=(0.2,), runs=3, others=16, others_spp=16, depths=(2, 4, 8, 12, 16), depth_spp=32, replicates=3,
+        edges=(4.0, 2.0, 1.0, 0.5), textures=(16, 64, 128, 256), passes=64, codec_repeats=3,
+        counts=(1_000, 10_000, 100_000, 1_000_000)),
     "small": Budget(
         reference_spp=1024, uniform=(4, 16, 64), first=16, goals=(0.4, 0.2), cap=256, denoised_spp=(16,),
-        denoised_goals=(0.4,), depths=(2, 4, 8), depth_spp=16, replicates=2, edges=(4.0, 2.0, 1.0), textures=(8, 64),
+        denoised_goals=(0.4,), runs=2, others=3, others_spp=16, depths=(2, 4, 8), depth_spp=16, replicates=2, edges=(4.0, 2.0, 1.0), textures=(8, 64),
         passes=16, codec_repeats=1, counts=(100, 1_000, 10_000)),
 }
 
@@ -117,7 +128,8 @@ def compare(question: str, setting: str, value: float, found: Rendered, referenc
     measured = relative_mse(image, truth, keep)
     noise = relative_variance(reference[f"{layer}_se"], truth, keep) if f"{layer}_se" in reference else 0.0
     return AccuracyRow(question=question, setting=setting, value=value, example=found.plan.key, layer=layer,
-                       seconds=seconds_of(layer, found), relmse=max(measured - noise, 0.0), relmse_measured=measured,
+                       seconds=seconds_of(layer, found), cpu_seconds=seconds_of(layer, found, found.cpu_seconds),
+                       relmse=max(measured - noise, 0.0), relmse_measured=measured,
                        relmse_reference=noise, floor=noise, psnr=psnr(image, truth, keep),
                        flip=flip(image, truth, keep), reached=reached_by(layer, found.record),
                        **work_of(layer, found.record))
