@@ -43,10 +43,10 @@ def run(options: argparse.Namespace) -> int:
     from dataset_builder.report.accuracy_answers import summary_lines
     from dataset_builder.report.accuracy_page import write_page
     from dataset_builder.report.training_lines import Paces
-    from dataset_builder.studies.accuracy.accuracy_study import MEASURES, AccuracyStudy, conclude
+    from dataset_builder.studies.accuracy.accuracy_study import GROUPS, MEASURES, AccuracyStudy, conclude
     from dataset_builder.studies.accuracy.accuracy_study import run as measured
     from dataset_builder.studies.accuracy.answers import Asked
-    from dataset_builder.studies.accuracy.rows import AccuracyRow
+    from dataset_builder.studies.accuracy.rows import OTHERS, AccuracyRow
     from dataset_builder.studies.sampled import StudySpec, chosen_layers
 
     spec, rows = StudySpec(path=options.spec, overrides=tuple(options.overrides)), list[AccuracyRow]()
@@ -57,9 +57,11 @@ def run(options: argparse.Namespace) -> int:
     for layer in errors:
         chosen_layers(spec.dataset, (layer,))
     print(f"{count_of(study.examples, 'example')}: the first one tells how long the others will take", flush=True)
-    paces = Paces([*MEASURES])
+    groups = [group for group in MEASURES if group != GROUPS[OTHERS]]
+    paces = Paces(groups)
     for step in measured(study):
-        left = "" if step.kept else paces.after(step.group, step.seconds, step.steps - step.number)
+        left = "" if step.kept or step.group not in groups else paces.after(
+            step.group, step.seconds, study.examples * len(groups) - step.number)
         print(f"{step.number}/{step.steps} example {step.example}, {step.group}: {len(step.rows)} rows, "
               + ("kept from an earlier run" if step.kept else f"{step.seconds:.1f} s{left}"), flush=True)
         rows += step.rows

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from dataset_builder.layers import LAYERS
+from dataset_builder.layers import LAYERS, sampled_as
 from dataset_builder.report.console import duration
 from dataset_builder.report.page_parts import markdown_table
 from dataset_builder.studies.accuracy.answers import HOUR, Answer
@@ -75,7 +75,7 @@ def answer_table(found: Conclusions) -> Table:
 def _row(name: str, answer: Answer, found: Conclusions) -> list[str]:
     cells = []
     for layer in found.answers.layers:
-        spp = answer.spp[LAYERS[layer].render_pass]
+        spp = answer.spp[sampled_as(LAYERS[layer].render_pass)]
         cells.append(f"goal {answer.goals[layer]:g}, {spp:.0f} spp on average" if answer.goals else f"{spp:.0f} spp")
     return [name, *cells, _with_share(answer.core_hours / found.setup.workers, answer.within),
             _with_share(answer.core_hours, answer.within), f"{answer.gigabytes:.3g}"]
@@ -113,18 +113,20 @@ def gpu_sentence(found: Conclusions) -> str:
     if speed := found.asked.gpu_speed:
         return (f"On a GPU {speed:g} times as fast as a core: {duration(found.answer.core_hours * HOUR / speed)}. That "
                 "speed is what you gave, and the time a model: nothing was measured on a GPU.")
-    return (f"On a GPU: not measured. One that is X times as fast as a core here takes {found.answer.core_hours:.3g} / X "
-            "hours: run the study there with `--backend cuda`, or say `--gpu-speed X`.")
+    return ("On a GPU: not measured. One that is X times as fast as a core here takes "
+            f"{found.answer.core_hours:.3g} / X hours: run the study there with `--backend cuda`, or say "
+            "`--gpu-speed X`.")
 
 
 def trust_sentences(found: Conclusions) -> list[str]:
     """How far timings can be trusted, with a warning where they cannot."""
     wall, worked = found.scatters
-    said = [f"Runs of one setting scatter by {wall:.0%} in wall time and {worked:.0%} in CPU time (standard deviation); "
-            f"hours are from {'wall' if found.setup.gpu else 'CPU'} time.",
+    said = [f"Runs of one setting scatter by {wall:.0%} in wall time and {worked:.0%} in CPU time (standard "
+            f"deviation); hours are from {'wall' if found.setup.gpu else 'CPU'} time.",
             f"With timings off by {JITTER:.0%} the settings change in {found.changed:.0%} of {RESAMPLED} resamplings."]
     if found.answer and found.answer.within > found.asked.within:
-        said.append(f"WARNING: the hours are known to ± {found.answer.within:.0%}, asked was ± {found.asked.within:.0%}: "
+        said.append(f"WARNING: the hours are known to ± {found.answer.within:.0%}, asked was "
+                    f"± {found.asked.within:.0%}: "
                     + ("the machine is too restless; run the study when it is idle."
                        if (wall if found.setup.gpu else worked) > found.asked.within / 2
                        else "examples differ too much; measure more (--budget full)."))

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from statistics import fmean
 
-from dataset_builder.layers import LAYERS
+from dataset_builder.layers import LAYERS, sampled_as
 from dataset_builder.studies.accuracy.dataset_work import DatasetWork
 from dataset_builder.studies.accuracy.laws import Law, equal_error, laws, of_layer
 from dataset_builder.studies.accuracy.other_examples import Spread, fixed_of, pace_of, rest_of, spread_of
@@ -98,9 +98,9 @@ class Answers:
 
     def fixed(self, spp: Mapping[str, float]) -> Answer:
         """These samples in each pass."""
-        found = {layer: tuple(math.sqrt(noise / spp[LAYERS[layer].render_pass] + self.floor(layer))
+        found = {layer: tuple(math.sqrt(noise / spp[sampled_as(LAYERS[layer].render_pass)] + self.floor(layer))
                               for noise in (self.spread[layer].median, self.spread[layer].limit))
-                 for layer in self.layers if LAYERS[layer].render_pass in spp}
+                 for layer in self.layers}
         return self._priced(UNIFORM, {layer: (pair[0], pair[1]) for layer, pair in found.items()}, spp)
 
     def goals(self, errors: Mapping[str, float]) -> Answer | None:
@@ -113,7 +113,7 @@ class Answers:
                 return None
             asked[layer] = float(f"{math.sqrt(left / slope):.2g}")
             needed = [max(self._gain[layer] * noise / left, self.first) for noise in self.spread[layer].values]
-            spp.setdefault(LAYERS[layer].render_pass, []).append(fmean(needed))
+            spp.setdefault(sampled_as(LAYERS[layer].render_pass), []).append(fmean(needed))
             cap = max(cap, 2 * self._gain[layer] * self.spread[layer].limit / left)
         found = {layer: (error, error) for layer, error in errors.items()}
         return self._priced(ADAPTIVE, found, {name: max(means) for name, means in spp.items()}, asked, cap)
@@ -151,7 +151,7 @@ class Answers:
     def _by_pass(self, wanted: Callable[[str], float], layers: Mapping[str, float]) -> dict[str, float]:
         spp = dict[str, float]()
         for layer in layers:
-            name = LAYERS[layer].render_pass
+            name = sampled_as(LAYERS[layer].render_pass)
             spp[name] = max(spp.get(name, 0.0), wanted(layer))
         return spp
 
@@ -162,7 +162,7 @@ class Answers:
         typical = geometric_mean(paces) if paces else work.rates["path"]
         for name in work.spp:
             layer = next((layer for layer in self.layers if LAYERS[layer].render_pass == name), None)
-            samples = spp.get(name, work.spp[name]) * work.pixels[name]
+            samples = spp.get(sampled_as(name), work.spp[name]) * work.pixels[name]
             pace, error = self._pace[layer] if layer else (typical, typical)
             slower = self._slower[layer] if layer and goals else 1.0
             seconds += samples * pace * slower + work.runs[name] * (self._fixed[layer] if layer

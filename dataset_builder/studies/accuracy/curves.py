@@ -9,6 +9,7 @@ import numpy as np
 from dataset_builder.studies.accuracy.rows import AccuracyRow, of
 from dataset_builder.studies.image_errors import geometric_mean
 
+
 @dataclass(frozen=True, kw_only=True)
 class Point:
     """One setting on a curve: geometric means over examples and runs, unless a field says otherwise."""

@@ -8,6 +8,7 @@ from typing import Any
 
 from dataset_builder.digest import canonical_json
 from dataset_builder.files import write_atomic
+from dataset_builder.layers import LIT
 from dataset_builder.planning.cost import estimate
 from dataset_builder.planning.pass_work import Rates
 from dataset_builder.studies.sampled import StudySpec
@@ -56,7 +57,7 @@ def dataset_work(spec: StudySpec) -> DatasetWork:
     cost = found["float32"]
     return DatasetWork(
         examples=cost.examples, views=cost.views, tried=cost.tried, runs=dict(cost.runs), pixels=dict(cost.traced),
-        spp={"source": own.source, "target": own.target, "rough": own.rough},
+        spp={name: own.total(name) for name in LIT},
         bytes={dtype: one.total.bytes for dtype, one in found.items()},
         error=cost.error.seconds / cost.total.seconds, fields=cost.field_cost.seconds,
         rates={"path": 1 / rates.light_paths, "launch": rates.seconds_per_pass, "view": rates.seconds_per_view,

@@ -6,7 +6,7 @@ how fast passes run beyond the few examples of the other questions, and what an 
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter, process_time
 
 import numpy as np
@@ -29,15 +29,16 @@ def measure(bench: Bench, ref: ExampleRef) -> Iterator[AccuracyRow]:
     start, worked = perf_counter(), process_time()
     found = render(plan, bench.spec.mesh_root)
     whole = perf_counter() - start + planned[0], process_time() - worked + planned[1]
-    about = {"question": OTHERS, "setting": f"{bench.budget.others_spp} spp", "value": bench.budget.others_spp,
-             "example": plan.key}
     passes = {LAYERS[layer].render_pass for layer in bench.extents}
-    yield AccuracyRow(**about, layer=WHOLE, seconds=whole[0] - sum(found.seconds.get(name, 0.0) for name in passes),
+    row = AccuracyRow(question=OTHERS, setting=f"{bench.budget.others_spp} spp", value=bench.budget.others_spp,
+                      example=plan.key, layer=WHOLE,
+                      seconds=whole[0] - sum(found.seconds.get(name, 0.0) for name in passes),
                       cpu_seconds=whole[1] - sum(found.cpu_seconds.get(name, 0.0) for name in passes))
+    yield row
     for layer in bench.extents:
-        yield AccuracyRow(**about, layer=layer, seconds=seconds_of(layer, found),
-                          cpu_seconds=seconds_of(layer, found, found.cpu_seconds),
-                          reached=reached_by(layer, found.record), **work_of(layer, found.record))
+        work = work_of(layer, found.record)
+        yield replace(row, layer=layer, seconds=seconds_of(layer, found), reached=reached_by(layer, found.record),
+                      cpu_seconds=seconds_of(layer, found, found.cpu_seconds), spp=work["spp"], paths=work["paths"])
 
 
 @dataclass(frozen=True, kw_only=True)

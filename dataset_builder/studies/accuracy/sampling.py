@@ -1,15 +1,13 @@
 """Questions 1 to 3: uniform spp, adaptive sampling, and denoising of both."""
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from dataset_builder.errors import UserError
-from dataset_builder.layers import DENOISABLE, LAYERS
+from dataset_builder.layers import DENOISABLE
 from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.rendering.oidn import require
 from dataset_builder.rendering.sampling.adaptive import BATCH_SIZES
-from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.studies.accuracy.rows import ADAPTIVE, ADAPTIVE_DENOISED, DENOISED, UNIFORM, AccuracyRow
 from dataset_builder.studies.accuracy.workbench import Bench
 from dataset_builder.studies.renders import render

@@ -1,7 +1,7 @@
 """What questions 1 to 3 say about a dataset: the settings for what was asked, and how surely they are these."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -23,6 +23,7 @@ from dataset_builder.studies.accuracy.rows import (
     of,
 )
 from dataset_builder.studies.accuracy.sampling import goal_override
+from dataset_builder.studies.accuracy.workbench import spp_override
 
 JITTER, RESAMPLED = 0.05, 100
 """Standard deviation of the logarithm of made-up noise of timings, and how often it is drawn."""
@@ -43,8 +44,8 @@ def advise(advice: Advice, rows: Sequence[AccuracyRow], spec: DatasetSpec, answe
         if of(rows, question):
             advice.sentences[question] = f"{NAMES[question]} {cost}."
     for question in (DENOISED, ADAPTIVE_DENOISED):
-        ends = ", ".join(f"{layer} from {own[0].error:.1%} to {own[-1].error:.1%}" for layer in layers_in(rows, question)
-                         if (own := curve(rows, question, layer)))
+        points = {layer: curve(rows, question, layer) for layer in layers_in(rows, question)}
+        ends = ", ".join(f"{layer} from {own[0].error:.1%} to {own[-1].error:.1%}" for layer, own in points.items())
         if ends:
             advice.sentences[question] += f" Along the curve the error goes: {ends}. The rest is bias, so denoising " \
                                           "is never recommended."
@@ -52,7 +53,7 @@ def advise(advice: Advice, rows: Sequence[AccuracyRow], spec: DatasetSpec, answe
         return
     advice.noise.update({layer: limit for layer, (_, limit) in answer.errors.items()})
     first = {name: float(answers.first) for name in answer.spp} if answer.goals else answer.spp
-    advice.overrides.append(spp_line(spec, first))
+    advice.overrides.append(spp_override(spec.render, first))
     advice.overrides.append(goal_override(answer.goals, answer.cap))
 
 
@@ -65,20 +66,13 @@ def _ratio(values: Sequence[float], what: str) -> str:
     return f"{middle:.2f} times the {what}" + (f" ({low:.2f} to {high:.2f})" if math.isfinite(high) else "")
 
 
-def spp_line(spec: DatasetSpec, wanted: Mapping[str, float]) -> str:
-    """The override for spp of each pass, in whole batches; its own where nothing is wanted."""
-    own, batches = spec.render.spp, spec.render.batches
-    chosen = {"first_hit": own.first_hit, "source": own.source, "target": own.target, "rough": own.rough}
-    chosen |= {name: math.ceil(spp / batches) * batches for name, spp in wanted.items()}
-    return "render.spp={" + ", ".join(f"{name}: {spp}" for name, spp in chosen.items()) + "}"
-
-
 def answer_of(answers: Answers, asked: Asked, workers: int) -> Answer | None:
     """The answer to what was asked; None where nothing measured gets there."""
     return answers.of_hours(asked, workers) if asked.hours else answers.of_errors(asked)
 
 
-def changed_share(rows: Sequence[AccuracyRow], again: Callable[[Sequence[AccuracyRow]], Answers], asked: Asked, workers: int) -> float:
+def changed_share(rows: Sequence[AccuracyRow], again: Callable[[Sequence[AccuracyRow]], Answers], asked: Asked,
+                  workers: int) -> float:
     """Share of resamplings of all timings, each off by a factor exp(0.05 N(0, 1)), in which the settings change."""
     def settings(own: Sequence[AccuracyRow]) -> tuple[object, ...]:
         answer = answer_of(again(own), asked, workers)
