@@ -10,7 +10,7 @@ from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.rendering.backend import activate
 from dataset_builder.studies.accuracy import bounds, other_examples, precision, sampling
 from dataset_builder.studies.accuracy.answers import Asked
-from dataset_builder.studies.accuracy.conclusions import Conclusions, Setup
+from dataset_builder.studies.accuracy.conclusions import Conclusions, Setup, write_about
 from dataset_builder.studies.accuracy.dataset_work import dataset_work
 from dataset_builder.studies.accuracy.rows import (
     COLUMNS,
@@ -112,12 +112,11 @@ def bench_of(study: AccuracyStudy) -> Bench:
 
 def conclude(study: AccuracyStudy, rows: Sequence[AccuracyRow], asked: Asked) -> Conclusions:
     """What all rows say about what was asked; the settings are written to `recommended.txt`, one option of the command
-    line per line, and what the dataset has to do to `dataset.json`. Raises OutputError."""
+    line per line, and what they follow from besides the table to `answer.json`. Raises OutputError."""
     work = dataset_work(study.spec)
-    work.write(study.out)
-    setup = Setup.here(study.budget, study.backend, reference_spp=BUDGETS[study.budget].reference_spp,
+    setup = Setup.here(study.budget, study.backend, study.spec.overrides, reference_spp=BUDGETS[study.budget].reference_spp,
                        first=BUDGETS[study.budget].first)
-    setup.write(study.out)
+    write_about(study.out, work, setup, asked)
     found = Conclusions.of(rows, study.spec.dataset, work, setup, asked)
     write_atomic(study.out / "recommended.txt", found.advice.lines().encode())
     return found

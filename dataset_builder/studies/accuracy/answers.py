@@ -98,10 +98,12 @@ class Answers:
 
     def fixed(self, spp: Mapping[str, float]) -> Answer:
         """These samples in each pass."""
-        found = {layer: tuple(math.sqrt(noise / spp[sampled_as(LAYERS[layer].render_pass)] + self.floor(layer))
-                              for noise in (self.spread[layer].median, self.spread[layer].limit))
-                 for layer in self.layers}
-        return self._priced(UNIFORM, {layer: (pair[0], pair[1]) for layer, pair in found.items()}, spp)
+        errors = dict[str, tuple[float, float]]()
+        for layer, spread in self.spread.items():
+            name = sampled_as(LAYERS[layer].render_pass)
+            samples, floor = spp.get(name, self._work.spp[name]), self.floor(layer)
+            errors[layer] = math.sqrt(spread.median / samples + floor), math.sqrt(spread.limit / samples + floor)
+        return self._priced(UNIFORM, errors, spp)
 
     def goals(self, errors: Mapping[str, float]) -> Answer | None:
         """A goal for every layer, at which every example ends; None where no goal was measured or gets there."""

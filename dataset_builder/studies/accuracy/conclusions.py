@@ -12,6 +12,7 @@ from dataset_builder.digest import canonical_json
 from dataset_builder.files import write_atomic
 from dataset_builder.rendering.backend import choose, default_workers, on_gpu
 from dataset_builder.spec.dataset import DatasetSpec
+from dataset_builder.spec.load import load_dataset
 from dataset_builder.studies.accuracy import bounds, precision, sampling_advice
 from dataset_builder.studies.accuracy.answers import Answer, Answers, Asked
 from dataset_builder.studies.accuracy.curves import Advice
@@ -19,7 +20,8 @@ from dataset_builder.studies.accuracy.dataset_work import DatasetWork
 from dataset_builder.studies.accuracy.laws import scatter
 from dataset_builder.studies.accuracy.rows import AccuracyRow
 
-FILE = "setup.json"
+ABOUT = "answer.json"
+"""Beside the table: what was asked, where it was measured, and what the dataset has to do."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,27 +38,20 @@ class Setup:
     reference_spp: int
     first: int
     """Samples per pixel of the first round of goals."""
+    overrides: Sequence[str]
+    """What was changed of the spec."""
 
     @classmethod
-    def here(cls, budget: str, backend: str, *, reference_spp: int, first: int) -> "Setup":
+    def here(cls, budget: str, backend: str, overrides: Sequence[str], *, reference_spp: int, first: int) -> "Setup":
         """This machine, now."""
         return cls(day=f"{datetime.now(UTC):%Y-%m-%d}", machine=f"{platform.machine()}, {choose(backend).summary}",
                    workers=default_workers(backend), gpu=on_gpu(backend), budget=budget, reference_spp=reference_spp,
-                   first=first)
+                   first=first, overrides=overrides)
 
     @property
     def clock(self) -> str:
         """The time that counts: of the device, or of all cores together, which other processes do not lengthen."""
         return "seconds" if self.gpu else "cpu_seconds"
-
-    def write(self, folder: Path) -> None:
-        """Write it into a study's folder. Raises OutputError."""
-        write_atomic(folder / FILE, canonical_json(asdict(self)))
-
-    @classmethod
-    def read(cls, folder: Path) -> "Setup":
-        """What `write` wrote."""
-        return cls(**json.loads((folder / FILE).read_bytes()))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -103,6 +98,20 @@ class Conclusions:
     def scatters(self) -> tuple[float, float]:
         """Relative standard deviation of wall and CPU seconds between runs of one setting."""
         return scatter(self.rows, "seconds"), scatter(self.rows, "cpu_seconds")
+
+
+def write_about(folder: Path, work: DatasetWork, setup: Setup, asked: Asked) -> None:
+    """Write what conclusions need besides the table. Raises OutputError."""
+    write_atomic(folder / ABOUT, canonical_json({"asked": asdict(asked), "setup": asdict(setup),
+                                                 "work": asdict(work)}))
+
+
+def read_conclusions(rows: Sequence[AccuracyRow], spec: Path, folder: Path) -> Conclusions:
+    """The conclusions of a study that is finished, from its table, its spec's file and what `write_about` wrote into a
+    folder."""
+    about = json.loads((folder / ABOUT).read_bytes())
+    dataset = load_dataset(spec, about["setup"]["overrides"]).dataset
+    return Conclusions.of(rows, dataset, DatasetWork(**about["work"]), Setup(**about["setup"]), Asked(**about["asked"]))
 
 
 def _answers(rows: Sequence[AccuracyRow], spec: DatasetSpec, work: DatasetWork, setup: Setup,

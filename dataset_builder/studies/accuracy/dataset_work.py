@@ -1,19 +1,12 @@
-"""What a whole dataset has to do, by arithmetic on its plans, as a file beside the study."""
+"""What a whole dataset has to do, by arithmetic on its plans."""
 
-import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import Any
+from dataclasses import dataclass
 
-from dataset_builder.digest import canonical_json
-from dataset_builder.files import write_atomic
 from dataset_builder.layers import LIT
 from dataset_builder.planning.cost import estimate
 from dataset_builder.planning.pass_work import Rates
 from dataset_builder.studies.sampled import StudySpec
-
-FILE = "dataset.json"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,16 +31,6 @@ class DatasetWork:
     """Core-seconds of fields, by the plan's model."""
     rates: Mapping[str, float]
     """What the plan's model says where nothing was measured: seconds per path, launch, view and example."""
-
-    def write(self, folder: Path) -> None:
-        """Write it into a study's folder. Raises OutputError."""
-        write_atomic(folder / FILE, canonical_json(asdict(self)))
-
-    @classmethod
-    def read(cls, folder: Path) -> "DatasetWork":
-        """What `write` wrote."""
-        values: dict[str, Any] = json.loads((folder / FILE).read_bytes())
-        return cls(**values)
 
 
 def dataset_work(spec: StudySpec) -> DatasetWork:

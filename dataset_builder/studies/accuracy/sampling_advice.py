@@ -72,7 +72,7 @@ def answer_of(answers: Answers, asked: Asked, workers: int) -> Answer | None:
 
 
 def changed_share(rows: Sequence[AccuracyRow], again: Callable[[Sequence[AccuracyRow]], Answers], asked: Asked,
-                  workers: int) -> float:
+                  workers: int, times: int = RESAMPLED) -> float:
     """Share of resamplings of all timings, each off by a factor exp(0.05 N(0, 1)), in which the settings change."""
     def settings(own: Sequence[AccuracyRow]) -> tuple[object, ...]:
         answer = answer_of(again(own), asked, workers)
@@ -81,8 +81,8 @@ def changed_share(rows: Sequence[AccuracyRow], again: Callable[[Sequence[Accurac
     timed = [row for row in rows if row.question in (*QUESTIONS, OTHERS)]
     found, random = settings(timed), rng(0, "timings")
     changed = 0
-    for _ in range(RESAMPLED):
+    for _ in range(times):
         factors = np.exp(random.normal(0, JITTER, (len(timed), 2))).tolist()
         changed += found != settings([replace(row, seconds=row.seconds * wall, cpu_seconds=row.cpu_seconds * cpu)
                                       for row, (wall, cpu) in zip(timed, factors, strict=True)])
-    return changed / RESAMPLED
+    return changed / times

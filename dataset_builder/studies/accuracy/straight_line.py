@@ -1,6 +1,7 @@
 """Straight lines through positive measurements whose errors grow with them, with intervals."""
 
 from dataclasses import dataclass
+from math import sqrt
 
 import numpy as np
 from scipy.special import stdtrit
@@ -59,25 +60,22 @@ def straight_line(x: np.ndarray, y: np.ndarray, error: np.ndarray | float = 0.0,
     height, spread, freedom = np.maximum(np.abs(y), TINY), 0.1, max(len(x) - 2, 1)
     for _ in range(ROUNDS):
         weight = 1 / (np.square(spread * height) + own + TINY)
-        slope, rest, cover = _solved(x, y, weight)
+        slope, rest, *variances = _solved(x, y, weight)
         found = _not_negative(x, y, weight, slope, rest)
         height = np.maximum(found[0] * x + found[1], TINY)
         excess = np.maximum(np.square(y - height) - own, 0) / np.square(height)
         spread = max(float(np.sqrt(np.sum(excess) / freedom)), LEAST_SPREAD)
-    slope_se, rest_se = np.sqrt(np.maximum(np.diag(cover), 0))
-    return Line(slope=found[0], rest=found[1], slope_se=float(slope_se), rest_se=float(np.hypot(rest_se, shared)),
+    return Line(slope=found[0], rest=found[1], slope_se=sqrt(variances[0]), rest_se=sqrt(variances[1] + shared**2),
                 spread=spread, freedom=freedom)
 
 
-def _solved(x: np.ndarray, y: np.ndarray, weight: np.ndarray) -> tuple[float, float, np.ndarray]:
-    """Slope, rest and their covariance (2, 2)."""
-    columns = np.stack([x, np.ones_like(x)], axis=1)
-    scale = np.maximum(np.abs(columns).max(axis=0), TINY)
-    root = np.sqrt(weight)[:, None]
-    within = columns / scale * root
-    normal = np.linalg.pinv(within.T @ within)
-    slope, rest = normal @ (within.T @ (y[:, None] * root))[:, 0] / scale
-    return float(slope), float(rest), normal / np.outer(scale, scale)
+def _solved(x: np.ndarray, y: np.ndarray, weight: np.ndarray) -> tuple[float, float, float, float]:
+    """Slope, rest and their variances, by the normal equations about the weighted mean of x."""
+    total = float(weight.sum())
+    middle, height = float(weight @ x) / total, float(weight @ y) / total
+    apart = max(float(weight @ np.square(x - middle)), TINY)
+    slope = float(weight @ ((x - middle) * (y - height))) / apart
+    return slope, height - slope * middle, 1 / apart, 1 / total + middle**2 / apart
 
 
 def _not_negative(x: np.ndarray, y: np.ndarray, weight: np.ndarray, slope: float, rest: float) -> tuple[float, float]:
