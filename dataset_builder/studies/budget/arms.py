@@ -61,7 +61,8 @@ def mixes_of(grid: Sequence[int], base: int, *, denoise: bool) -> tuple[Mix, ...
     """Every spp of a rising grid, raw and, if asked, denoised; then `base` with one pass raised to the next spp."""
     above = grid[grid.index(base) + 1]
     return (*map(even, grid), *(even(spp, denoised=True) for spp in grid if denoise),
-            *(Mix(**{**dict.fromkeys(PASSES, base), name: above}) for name in PASSES))
+            *(Mix(target=above if name == "target" else base, rough=above if name == "rough" else base,
+                  source=above if name == "source" else base) for name in PASSES))
 
 
 @dataclass(frozen=True, kw_only=True)
