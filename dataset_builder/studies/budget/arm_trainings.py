@@ -96,7 +96,7 @@ def train_all(study: BudgetStudy, work: Sequence[ArmTraining]) -> Iterator[ArmTr
 
 def workers_of(study: BudgetStudy) -> int:
     """Trainings at a time: networks this small leave threads waiting for each other."""
-    return cores() if choose(study.device).type == "cpu" else 1
+    return study.workers or cores() if choose(study.device).type == "cpu" else 1
 
 
 def train_one(one: ArmTraining) -> ArmTraining:

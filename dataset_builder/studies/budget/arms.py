@@ -40,9 +40,9 @@ class Mix:
 
     @property
     def title(self) -> str:
-        """For people: `16 spp, 64 of I_t`."""
-        more = f", {getattr(self, self.raised)} of {PASSES[self.raised]}" if self.raised else ""
-        return f"{self.spp} spp{more}, {'denoised' if self.denoised else 'raw'}"
+        """For people: `16 spp (I_t 64) raw`."""
+        more = f" ({PASSES[self.raised]} {getattr(self, self.raised)})" if self.raised else ""
+        return f"{self.spp} spp{more} {'denoised' if self.denoised else 'raw'}"
 
     def settings(self, dataset: DatasetSpec) -> tuple[str, ...]:
         """What it changes in a dataset's spec; goals of accuracy give way to fixed spp."""

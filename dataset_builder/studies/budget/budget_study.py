@@ -66,7 +66,7 @@ class BudgetStudy:
     out: Path
     backend: str = "auto"
     workers: int | None = None
-    """Processes that render, None for one per core."""
+    """Processes that render, or train on a processor; None for one per core."""
     device: str = "auto"
     denoise: bool = True
     """Whether denoised arms are compared, too."""

@@ -5,7 +5,7 @@ a GPU the processor waits for it, and wall time counts. The least of a few repet
 pass, denoising and encoding, but neither the compilation of kernels nor what a build does once.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from math import sqrt
 from pathlib import Path
@@ -24,7 +24,7 @@ from dataset_builder.studies.budget.budget_study import BudgetStudy
 from dataset_builder.studies.comma_separated import read_csv, write_csv
 from dataset_builder.studies.renders import REPEATS, STEADY, Warm, pixel_versions, render
 from dataset_builder.studies.sampled import StudySpec
-from dataset_builder.studies.trainings import about, claim
+from dataset_builder.studies.trainings import EXACT, about, claim
 
 COSTS = "costs.csv"
 COLUMNS = ("example", "mix", "seconds", "wall_seconds")
@@ -95,7 +95,8 @@ def measure(study: BudgetStudy) -> Iterator[CostRow]:
                 warm.up(name, plan, spec.mesh_root)
                 seconds = _least(plan, spec, on_gpu="cuda" in backend.variant)
                 rows.append(CostRow(example=ref.key, mix=name, seconds=seconds[0] + planning, wall_seconds=seconds[1]))
-                write_csv(path, COLUMNS, ([getattr(row, column) for column in COLUMNS] for row in rows))
+                write_csv(path, COLUMNS, ([getattr(row, column) for column in COLUMNS] for row in rows),
+                          digits=EXACT)
                 yield rows[-1]
 
 
@@ -134,8 +135,3 @@ def _read(path: Path) -> list[CostRow]:
                         wall_seconds=float(line["wall_seconds"])) for line in read_csv(path)]
     except (FileNotFoundError, KeyError, ValueError):
         return []
-
-
-def means(costs: Mapping[Mix, Cost]) -> dict[Mix, float]:
-    """Seconds alone."""
-    return {mix: cost.seconds for mix, cost in costs.items()}
