@@ -29,7 +29,8 @@ def add_options(verb: argparse.ArgumentParser) -> None:
     verb.add_argument("--config", type=Path, help="how LighTNet is trained, a YAML file (default: small ones)")
     common.add_overrides(verb, "that configuration", "--train-set", "train_set")
     verb.add_argument("--steps", type=common.positive, help="batches to train on; short for --train-set steps=N")
-    verb.add_argument("--workers", type=common.positive, help="processes that render, or train without a GPU (default: one per core)")
+    verb.add_argument("--workers", type=common.positive,
+                      help="processes that render, or train without a GPU (default: one per core)")
     verb.add_argument("--device", choices=common.DEVICES, default="auto",
                       help="where networks run (default: the GPU, if any)")
 
