@@ -23,7 +23,7 @@ def add_options(verb: argparse.ArgumentParser) -> None:
     verb.add_argument("--budget", choices=("full", "small"), default="full",
                       help="small: pictures of 64 pixels, two budgets and a small network, for a trial on two cores")
     verb.add_argument("--least", type=common.positive, metavar="N",
-                      help="size of the smallest budget: what N examples cost at the largest spp (default: 16 or 48)")
+                      help="size of the smallest budget: what N examples cost at the largest spp (default: 12 or 48)")
     verb.add_argument("--seeds", type=common.positive, help="trainings of each arm (default: 2 or 3)")
     verb.add_argument("--raw-only", action="store_true", help="without denoised arms, which need pyoidn")
     verb.add_argument("--config", type=Path, help="how LighTNet is trained, a YAML file (default: small ones)")
