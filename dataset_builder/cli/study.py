@@ -7,7 +7,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from dataset_builder.cli import accuracy_verb, common
+from dataset_builder.cli import accuracy_verb, common, study_budget
 from dataset_builder.errors import count_of
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ def add(verbs: common.Verbs) -> None:
     noise = _study(kinds, "noise", _noise,
                    "LighTNet at several noise levels of a dataset, trained on all of them and on each")
     _noise_options(noise)
+    study_budget.add_options(_study(kinds, "budget", study_budget.run, study_budget.TEXT))
     text = "render hard cases and compare them with known laws and formulas; exit code 1 if one fails"
     verb = common.add_verb(verbs, "stress", _stress, text)
     verb.add_argument("--only", default="", metavar="PATTERN", help="only cases whose name contains or matches PATTERN")

@@ -54,9 +54,9 @@ class LightingDataset(Dataset[Batch]):
     """
 
     def __init__(self, folder: Path | str, split: str, spec: DataSpec, *, levels: Sequence[int] = (),
-                 i_s: str = "i_s"):
+                 i_s: str = "i_s", keys: Sequence[str] = ()):
         """Open a finished dataset, in a folder or at an address. levels: noise levels to keep, all where empty. i_s:
-        the layer that is I_s.
+        the layer that is I_s. keys: examples of the split to keep, all where empty.
 
         Raises UserError where the dataset lacks a layer, the split, a level or every example, and where a label does
         not tell the light; ShardError where files are not what they were.
@@ -68,7 +68,11 @@ class LightingDataset(Dataset[Batch]):
         self.name = self._data.manifest.name
         self.size = (self._data.manifest.height, self._data.manifest.width)
         """Height and width of every frame, in pixels."""
-        entries = [_entry(label) for label in self._data.labels(self._data.splits[split])]
+        there = self._data.splits[split]
+        if keys and (missing := sorted({*keys} - {*there})):
+            raise _wrong(self.folder, f"expected keys of examples in split {split}, got {missing[0]}")
+        there = tuple(key for key in there if key in {*keys}) if keys else there
+        entries = [_entry(label) for label in self._data.labels(there)]
         entries = _at_levels(self.folder, split, entries, levels)
         self._entries = [entry for entry in entries if entry.cover >= spec.inside]
         self.left_out = tuple(entry.key for entry in entries if entry.cover < spec.inside)
