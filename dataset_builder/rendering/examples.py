@@ -13,7 +13,7 @@ from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.label.roughness_record import RoughnessRecord, ShapeRoughness
 from dataset_builder.label.scene_plan import Vector
 from dataset_builder.layers import HALF, LAYERS, Pass
-from dataset_builder.planning.effects.decisions import guide_extents, has_direct
+from dataset_builder.planning.effects.pass_extents import guide_extents, has_direct
 from dataset_builder.rendering import plugins
 from dataset_builder.rendering.denoise import Noisy, denoised
 from dataset_builder.rendering.device import memory_told
