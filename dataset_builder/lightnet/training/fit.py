@@ -110,7 +110,8 @@ class _Training:
         self.job, self.spec, self.identity = job, spec, job.identity()
         self.device = choose(job.device)
         self.precision: Precision = precision_on(self.device, spec.precision)
-        self.train = LightingDataset(job.dataset, spec.data.train, spec.data, levels=job.levels, i_s=spec.data.i_s)
+        self.train = LightingDataset(job.dataset, spec.data.train, spec.data, levels=job.levels, i_s=spec.data.i_s,
+                                     extra=spec.extra)
         self.held_out = LightingDataset(job.dataset, data.held_out, data, levels=job.levels) if data.held_out else None
         self.method: Method = build_method(spec, job.vgg_weights).to(self.device)
         self.optimisers, self.running = Optimisers(self.method, spec), running_statistics(self.method)
