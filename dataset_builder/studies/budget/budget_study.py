@@ -51,7 +51,7 @@ class StudySize:
 
 SIZES = {
     "small": StudySize(budgets=(1, 3), least=12, timed=2, held_out=24, clean=512, seeds=2, side=64,
-                  training=("model.width=8", "data={crop: 48, workers: 0}", "steps=150", "objective.l1=1")),
+                       training=("model.width=8", "data={crop: 48, workers: 0}", "steps=150", "objective.l1=1")),
     "full": StudySize(budgets=(1, 3, 9), least=48, timed=8, held_out=96, clean=1024, seeds=3,
                       training=("objective.l1=1",)),
 }
