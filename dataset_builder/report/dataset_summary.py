@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from rich.table import Table
 
+from dataset_builder.label.denoised_words import told_bias, told_relmse
 from dataset_builder.label.example_label import ExampleLabel
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.label.field_record import FieldRecord
@@ -28,7 +29,8 @@ def summary_tables(folder: Path | str) -> list[Table]:
     """Tables for the terminal. Raises ShardError where there is no finished dataset."""
     dataset = open_dataset(folder, layers=())
     labels = [*dataset.labels(key for keys in dataset.splits.values() for key in keys)]
-    return [_splits(dataset, labels), _layers(dataset, labels), *_fields(labels), *_rejected(dataset)]
+    return [_splits(dataset, labels), _layers(dataset, labels), *_denoised(dataset), *_fields(labels),
+            *_rejected(dataset)]
 
 
 def _splits(dataset: Dataset, labels: list[ExampleLabel]) -> Table:
@@ -62,6 +64,17 @@ def _layers(dataset: Dataset, labels: list[ExampleLabel]) -> Table:
     if unknown:
         table.caption = means_told(unknown)
     return table
+
+
+def _denoised(dataset: Dataset) -> list[Table]:
+    """How far denoised layers may be trusted."""
+    if not dataset.manifest.denoised:
+        return []
+    table = Table("layer", "bias", "its error", "of a pixel", "relMSE before", "after", "of the reference", "examples",
+                  title="denoised layers")
+    for item in dataset.manifest.denoised:
+        table.add_row(item.layer, *told_bias(item), *told_relmse(item), str(item.examples))
+    return [table]
 
 
 def _fields(labels: list[ExampleLabel]) -> list[Table]:

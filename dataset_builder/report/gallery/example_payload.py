@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 
 from dataset_builder.errors import count_of
+from dataset_builder.label.denoised_words import told_bias
+from dataset_builder.label.example_label import Denoised
 from dataset_builder.label.mean_told import mean_told
 from dataset_builder.layers import LAYERS, RADIANCE
 
@@ -82,9 +84,12 @@ def half_floats(pixels: np.ndarray) -> dict[str, Any]:
 
 def trust(denoised: Mapping[str, Any]) -> str:
     """How far a denoised layer may be trusted, in words. denoised: what a record says of the layer."""
-    better = f"squared error {denoised['relmse_raw']:.3g} before, {denoised['relmse_denoised']:.3g} after"
-    return (f"denoised: bias {denoised['bias']:+.2%} ± {denoised['bias_error']:.2%}, of a pixel "
-            f"{denoised['pixel_bias']:.1%}; {better}, of {count_of(denoised['examples'], 'example')}")
+    item = Denoised.model_validate(denoised)
+    if item.known == "unknown":
+        return "denoised: bias unknown, the object was black in this layer wherever it was measured"
+    better = f"squared error {item.relmse_raw:.3g} before, {item.relmse_denoised:.3g} after"
+    bias, error, pixel = told_bias(item)
+    return f"denoised: bias {bias} ± {error}, of a pixel {pixel}; {better}, of {count_of(item.examples, 'example')}"
 
 
 def _plain(value: Any) -> Any:
