@@ -14,7 +14,7 @@ from dataset_builder.rendering.scene.triangle_soup import merge
 from dataset_builder.rendering.view_sensor import ViewSensor
 from tests.small_scenes import ball, box, camera, corner_of_a_room, light, lit_by, matte, render_plan
 
-SIZE, SPP, RUNS, CONVERGED = 32, 16, 10, 8
+SIZE, SPP, RUNS, CONVERGED = 32, 16, 8, 4
 MIRROR = Material(name="chrome", base_color=(0.95, 0.95, 0.95), metallic=1.0, roughness=0.03)
 LAYERS = ("image", "shading", "specular")
 INSIDE = np.ones(SIZE * SIZE, dtype=bool)
