@@ -349,7 +349,7 @@ def test_identities_and_gates_are_in_step() -> None:
     assert [(name, float(full), float(low)) for name, full, low in rows] == [
         (name, tolerance, half[name]) for name, _, tolerance in identity_table("float32", True)]
     named = re.findall(r"^\| `(\w+)` \|", page.partition("## Gates")[2].partition("\n## ")[0], re.MULTILINE)
-    assert named == [gates.COVERAGE, gates.OVERLAP, gates.ENERGY, gates.SPLIT]
+    assert named == [gates.COVERAGE, gates.OVERLAP, gates.ENERGY, gates.MEAN, gates.TAIL, gates.SPLIT]
     assert f"<= {gates.SIGMAS:g} e" in page and f"{gates.RARE:.1%}" in page and f"{gates.ROUNDING:.0e}"[0] == "1"
 
 
