@@ -76,7 +76,8 @@ class Denoised(Model):
     bias_error: float
     """Standard error of `bias`."""
     pixel_bias: float
-    """Root mean square of the part of every pixel's relative error that would stay if the noise came out otherwise."""
+    """Root mean square of the part of every pixel's relative error that would stay if the noise came out otherwise;
+    with `known` as `at most`, what it is below with 95% confidence."""
     relmse_raw: float
     """Of the layer as it was before."""
     relmse_denoised: float
@@ -84,7 +85,10 @@ class Denoised(Model):
     relmse_reference: float
     """Of the reference's own noise."""
     examples: int
-    """Examples that were measured."""
+    """Examples that were measured: those in which the object gets any light in this layer."""
+    known: Literal["measured", "at most", "unknown"] = "measured"
+    """Whether `pixel_bias` was measured, or is a bound since noise hid it; `unknown` where no example gave any figure,
+    so that all others are 0 and say nothing. Labels of earlier versions have 0 for a pixel bias that noise hid."""
 
 
 class RenderRecord(Model):

@@ -146,6 +146,12 @@ class Surface:
             return mi.Float(1)
         return look_up(self.table, self.features, si, active).coverage
 
+    def body(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.UInt32:
+        """Number of the body of glass that the surface bounds; see `nesting`."""
+        if "nested" not in self.features:
+            return mi.UInt32(0)
+        return look_up(self.table, self.features, si, active).body
+
     def emission(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Color3f:
         """Radiance that the surface sends out where it is there, to both sides."""
         if "emission" not in self.features:

@@ -12,24 +12,25 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 
-LEVELS = 255
-"""Steps of what is left, from 0, nothing, to this, the most of any channel. Three such numbers fit into the 24 bits of
-a float's mantissa."""
+BITS = 8
+"""Of each channel: what is left goes in steps from 0, nothing, to 2^BITS - 1, the most of any channel. Three such
+numbers fit into the 24 bits of a float's mantissa."""
 
 
-def pack(left: mi.Color3f) -> mi.Float:
+def pack(left: mi.Color3f, bits: int = BITS) -> mi.Float:
     """What a path has left of each channel, in units of the most; 0 where there is nothing. A channel of which anything
     is left has one level at least."""
-    scale = dr.select(dr.max(left) > 0, LEVELS * dr.rcp(dr.max(left)), 0)
-    red, green, blue = (dr.clip(dr.ceil(left[channel] * scale), 0, LEVELS) for channel in range(3))
-    return dr.fma(dr.fma(blue, LEVELS + 1, green), LEVELS + 1, red)
+    most = 2**bits - 1
+    scale = dr.select(dr.max(left) > 0, most * dr.rcp(dr.max(left)), 0)
+    red, green, blue = (dr.clip(dr.ceil(left[channel] * scale), 0, most) for channel in range(3))
+    return dr.fma(dr.fma(blue, most + 1, green), most + 1, red)
 
 
-def unpack(code: mi.Float) -> mi.Color3f:
-    """Whole numbers from 0 to `LEVELS` in proportion to what is left; ones for a code of 0, which rays have that come
+def unpack(code: mi.Float, bits: int = BITS) -> mi.Color3f:
+    """Whole numbers from 0 to 2^bits - 1 in proportion to what is left; ones for a code of 0, which rays have that come
     from a camera."""
-    bits = mi.UInt32(code)
-    levels = mi.Color3f(*(mi.Float((bits >> shift) & LEVELS) for shift in (0, 8, 16)))
+    whole = mi.UInt32(code)
+    levels = mi.Color3f(*(mi.Float((whole >> shift) & (2**bits - 1)) for shift in (0, bits, 2 * bits)))
     return dr.select(code > 0, levels, 1)
 
 

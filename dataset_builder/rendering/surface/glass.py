@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import drjit as dr
 import mitsuba as mi
 
+from dataset_builder.rendering.surface.nesting import Sides
 from dataset_builder.rendering.surface.reflectance import MIN_ALPHA
 
 MIN_BEND = 0.01
@@ -67,10 +68,13 @@ class Crossing:
 
 
 def glass_of(*, weight: mi.Float, base: mi.Color3f, roughness: mi.Float, ior: mi.Float, abbe: mi.Float | None,
-             thin: mi.Bool, outside: mi.Bool, left: mi.Color3f) -> Glass:
+             thin: mi.Bool, outside: mi.Bool, left: mi.Color3f, sides: Sides | None = None) -> Glass:
     """Glass of a material. A solid is tinted by the root of `base` at each crossing, a pane by all of it: what lies
-    behind either is tinted once. outside: whether the viewer's side is the air. left: see `Glass`."""
+    behind either is tinted once. outside: whether the viewer's side is the air. left: see `Glass`. sides: in place of
+    `outside`, where there may be glass in glass."""
     alpha = dr.square(roughness)
+    if sides is not None:
+        return _between(weight, base, alpha, ior, abbe, thin, left, sides)
     channels = [ior] if abbe is None else [_cauchy(ior, abbe, step) for step in ABBE_STEPS]
     indices = tuple(dr.select(thin, ior, dr.select(outside, index, dr.rcp(index))) for index in channels)
     smooth = (alpha < MIN_ALPHA) | (~thin & (ior - 1 < MIN_BEND))
@@ -83,6 +87,22 @@ def glass_of(*, weight: mi.Float, base: mi.Color3f, roughness: mi.Float, ior: mi
 def alike(glass: Glass) -> Glass:
     """The same with the densities of a path that has all channels left, which both ends of a path can tell."""
     return replace(glass, left=mi.Color3f(1))
+
+
+def _between(weight: mi.Float, base: mi.Color3f, alpha: mi.Float, ior: mi.Float, abbe: mi.Float | None, thin: mi.Bool,
+             left: mi.Color3f, sides: Sides) -> Glass:
+    """Glass whose other side is what `sides` says: indices are ratios of both, and each tints its crossing."""
+    steps = (0.0,) if abbe is None else ABBE_STEPS
+    own, other = ([index if bends is None else _cauchy(index, bends, step) for step in steps]
+                  for index, bends in ((ior, abbe), (sides.ior, None if abbe is None else sides.abbe)))
+    ratios = [dr.select(sides.into, one / two, two / one) for one, two in zip(own, other, strict=True)]
+    indices = tuple(dr.select(thin, ior, dr.select(sides.same, 1, ratio)) for ratio in ratios)
+    ratio = dr.select(sides.into, ior / sides.ior, sides.ior / ior)
+    smooth = (alpha < MIN_ALPHA) | (~thin & (sides.same | (dr.abs(ratio - 1) < MIN_BEND)))
+    tint = dr.select(sides.same, 1, dr.sqrt(base) * sides.tint)
+    bends = mi.Bool(False) if abbe is None else ((abbe > 0) & (ior > 1)) | ((sides.abbe > 0) & (sides.ior > 1))
+    return Glass(weight=weight, tint=dr.select(thin, base, tint), indices=indices, thin=thin, smooth=smooth,
+                 alpha=dr.maximum(alpha, MIN_ALPHA), spreads=bends & ~thin & ~sides.same, left=left)
 
 
 def evaluate(glass: Glass, wi: mi.Vector3f, wo: mi.Vector3f, reflected: mi.Bool) -> tuple[mi.Color3f, mi.Float]:

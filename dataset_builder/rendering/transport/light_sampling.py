@@ -45,6 +45,8 @@ class World:
         """Whether surfaces send out light of their own."""
         self.dispersion = "dispersion" in features
         """Whether glass spreads colours."""
+        self.nested = "nested" in features
+        """Whether bodies of glass may lie in each other."""
         self.dome_probability = mi.Float(0) if portals is None else _probability(scene, scene.environment())
         """With which a light sample is one of the dome, where there are portals."""
         self.wanted = wanted

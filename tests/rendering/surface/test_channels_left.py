@@ -3,7 +3,9 @@
 import mitsuba as mi
 import numpy as np
 
-from dataset_builder.rendering.surface.channels_left import LEVELS, kept, pack, unpack
+from dataset_builder.rendering.surface.channels_left import BITS, kept, pack, unpack
+
+LEVELS = 2**BITS - 1
 
 
 def colours(rows):
