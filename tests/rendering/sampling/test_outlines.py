@@ -35,7 +35,7 @@ def agreeing(values: np.ndarray) -> Estimate:
 
 @pytest.mark.parametrize("size", [4, 12, 16, 64, 256])
 def test_the_law_is_that_of_the_points(size: int) -> None:
-    """Shares of edges at 16 angles by 1000 batches of Sobol points, within a factor of two of the law."""
+    """Shares of edges at 16 angles by 1000 batches of Sobol points: a third of the law at least, and not more."""
     points, runs = OwenSobol.of_batches(size, 1000 * size, seed=3).next_2d(), []
     x, y = (np.array(values).reshape(1000, size) for values in (points.x, points.y))
     grid = (np.indices((100, 100)) + 0.5) / 100
@@ -43,11 +43,11 @@ def test_the_law_is_that_of_the_points(size: int) -> None:
         across, down = np.cos(angle), np.sin(angle)
         place = np.quantile(across * grid[0] + down * grid[1], 0.4)
         runs.append(np.mean(((across * x + down * y < place).mean(axis=1) - 0.4) ** 2))
-    assert 0.5 < np.mean(runs) * size / share_variance(np.array(0.4), np.array(size)) < 2
+    assert 0.33 < np.mean(runs) * size / share_variance(np.array(0.4), np.array(size)) < 1
 
 
 def test_the_law_by_hand() -> None:
-    """Half a pixel by 16 samples, 0.13 / 4; a hundredth is what independent samples have, p (1 - p)."""
+    """Half a pixel by 16 samples, 0.2 / 4; a hundredth is what independent samples have, p (1 - p)."""
     assert share_variance(np.array([0.5, 0.01]), np.array([16.0, 16.0])) == pytest.approx([STRATA / 4, 0.0099])
 
 
