@@ -20,7 +20,7 @@ import torch
 
 from dataset_builder.lightnet.data.ranges import mean_inside, tone_map
 from dataset_builder.lightnet.measures.colour import lab, lab_angle
-from dataset_builder.lightnet.measures.metrics import BEST_PSNR, Metrics, box_about, psnr_of, ssim_map
+from dataset_builder.lightnet.measures.metrics import Metrics, box_about, psnr_of, ssim_map
 
 DRAWS = 4
 """Pictures of noise that the Lab angle is taken over."""

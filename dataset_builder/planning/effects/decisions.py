@@ -175,7 +175,9 @@ def _plan_pass(scene: _Scene, name: str) -> _Planned:
     kept, on_lights = _lights(scene, name)
     depth, on_depth = _depth(scene, name, kept)
     light = PassLight(name=name, lights=tuple(scene.light[name].lights[index] for index in kept),
-                      materials=_standing(scene, name), fog=scene.fog, depth=depth, target_area=scene.target_area)
+                      materials=_standing(scene, name), fog=scene.fog, depth=depth, target_area=scene.target_area,
+                      place=scene.near, pixels=scene.render.width * scene.render.height,
+                      spp=_most_spp(scene.render, name), batches=scene.render.batches)
     transport, on_transport = choose(light, scene.spec.transport)
     portals, on_daylight = _daylight(scene, name, kept)
     entry = _entry(name, extent, lights=kept, max_depth=depth, transport=transport, portals=portals,
@@ -199,6 +201,12 @@ def _runs(render: RenderPlan, name: str) -> bool:
     """The first pass always runs: it finds the object's pixels; the rough one finds those of S'."""
     rough = name == "first_hit_rough" and bool(_asked(render, "rough") or _asked(render, "pbr"))
     return name == "first_hit" or rough or bool(_asked(render, name))
+
+
+def _most_spp(render: RenderPlan, name: str) -> int:
+    """Samples of a pixel, or the cap of a goal."""
+    caps = [goal.cap for goal in render.goals if LAYERS[goal.layer].render_pass == name]
+    return max([sum(render.parts(name)), *caps])
 
 
 def _extent(render: RenderPlan, name: str) -> tuple[str, str]:
