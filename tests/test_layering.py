@@ -24,7 +24,7 @@ ORDER = (
     ("planning.catalogue",),
     ("assets.procedural", "assets.scene_file"), ("assets.scene_readers",), ("assets",),
     ("assets.pose_readers", "assets.readers"),
-    ("assets.field_file", "assets.file_model", "assets.image_maps", "assets.scene_model"),
+    ("assets.field_file", "assets.file_model", "assets.image_maps", "assets.normal_maps", "assets.scene_model"),
     ("assets.exr_picture",), ("assets.asset", "assets.linear_texels", "assets.primaries", "assets.texel_memory"),
     ("geometry",), ("label",), ("spec",),
     ("remote",), ("byte_store", "lock"), ("lease",),

@@ -6,7 +6,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 from dataset_builder.cli import common
-from dataset_builder.errors import count_of
+from dataset_builder.errors import UserError, count_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,6 +22,9 @@ def add_options(verb: argparse.ArgumentParser) -> None:
     """What the study takes beside a spec, a folder and a backend."""
     verb.add_argument("--budget", choices=("full", "small"), default="full",
                       help="small: pictures of 64 pixels, two budgets and a small network, for a trial on two cores")
+    verb.add_argument("--spp", metavar="A,B,..", help="samples per pixel to compare, rising (default: 4,16,64,256)")
+    verb.add_argument("--held-out", type=common.positive, metavar="N",
+                      help="examples to measure on (default: 24 or 96)")
     verb.add_argument("--least", type=common.positive, metavar="N",
                       help="size of the smallest budget: what N examples cost at the largest spp (default: 12 or 48)")
     verb.add_argument("--seeds", type=common.positive, help="trainings of each arm (default: 2 or 3)")
@@ -74,7 +77,8 @@ def _study(options: argparse.Namespace) -> "BudgetStudy":
     from dataset_builder.studies.budget.budget_study import SIZES, BudgetStudy
 
     size = SIZES[options.budget]
-    asked = {"least": options.least, "seeds": options.seeds}
+    asked = {"least": options.least, "seeds": options.seeds, "held_out": options.held_out,
+             "grid": options.spp and _whole_numbers(options.spp)}
     size = replace(size, **{name: value for name, value in asked.items() if value})
     own = [] if options.config else size.training
     training = common.lightnet(options.config, [*own, *options.train_set], options.steps)
@@ -82,6 +86,13 @@ def _study(options: argparse.Namespace) -> "BudgetStudy":
     return BudgetStudy(spec=options.spec, overrides=tuple(options.overrides), size=size, training=training,
                        out=options.out or common.STUDIES / f"{name}-budget", backend=options.backend,
                        workers=options.workers, device=options.device, denoise=not options.raw_only)
+
+
+def _whole_numbers(text: str) -> tuple[int, ...]:
+    try:
+        return tuple(int(part) for part in text.split(","))
+    except ValueError as error:
+        raise UserError(f"--spp: expected whole numbers with commas between them, got {text}") from error
 
 
 def _build(study: "BudgetStudy", arms: "Sequence[Arm]") -> None:

@@ -12,7 +12,8 @@ from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.layers import LAYERS, Extent
 from dataset_builder.planning.catalogue import ExampleRef, ViewRef, count_examples, shard_size, views_of
-from dataset_builder.planning.effects.decisions import FACTOR, REPEATS, has_direct
+from dataset_builder.planning.effects.decisions import FACTOR, REPEATS
+from dataset_builder.planning.effects.pass_extents import has_direct
 from dataset_builder.planning.field_cost import FieldCost, Known, field_cost
 from dataset_builder.planning.field_recipe import ABOUT_FIELDS
 from dataset_builder.planning.pass_work import (

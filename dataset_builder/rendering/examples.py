@@ -13,7 +13,7 @@ from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.label.roughness_record import RoughnessRecord, ShapeRoughness
 from dataset_builder.label.scene_plan import Vector
 from dataset_builder.layers import HALF, LAYERS, Pass
-from dataset_builder.planning.effects.decisions import guide_extents, has_direct
+from dataset_builder.planning.effects.pass_extents import guide_extents, has_direct
 from dataset_builder.rendering import plugins
 from dataset_builder.rendering.denoise import Noisy, denoised
 from dataset_builder.rendering.device import memory_told
@@ -220,15 +220,15 @@ def _accuracy(shared: ViewPasses, plan: ExamplePlan, name: str, extent: str) -> 
     result, channels = shared.result(render_pass, plan), radiance_channels(name)
     figures: dict[str, float] = {}
     means: list[LayerMean] = []
+    # Paths that a part of an image has not met are those that the image has not met
+    image = channels_of(WANTED[render_pass])["image"] if "image" in WANTED[render_pass] else channels
     joined = plan.effects.of(render_pass).transport == "joined"
     for prefix, kind in (("", extent), ("object_", "object")):
         inside = _inside(shared, plan, name, kind)
         errors = relative(result.found.mean[inside, channels], result.found.error[inside, channels])
-        means.append(layer_mean(result.raw, channels, inside, together=joined))
+        means.append(layer_mean(result.raw, channels, inside, together=joined, image=image))
         figures |= {f"{prefix}relative_error": root_mean_square(errors), f"{prefix}relative_error_95": quantile(errors),
                     f"{prefix}mean_error": means[-1].error}
-    # Paths that a part of an image has not met are those that the image has not met
-    image = channels_of(WANTED[render_pass])["image"] if "image" in WANTED[render_pass] else channels
     whole = layer_mean(result.raw, image, _inside(shared, plan, name, extent))
     return LayerAccuracy(name=name, stopped=result.stopped.get(name, "spp"), **figures, tail=means[0].tail,
                          top_share=means[0].top_share, mean_known=least_known(means[0], whole))

@@ -96,8 +96,9 @@ def asked_sentence(found: Conclusions) -> str:
     if (answer := found.answer) is None:
         if found.asked.hours:
             return f"Asked: {asked}. No error below 100% fits into that: what is fixed takes longer."
-        floors = ", ".join(f"{layer} {math.sqrt(found.answers.floor(layer)):.2%}" for layer in found.answers.layers)
-        return f"Asked: {asked}. No number of samples gets there; the errors that stay are {floors}."
+        floors = {layer: math.sqrt(found.answers.floor(layer)) for layer in found.answers.layers}
+        most = ", ".join(f"{layer} {floor:.1%}" for layer, floor in floors.items() if floor >= found.errors[layer])
+        return f"Asked: {asked}. No number of samples gets there; the error that stays is {most}."
     errors = ", ".join(f"{layer} {limit:.2g}" for layer, (_, limit) in answer.errors.items())
     return (f"Asked: {asked}. Recommended: {WAYS[answer.way]}, 95% of the examples below {errors}, in "
             f"{duration(answer.core_hours * HOUR / found.setup.workers)} ± {answer.within:.0%} on this machine "

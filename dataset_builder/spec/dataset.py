@@ -109,7 +109,7 @@ class StorageSpec(Model):
     """How layers are stored."""
 
     dtype: Literal["float32", "float16"] = "float32"
-    """Pixel type; with float16, examples with values beyond its range are rejected."""
+    """Pixel type; with float16, examples with values beyond its range, or too dim for it, are rejected."""
     examples_per_shard: Annotated[int, Field(ge=1, le=5000)] = 16
     """Maximum number of consecutive examples per tar file; fewer in a split that would have fewer than 4 files."""
     standard_errors: bool = False

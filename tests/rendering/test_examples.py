@@ -33,8 +33,9 @@ def plan(small_spec: Path) -> Plan:
         loaded = load_dataset(small_spec)
         whole = plan_example(loaded, index)
         render = whole.render.model_copy(update={"layers": tuple(layers.items())})
-        effects = plan_effects(spec=loaded.dataset.render, room=whole.room, shell=BoxShell(whole.room), diagonal=9.0,
+        effects = plan_effects(spec=loaded.dataset.render, room=whole.room, shell=BoxShell(whole.room),
                                target=whole.target, render=render, furniture=whole.furniture, fog=whole.fog,
+                               camera=whole.camera,
                                source_light=whole.source_light, target_light=whole.target_light,
                                mesh_root=loaded.path.parent)
         return whole.model_copy(update={"render": render, "effects": effects})

@@ -152,7 +152,8 @@ def psnr_of(squared: torch.Tensor) -> float:
 
 
 def box_about(inside: torch.Tensor) -> tuple[slice, slice, slice]:
-    """The part of a picture, about (1, H, W) `inside`, that figures depend on: the object, and as much around it as a window of SSIM reaches."""
+    """The part of a picture, about (1, H, W) `inside`, that figures depend on: the object, and as much around it as a
+    window of SSIM reaches."""
     rows, columns = ((inside > 0).any(dim=0).any(dim=dim).nonzero() for dim in (1, 0))
     high, wide = (slice(max(int(found[0]) - RADIUS, 0), int(found[-1]) + RADIUS + 1) for found in (rows, columns))
     return slice(None), high, wide

@@ -12,7 +12,7 @@ no such estimate: their squares are extrapolated, which is exact where errors ar
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from math import nan, sqrt
 
 import numpy as np
@@ -87,8 +87,8 @@ class NoisyTruth:
         """Figures of a perfect prediction, the light itself, against this truth. That of the Lab angle has a sampling
         error, `lab_error`."""
         light, width, inside = self._cut
-        squared, straight = (without_noise(lambda values, of=of: self._apart(values, of), light, width)
-                             for of in (torch.square, torch.abs))
+        squared, straight = (without_noise(partial(self._apart, measure), light, width)
+                             for measure in (torch.square, torch.abs))
         shown, variance = self._clean
         alike = ssim_map(shown, tone_map(light), variance, shared=True)
         return Metrics(l1=max(float(mean_inside(straight, inside)), 0.0), psnr=psnr_of(mean_inside(squared, inside)),
@@ -131,7 +131,7 @@ class NoisyTruth:
         shown = without_noise(tone_map, light, width)
         return shown, shown.square() - without_noise(lambda values: tone_map(values).square(), light, width)
 
-    def _apart(self, light: torch.Tensor, measure: Function) -> torch.Tensor:
+    def _apart(self, measure: Function, light: torch.Tensor) -> torch.Tensor:
         """Mean of a measure of how far noise moves display values of `light`."""
         shown, width = tone_map(light), self._cut[1]
         return torch.stack([weight * measure(tone_map(moved(light, width, z)) - shown)
@@ -180,8 +180,8 @@ class NoisyTruth:
             figures = []
             for more in (0.0, *MORE):
                 noisy = moved(light, more * width, other)
-                shown = (lab(tone_map(each))[None] for each in (noisy[0], moved(noisy, width, noise)[0]))
-                figures.append(float(mean_inside(lab_angle(*shown, inside), inside)))
+                one, two = (lab(tone_map(light)) for light in (noisy, moved(noisy, width, noise)))
+                figures.append(float(mean_inside(lab_angle(one, two, inside), inside)))
             angles.append(3 * figures[0] - 3 * figures[1] + figures[2])
         return angles
 

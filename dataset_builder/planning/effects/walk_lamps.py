@@ -29,7 +29,7 @@ class WalkLamps:
         self._lights = [each for each in lights if not LIGHT_KINDS[each.kind].all_round]
         weights = np.array([each.weight for each in self._lights])
         count, total = max(len(weights), 1), weights.sum()
-        self._chance = EVEN / count + (1 - EVEN) * (weights / total if total > 0 else 1 / count)
+        self._chance = EVEN / count + (1 - EVEN) * (weights / total if total > 0 else np.full(len(weights), 1 / count))
         shapes = [_triangles(each) for each in self._lights]
         self._corners = np.concatenate([np.zeros((0, 3, 3)), *shapes])
         self._starts = np.cumsum([0, *(len(shape) for shape in shapes)])

@@ -28,6 +28,9 @@ from dataset_builder.rendering.transport.light_sampling import (
 )
 
 MAX_SURVIVAL = 0.95
+FOG_SURVIVAL = 0.998
+"""The same times the albedo of fog where that is more: light goes through hundreds of its events, and what outlives
+95% of each a hundred times would weigh as much as 170 paths."""
 
 
 @dataclass
@@ -75,6 +78,8 @@ def incident_radiance(world: World, sampler: mi.Sampler, start: PathStart, activ
     """L_i: radiance that arrives at the start's point from its direction."""
     scene, max_depth, rr_depth, prior_throughput = world.scene, world.max_depth, world.rr_depth, start.prior_throughput
     before = start.channels
+
+    most = mi.Float(MAX_SURVIVAL) if world.fog is None else dr.maximum(MAX_SURVIVAL, FOG_SURVIVAL * world.fog.albedo)
 
     # Loop state
     ray = start.point.spawn_ray(start.direction)   # Current ray, in units of the local frame
@@ -131,7 +136,7 @@ def incident_radiance(world: World, sampler: mi.Sampler, start: PathStart, activ
         depth += dr.select(vertex.passed, mi.UInt32(0), mi.UInt32(1))
 
         # Russian roulette, without the scaling by 1 / eta^2 that leaving glass undoes (Veach 1997, sections 5.2, 10.4)
-        survival = dr.minimum(prior_throughput * dr.max(throughput) * (eta * eta), MAX_SURVIVAL)
+        survival = dr.minimum(prior_throughput * dr.max(throughput) * (eta * eta), most)
         roulette = depth >= rr_depth
         active = active_next & (dr.max(throughput) != 0) & (~roulette | (sampler.next_1d(active_next) < survival))
         throughput = dr.select(roulette, throughput * dr.rcp(survival), throughput)

@@ -113,9 +113,9 @@ def bench_of(study: AccuracyStudy) -> Bench:
 def conclude(study: AccuracyStudy, rows: Sequence[AccuracyRow], asked: Asked) -> Conclusions:
     """What all rows say about what was asked; the settings are written to `recommended.txt`, one option of the command
     line per line, and what they follow from besides the table to `answer.json`. Raises OutputError."""
-    work = dataset_work(study.spec)
-    setup = Setup.here(study.budget, study.backend, study.spec.overrides, reference_spp=BUDGETS[study.budget].reference_spp,
-                       first=BUDGETS[study.budget].first)
+    work, budget = dataset_work(study.spec), BUDGETS[study.budget]
+    setup = Setup.here(study.budget, study.backend, study.spec.overrides, reference_spp=budget.reference_spp,
+                       first=budget.first)
     write_about(study.out, work, setup, asked)
     found = Conclusions.of(rows, study.spec.dataset, work, setup, asked)
     write_atomic(study.out / "recommended.txt", found.advice.lines().encode())

@@ -17,18 +17,16 @@ from dataset_builder.rendering import oidn
 from dataset_builder.spec.dataset import DatasetSpec, SplitSpec
 from dataset_builder.spec.load import load_dataset
 from dataset_builder.spec.resolve import LoadedSpec
-from dataset_builder.studies.budget.arms import Mix, even, mixes_of
+from dataset_builder.studies.budget.arms import Mix, mixes_of
 from dataset_builder.studies.trainings import settings_of
 
 
 @dataclass(frozen=True, kw_only=True)
-class Size:
+class StudySize:
     """How much a study looks at."""
 
     grid: tuple[int, ...] = (4, 16, 64, 256)
-    """Samples per pixel, rising; multiples of the spec's batches."""
-    base: int = 16
-    """The spp at which one pass at a time gets those of the next."""
+    """Samples per pixel, two or more, rising; multiples of the spec's batches."""
     budgets: tuple[float, ...]
     """In units of the smallest one, rising."""
     least: int
@@ -45,12 +43,17 @@ class Size:
     training: tuple[str, ...] = ()
     """Overrides of LighTNet's configuration where the user gives none."""
 
+    @property
+    def base(self) -> int:
+        """The spp at which one pass at a time gets those of the next."""
+        return self.grid[(len(self.grid) - 1) // 2]
+
 
 SIZES = {
-    "small": Size(budgets=(1, 3), least=12, timed=2, held_out=24, clean=512, seeds=2, side=64,
-                  training=("model.width=8", "data={crop: 48, workers: 0}", "steps=150", "objective.l1=1")),
-    "full": Size(budgets=(1, 3, 9), least=48, timed=8, held_out=96, clean=1024, seeds=3,
-                 training=("objective.l1=1",)),
+    "small": StudySize(budgets=(1, 3), least=12, timed=2, held_out=24, clean=512, seeds=2, side=64,
+                       training=("model.width=8", "data={crop: 48, workers: 0}", "steps=150", "objective.l1=1")),
+    "full": StudySize(budgets=(1, 3, 9), least=48, timed=8, held_out=96, clean=1024, seeds=3,
+                      training=("objective.l1=1",)),
 }
 
 
@@ -60,7 +63,7 @@ class BudgetStudy:
 
     spec: Path
     overrides: tuple[str, ...]
-    size: Size
+    size: StudySize
     training: TrainingSpec
     """LighTNet, made by `studies.trainings.base_of`."""
     out: Path
@@ -73,10 +76,10 @@ class BudgetStudy:
 
     @cached_property
     def loaded(self) -> LoadedSpec:
-        """The spec with pictures of the study's size. Raises SpecError."""
+        """The spec, with pictures of the study's size unless the user asks for others. Raises SpecError."""
         side = self.size.side
         image = (f"image={json.dumps({'width': side, 'height': side})}",) if side else ()
-        return load_dataset(self.spec, (*self.overrides, *image))
+        return load_dataset(self.spec, (*image, *self.overrides))
 
     @property
     def dataset(self) -> DatasetSpec:
@@ -114,7 +117,7 @@ class BudgetStudy:
 
     def held_out_settings(self) -> tuple[str, ...]:
         """Overrides for the clean examples to measure on."""
-        clean = even(self.size.clean).settings(self.dataset)
+        clean = ("render.accuracy={}", f"render.spp={self.size.clean}", "render.denoise={layers: []}")
         return (*self.loaded.overrides, *clean, self._alone(self.splits[1], self.size.held_out))
 
     def _alone(self, name: str, count: int) -> str:
@@ -151,7 +154,10 @@ def require(study: BudgetStudy) -> None:
 
 
 def _lacking(study: BudgetStudy) -> Iterator[Problem]:
-    dataset = study.dataset
+    dataset, grid = study.dataset, study.size.grid
+    if list(grid) != sorted(set(grid)) or len(grid) < 2 or grid[0] < 1:
+        yield Problem(where="", path="--spp", rule="expected at least two numbers >= 1, each larger than the one "
+                      f"before, got {', '.join(map(str, grid))}")
     if lacking := problem_of("", dataset.layers, PAPER_LAYERS, "train on and to measure by"):
         yield lacking
     names = [split.name for split in dataset.splits]
@@ -159,6 +165,6 @@ def _lacking(study: BudgetStudy) -> Iterator[Problem]:
         if name not in names:
             yield Problem(where="", path="splits", rule=f"expected a split {name or 'to measure on'}, got "
                           f"{', '.join(names)}")
-    if wrong := [spp for spp in study.size.grid if spp % dataset.render.batches]:
+    if wrong := [spp for spp in grid if spp % dataset.render.batches]:
         yield Problem(where="", path="render.batches", rule=f"expected a divisor of {', '.join(map(str, wrong))}, the "
                       f"spp of the study, got {dataset.render.batches}")

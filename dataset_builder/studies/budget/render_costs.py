@@ -44,7 +44,7 @@ class CostRow:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Cost:
+class RenderCost:
     """Seconds of an example, mean over those timed."""
 
     seconds: float
@@ -53,15 +53,15 @@ class Cost:
     examples: int
 
     @classmethod
-    def of(cls, rows: list[float]) -> "Cost":
+    def of(cls, rows: list[float]) -> "RenderCost":
         """From the seconds of every example."""
         error = stdev(rows) / sqrt(len(rows)) if len(rows) > 1 else 0.0
         return cls(seconds=fmean(rows), error=error, examples=len(rows))
 
 
-def costs_of(study: BudgetStudy, rows: list[CostRow]) -> dict[Mix, Cost]:
+def costs_of(study: BudgetStudy, rows: list[CostRow]) -> dict[Mix, RenderCost]:
     """By mix, in the study's order."""
-    return {mix: Cost.of([row.seconds for row in rows if row.mix == mix.name]) for mix in study.mixes}
+    return {mix: RenderCost.of([row.seconds for row in rows if row.mix == mix.name]) for mix in study.mixes}
 
 
 def cores_had(rows: list[CostRow]) -> float:

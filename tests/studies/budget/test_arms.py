@@ -19,7 +19,7 @@ from dataset_builder.studies.budget.budget_study import (
     require,
     spread_out,
 )
-from dataset_builder.studies.budget.render_costs import Cost, CostRow, cores_had
+from dataset_builder.studies.budget.render_costs import CostRow, RenderCost, cores_had
 from dataset_builder.studies.trainings import base_of
 
 MANY = ("splits.train.objects.count=4", "splits.train.scenes.count=3")
@@ -89,7 +89,7 @@ def test_mixes_change_samples_and_denoising_alone(small_spec: Path) -> None:
     assert other.model_copy(update={"render": other.render.model_copy(update=same)}) == plain
     assert (plain.image.width, plain.image.height) == (64, 64), "the small study's size"
     held_out = load_dataset(small_spec, made.held_out_settings()).dataset
-    assert [split.name for split in held_out.splits] == ["test"] and held_out.render.spp.rough == 512
+    assert [split.name for split in held_out.splits] == ["test"] and held_out.render.spp.first_hit == 512
 
 
 @pytest.mark.parametrize(("overrides", "rule"), [
@@ -112,8 +112,20 @@ def test_denoised_arms_need_the_denoiser(small_spec: Path, monkeypatch: pytest.M
     require(replace(study(small_spec), denoise=False))
 
 
+@pytest.mark.parametrize("grid", [(16,), (16, 4), (4, 4), (0, 4)])
+def test_spp_to_compare_rise(small_spec: Path, grid: tuple[int, ...]) -> None:
+    made = study(small_spec)
+    with pytest.raises(UserError, match=r"--spp: expected at least two numbers >= 1, each larger than the one before"):
+        require(replace(made, size=replace(made.size, grid=grid)))
+    assert (made.size.base, replace(made.size, grid=(4, 16)).base) == (16, 4)
+
+
+def test_pictures_have_the_size_that_the_user_asks_for(small_spec: Path) -> None:
+    assert study(small_spec, "image={width: 40, height: 30}").dataset.image.width == 40
+
+
 def test_costs_are_means_over_examples() -> None:
-    cost = Cost.of([1.0, 3.0])
-    assert (cost.seconds, cost.error, cost.examples) == (2.0, 1.0, 2) and Cost.of([1.0]).error == 0
+    cost = RenderCost.of([1.0, 3.0])
+    assert (cost.seconds, cost.error, cost.examples) == (2.0, 1.0, 2) and RenderCost.of([1.0]).error == 0
     rows = [CostRow(example="a", mix="4", seconds=1.0, wall_seconds=4.0)] * 2
     assert cores_had(rows) == 0.25

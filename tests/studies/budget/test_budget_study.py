@@ -12,12 +12,13 @@ from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
 from dataset_builder.lightnet.settings import DataSpec, load_training
 from dataset_builder.lightnet.training.fit import TrainingJob
 from dataset_builder.studies.budget import budget_study
-from dataset_builder.studies.budget.budget_study import Size
+from dataset_builder.studies.budget.budget_study import StudySize
 from tests.lightnet.synthetic import write_synthetic
 from tests.small_specs import write_spec
 
-TINY = Size(grid=(4, 16), base=4, budgets=(1, 2), least=2, timed=1, held_out=2, clean=16, seeds=2,
-            training=("model={width: 4, downs: 2}", "data={crop: 16, batch: 2, workers: 0, held_out: test}", "steps=2"))
+TINY = StudySize(grid=(4, 16), budgets=(1, 2), least=2, timed=1, held_out=2, clean=16, seeds=2,
+                 training=("model={width: 4, downs: 2}", "data={crop: 16, batch: 2, workers: 0, held_out: test}",
+                           "steps=2"))
 LAYERS = "layers={i_s: object, i_t: object, d: object, r: object, s_prime: object, mask: object, mask_rough: object}"
 SETTINGS = (LAYERS, "render.max_depth=2", "gates={mask_overlap: 0}", "splits.train.lights=1", "rough.sigma=0.004")
 ARMS = {"4-x1", "4-x2", "16-x1", "16-x2", "4-target-16-x2", "4-rough-16-x2", "4-source-16-x2"}
