@@ -5,11 +5,11 @@ caster, lands on the lamp or within a lobe of it. With Omega the solid angle of 
 
     p = Omega / (pi SPREAD)
 
-of paths does, and the rest brings nothing: the relative variance of a pixel is 1 / (p spp). SPREAD is what a round
-caster takes of that, whose mirror image is small. By joined paths light comes from the lamp's side, whatever the lamp's
-size and the lobe: the relative variance is HEAVY s / spp with s camera samples to a light path. Where both find the
-light, the inverses of their variances add up. The constants were measured, see `docs/effects.md`; errors are within a
-factor of about two of what was found there.
+of paths does, and the rest brings nothing: the relative variance of a pixel is 1 / (p spp). SPREAD is what the
+curvature of a round caster takes of that, or adds to it. By joined paths light comes from the lamp's side, whatever the
+lamp's size and the lobe: the relative variance is HEAVY s / spp with s camera samples to a light path. Where both find
+the light, the inverses of their variances add up. The constants were measured, see `docs/effects.md`; errors are within
+a factor of about two of what was found there.
 """
 
 from math import dist, inf, log2, pi, sqrt
@@ -20,11 +20,11 @@ from dataset_builder.label.scene_plan import LightPlan, Vector
 from dataset_builder.light_kinds import LIGHT_KINDS
 from dataset_builder.planning.view.emission import facing_irradiance
 
-SPREAD = 13.0
-"""Of balls of chrome and glass under lamps of 3 to 30 cm; flat casters have less."""
-HEAVY = 40.0
-"""Of the same: 9 to 58 off chrome, 25 to 170 through glass."""
-REFLECTED, REFRACTED = 3.0, 10.0
+SPREAD = {False: 13.0, True: 0.85}
+"""Of balls of chrome, and of glass, which gather what chrome scatters; under lamps of 3 to 30 cm."""
+HEAVY = {False: 40.0, True: 10.0}
+"""Of the same: 9 to 58 off chrome, 2 to 11 through glass."""
+LOBE = {False: 3.0, True: 0.8}
 """Solid angle of a rough lobe within which lights are found, over pi alpha^2: off chrome, and through glass."""
 TINY = 1e-9
 """Least solid angle of what has any extent, and distance."""
@@ -56,24 +56,23 @@ def lamp_angle(light: LightPlan, place: Vector) -> float:
 
 def lobe_angle(roughness: float, glass: bool) -> float:
     """Solid angle within which a lobe of a roughness finds a light, steradians; 0 of smooth glass."""
-    if glass:
-        return REFRACTED * pi * roughness**4
-    return REFLECTED * pi * max(roughness**2, SMOOTHEST) ** 2
+    alpha = roughness**2 if glass else max(roughness**2, SMOOTHEST)
+    return LOBE[glass] * pi * alpha**2
 
 
-def camera_error(angle: float, spp: int) -> float:
+def camera_error(angle: float, spp: int, glass: bool) -> float:
     """Expected relative error of a pixel's caustic light by camera paths; infinite where no path meets it."""
     if angle <= 0:
         return inf
-    return sqrt(pi * SPREAD / angle / max(spp, 1))
+    return sqrt(pi * SPREAD[glass] / angle / max(spp, 1))
 
 
-def joined_error(angle: float, spp: int, pixels: int, batches: int) -> float:
+def joined_error(angle: float, spp: int, glass: bool, *, pixels: int, batches: int) -> float:
     """The same where light paths follow the caustic, too, to a diffuse surface that the camera sees. pixels: of the
     frame."""
     group = pixels * max(spp // batches, 1)
-    followed = HEAVY * group / paths_for(group, True) / max(spp, 1)
-    return 1 / sqrt(1 / followed + camera_error(angle, spp) ** -2)
+    followed = HEAVY[glass] * group / paths_for(group, True) / max(spp, 1)
+    return 1 / sqrt(1 / followed + camera_error(angle, spp, glass) ** -2)
 
 
 def shows(error: float) -> bool:

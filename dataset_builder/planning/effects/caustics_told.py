@@ -127,7 +127,7 @@ def _by_chance(light: PassLight, how: str, lamp: LightPlan, use: MaterialUse, wh
     for lobe in _lobes(use):
         if angle + lobe > 0:
             by = CHANCE if angle > 0 else NARROW
-            error = camera_error(angle + lobe, light.spp)
+            error = camera_error(angle + lobe, light.spp, is_solid(use.material))
             parts.append(_judged(light, f"{how}; {by}{why}", lamp, use, error, sure=not LIGHT_KINDS[lamp.kind].outside))
         else:
             parts.append(_Part(choice="left out", how=lost + why, light=lamp, use=use))
@@ -143,7 +143,8 @@ def _parts(light: PassLight, transport: Transport) -> Iterator[_Part]:
     for lamp in light.lights:
         angle = lamp_angle(lamp, light.place)
         for use in found:
-            error = joined_error(angle + min(_lobes(use)), light.spp, light.pixels, light.batches)
+            error = joined_error(angle + min(_lobes(use)), light.spp, is_solid(use.material), pixels=light.pixels,
+                                 batches=light.batches)
             if lamp not in followed:
                 yield from _by_chance(light, "{light} by way of {things}", lamp, use, why, LOST)
             elif use in wanted:
