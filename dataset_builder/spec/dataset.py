@@ -194,6 +194,15 @@ class DatasetSpec(Model):
         return self
 
     @model_validator(mode="after")
+    def _albedo_has_a_spread(self) -> "DatasetSpec":
+        lit = any(LAYERS[name].render_pass == "target" for name in self.layers)
+        if lit and self.render.spp.total("first_hit") == 1:
+            raise broken("expected at least 2, since the gate radiance_split goes by how d varies within a pixel, "
+                         "which one sample does not show, got 1 (take 16 or more: with fewer it rejects some examples "
+                         "by bad luck)", path=("render", "spp", "first_hit"))
+        return self
+
+    @model_validator(mode="after")
     def _layers_are_there(self) -> "DatasetSpec":
         for key, names in (("accuracy", tuple(self.render.accuracy)), ("denoise", self.render.denoise.layers)):
             for name in names:

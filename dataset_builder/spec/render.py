@@ -50,7 +50,8 @@ class SppSpec(Model):
     appending to the list keeps the samples of an earlier build."""
 
     first_hit: Spp = 64
-    """Light-free layers, of both meshes."""
+    """Light-free layers, of both meshes. The gate radiance_split goes by how `d` varies among them: with fewer than 16
+    it rejects some examples by bad luck, and 1 is refused where `i_t`, `s`, `spec` or `air` is asked for."""
     source: Spp = 64
     """`i_s`."""
     target: Spp = 64
