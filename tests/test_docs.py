@@ -86,6 +86,10 @@ def cheap(arguments: list[str]) -> list[str]:
     if arguments[:2] == ["study", "noise"]:
         tiny = [text if text != "--set" else "--train-set" for text in TINY_TRAINING]
         return [*arguments, *CHEAP_MINI, "--levels", "0,0.01", *tiny, "--steps", "2", "--per-level-steps", "1"]
+    if arguments[:2] == ["study", "budget"]:
+        tiny = [text if text != "--set" else "--train-set" for text in TINY_TRAINING]
+        return [*arguments, *CHEAP_MINI, *tiny, "--spp", "4,16", "--least", "2", "--held-out", "2", "--seeds", "1",
+                "--steps", "2", "--raw-only"]
     if arguments[0] == "study":
         return [*arguments, "--set", "image={width: 24, height: 24}", "--set", "rough.edge_length=0.2", "--backend",
                 "llvm"]
@@ -327,7 +331,7 @@ def test_every_layer_is_defined_and_no_other() -> None:
     page = ROOT / "docs" / "layers.md"
     table = prose(page).partition("## Definitions")[2].partition("\n## ")[0]
     named = re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE)
-    others = re.findall(r"`(\w+_(?:se|raw))`", table)
+    others = re.findall(r"`(\w+_(?:se|raw|half))`", table)
     assert [*named, *others] == list(LAYERS) and tuple(named[:6]) == PAPER_LAYERS
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dataset_builder.layers import EVERYWHERE, LAYERS, Extent, layers_of
+from dataset_builder.layers import EVERYWHERE, HALF, LAYERS, Extent, layers_of
 
 RANGE, REFLECTANCE, MASK, OUTSIDE, SHARED, FIELD = "range", "reflectance", "mask", "outside", "shared", "field"
 SHARED_LAYERS = layers_of("first_hit")
@@ -57,6 +57,8 @@ def check_layers(layers: Mapping[str, np.ndarray], extents: Mapping[str, Extent]
     """Every identity inside one example; `tolerances` by name as `identity_table` gives them. field: whether its `i_s`
     is the image of a field, as `plan.field` of its label says."""
     found = [violation for name, array in layers.items() for violation in in_range(name, array, tolerances[RANGE])]
+    if {"i_t", HALF} <= set(layers):
+        found += other_half(layers["i_t"], layers[HALF], tolerances[RANGE])
     if "d" in layers and "r" in layers:
         found += reflectance_sum(layers["d"], layers["r"], tolerances[REFLECTANCE])
     if "mask" in layers:
@@ -113,6 +115,14 @@ def in_range(name: str, array: np.ndarray, tolerance: float) -> list[Violation]:
         return []
     reason = f"{name}: expected values in [{layer.low:g}, {layer.high:g}], got [{least:g}, {largest:g}]"
     return [Violation(identity=RANGE, reason=reason)]
+
+
+def other_half(i_t: np.ndarray, half: np.ndarray, tolerance: float) -> list[Violation]:
+    """i_t_half <= 2 i_t (1 + tolerance): what the other half of the samples says is no less than 0."""
+    over = half - (1 + tolerance) * 2 * i_t.astype(np.float64)
+    if (largest := float(over.max(initial=0.0))) <= tolerance:
+        return []
+    return [Violation(identity=RANGE, reason=f"{HALF}: expected at most 2 i_t, got {largest:g} more")]
 
 
 def reflectance_sum(d: np.ndarray, r: np.ndarray, tolerance: float) -> list[Violation]:

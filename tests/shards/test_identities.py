@@ -15,6 +15,7 @@ from dataset_builder.shards.identities import (
     identity_table,
     in_range,
     mask_not_empty,
+    other_half,
     outside_object,
     reflectance_sum,
     shared_in_view,
@@ -233,3 +234,10 @@ def test_a_field_beside_its_mesh_is_rejected() -> None:
     violation, = check_gates({"mask_field": moved}, bounds, {"mask": mask})
     assert (violation.identity, violation.reason) == (
         "mask_overlap", "expected share of mask that mask_field covers in [0.8, 1], got 0.75")
+
+
+def test_the_other_half_is_no_less_than_nothing() -> None:
+    i_t = np.full((2, 2, 3), 0.5, np.float32)
+    assert other_half(i_t, 2 * i_t, 1e-5) == []
+    violation, = other_half(i_t, 2.2 * i_t, 1e-5)
+    assert violation.identity == "range" and violation.reason.startswith("i_t_half: expected at most 2 i_t, got 0.0999")

@@ -15,11 +15,12 @@ import drjit as dr
 import mitsuba as mi
 
 from dataset_builder.rendering.surface import sheen as sheen_lobe
+from dataset_builder.rendering.surface.channels_left import unpack
 from dataset_builder.rendering.surface.glass import glass_of
 from dataset_builder.rendering.surface.gloss import GgxLobe
 from dataset_builder.rendering.surface.lobes import Lobes
 from dataset_builder.rendering.surface.material_table import SurfacePoint, is_outside
-from dataset_builder.rendering.surface.nesting import channel_of
+from dataset_builder.rendering.surface.nesting import left_of
 from dataset_builder.rendering.surface.reflectance import MIN_ALPHA, scattered_again
 
 COAT_F0 = 0.04
@@ -62,9 +63,14 @@ def lobes_of(point: SurfacePoint, features: frozenset[str], si: mi.SurfaceIntera
         lobes.glass = glass_of(weight=share * below, base=point.base, roughness=point.roughness, ior=point.ior,
                                abbe=point.abbe if "dispersion" in features else None, thin=_thin(point.thin, features),
                                outside=is_outside(si), sides=point.sides,
-                               lone_channel=si.time if point.sides is None else channel_of(si.time))
+                               left=_left(si, point.sides is not None) if "dispersion" in features else mi.Color3f(1))
     _opaque(lobes, point, features, cosine, below, opaque, tables)
     return lobes
+
+
+def _left(si: mi.SurfaceInteraction3f, nested: bool) -> mi.Color3f:
+    """What the path to a surface has left of the channels."""
+    return left_of(si.time) if nested else unpack(si.time)
 
 
 def _leave_out(point: SurfacePoint, same: mi.Bool) -> None:

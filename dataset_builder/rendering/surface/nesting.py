@@ -2,9 +2,9 @@
 
 Of the bodies that take the same space the one of the highest priority owns it (Schmidt and Budge, "Simple nested
 dielectrics in ray traced images", Journal of Graphics Tools 7(2), 2002). A path counts how many times it is in each
-body, in 4 bits; bodies are numbered from 1 in the order of priority, so that the owner is the highest count above 0. A
-surface that does not change the owner is not there. Rays hold the counts in their time, above the two bits of
-`light_sampling.lone_channel`: single precision holds all whole numbers up to 2^24.
+body, in 3 bits; bodies are numbered from 1 in the order of priority, so that the owner is the highest count above 0.
+A surface that does not change the owner is not there. Rays hold the counts in their time, above the nine bits of what
+is left of the colour channels: single precision holds all whole numbers up to 2^24.
 
 Paths start in the air. One that leaves a body that it never entered, as from a camera in the glass, is taken to have
 been in it.
@@ -20,10 +20,13 @@ import mitsuba as mi
 import numpy as np
 
 from dataset_builder.assets.glass_bodies import MOST_BODIES, GlassBody
+from dataset_builder.rendering.surface.channels_left import pack, unpack
 
-BITS, MOST = 4, 15
+BITS, MOST = 3, 7
 """Of a count."""
-COUNTS = 4
+CHANNEL_BITS = 3
+"""Of what is left of a channel."""
+COUNTS = 2 ** (3 * CHANNEL_BITS)
 """What a ray's time holds the counts times; below are the channels."""
 ROW = 8
 """Floats of a body: index of refraction, Abbe number, root of the tint (3), unused."""
@@ -52,9 +55,9 @@ def body_rows(bodies: Sequence[GlassBody]) -> np.ndarray:
     return rows
 
 
-def channel_of(time: mi.Float) -> mi.Float:
-    """The colour channel that a ray's time holds."""
-    return mi.Float(mi.UInt32(time) & (COUNTS - 1))
+def left_of(time: mi.Float) -> mi.Color3f:
+    """What is left of the channels, as `channels_left.unpack` has it, of a path whose ray's time this is."""
+    return unpack(mi.Float(mi.UInt32(time) & (COUNTS - 1)), CHANNEL_BITS)
 
 
 def inside_of(time: mi.Float) -> mi.UInt32:
@@ -62,9 +65,9 @@ def inside_of(time: mi.Float) -> mi.UInt32:
     return mi.UInt32(time) // COUNTS
 
 
-def time_of(channel: mi.Float, inside: mi.UInt32) -> mi.Float:
-    """The time of a ray that holds both."""
-    return channel + mi.Float(COUNTS * inside)
+def time_of(left: mi.Color3f | None, inside: mi.UInt32) -> mi.Float:
+    """The time of a ray that holds both. left: of the channels, None where no glass disperses."""
+    return (mi.Float(0) if left is None else pack(left, CHANNEL_BITS)) + mi.Float(COUNTS * inside)
 
 
 def owner(inside: mi.UInt32) -> mi.UInt32:

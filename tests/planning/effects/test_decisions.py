@@ -63,7 +63,7 @@ def decide(monkeypatch: pytest.MonkeyPatch, room_of: Callable[..., RoomPlan]) ->
         furniture = tuple(placed(3 + k, **figures) for k, figures in enumerate(others))
         plan = room_of().model_copy(update=room or {})
         return plan_effects(
-            spec=RenderSpec.model_validate(spec), room=plan, shell=BoxShell(plan), diagonal=8.3,
+            spec=RenderSpec.model_validate(spec), room=plan, shell=BoxShell(plan), camera=plans.example_plan().camera,
             target=placed(1, **(target or MATTE)), furniture=furniture,
             source_light=IlluminationPlan(lights=(lamp("dome"),), open=opened),
             target_light=IlluminationPlan(lights=lights, open=()), fog=FogPlan(extinction=fog, albedo=0.9),

@@ -8,12 +8,12 @@ import pytest
 from dataset_builder.assets.asset import Material
 from dataset_builder.assets.glass_bodies import MOST_BODIES, glass_bodies
 from dataset_builder.errors import PlanError
-from dataset_builder.rendering.surface.nesting import channel_of, crossed, inside_of, owner, time_of
+from dataset_builder.rendering.surface.nesting import BITS, crossed, inside_of, left_of, owner, time_of
 from tests.rendering.surface.surface_bench import interaction, mean_and_error, sampled, surface_of
 
 GLASS = Material(name="glass", base_color=(0.81, 0.9, 1), roughness=0.0, transmission=1.0, ior=1.5, priority=2)
 WATER = Material(name="water", base_color=(1, 0.64, 0.25), roughness=0.0, transmission=1.0, ior=1.33, priority=1)
-IN_WATER, IN_GLASS, AIR = 1, 1 << 4, 0
+IN_WATER, IN_GLASS, AIR = 1, 1 << BITS, 0
 """Counts: water is body 1, glass body 2."""
 
 
@@ -32,7 +32,7 @@ def seen(material, inside, cosine, width=4096):
     """A surface, and points of its face that a path in `inside` meets."""
     surface, si = surface_of(WATER, GLASS), interaction(cosine, width)
     si.prim_index = dr.full(mi.UInt32, [WATER, GLASS].index(material), width)
-    si.time = time_of(dr.zeros(mi.Float, width), dr.full(mi.UInt32, inside, width))
+    si.time = time_of(None, dr.full(mi.UInt32, inside, width))
     return surface, si
 
 
@@ -77,8 +77,9 @@ def test_counts_find_the_owner_and_forget_nothing():
         assert owner(inside)[0] == expected
     for _ in range(20):
         inside = crossed(inside, mi.UInt32(MOST_BODIES), mi.Bool(True))
-    full = time_of(mi.Float(3), inside)
-    assert owner(inside)[0] == MOST_BODIES and inside_of(full)[0] == inside[0] and channel_of(full)[0] == 3
+    full = time_of(mi.Color3f(0.5, 0, 1), inside)
+    assert owner(inside)[0] == MOST_BODIES and inside_of(full)[0] == inside[0]
+    assert np.array(left_of(full)).ravel().tolist() == [4, 0, 7]
 
 
 def test_the_order_of_ownership_is_that_of_priority_and_has_room_for_five():
