@@ -13,7 +13,7 @@ from dataset_builder.spec.licences import Licence
 from dataset_builder.spec.light import LightCount, SourceSpec, TargetSpec
 from dataset_builder.spec.model import Model, broken
 from dataset_builder.spec.numbers import MOST_EXAMPLES, Count, Interval, Share, branches, interval
-from dataset_builder.spec.render import ImageSpec, RenderSpec
+from dataset_builder.spec.render import ImageSpec, RenderSpec, require_spread
 from dataset_builder.spec.rough import Level, RoughSpec
 
 Shareable = Literal["objects", "scenes"]
@@ -199,11 +199,7 @@ class DatasetSpec(Model):
 
     @model_validator(mode="after")
     def _albedo_has_a_spread(self) -> "DatasetSpec":
-        lit = any(LAYERS[name].render_pass == "target" for name in self.layers)
-        if lit and self.render.spp.total("first_hit") == 1:
-            raise broken("expected at least 2, since the gate radiance_split goes by how d varies within a pixel, "
-                         "which one sample does not show, got 1 (take 16 or more: with fewer it rejects some examples "
-                         "by bad luck)", path=("render", "spp", "first_hit"))
+        require_spread(self.render.spp, self.layers)
         return self
 
     @model_validator(mode="after")
