@@ -51,7 +51,8 @@ def test_nothing_from_outside_gets_into_a_closed_room(kind: str) -> None:
 
 
 def test_panes_let_light_in() -> None:
-    assert reach(light("dome"), room(windows=2, glazing=True), (), MIDDLE).why == "enters through 2 glazed windows"
+    assert reach(light("dome"), room(windows=2, glazing=True), (), MIDDLE).why == \
+        "enters through 2 glazed windows: window_1 (+y), window_2 (-x)"
 
 
 @pytest.mark.parametrize(("windows", "kept"), [(1, False), (2, True), (3, True), (4, True)])
