@@ -11,7 +11,8 @@ from dataset_builder.engine.source import imports_of, inside, read_sources
 ORDER = (
     ("__main__",), ("cli.main",), ("cli",), ("cli.common",), ("report",),
     ("report.gallery", "report.looking"), ("report.front",),
-    ("studies.accuracy", "studies.effects", "studies.noise", "studies.stress", "studies.tables"), ("studies",),
+    ("studies.accuracy", "studies.budget", "studies.effects", "studies.noise", "studies.stress", "studies.tables"),
+    ("studies",),
     ("release",), ("exporting", "importing", "transfer"), ("exporting.formats", "importing.captures"),
     ("lightnet.results", "lightnet.training"), ("lightnet.methods",), ("lightnet.measures",), ("lightnet.data",),
     ("lightnet",),

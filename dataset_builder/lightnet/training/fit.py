@@ -60,6 +60,10 @@ class TrainingJob:
     device: str = "auto"
     levels: tuple[int, ...] = ()
     """Noise levels to train and check on, all where empty."""
+    keys: tuple[str, ...] = ()
+    """Examples to train on, all where empty."""
+    threads: int = 0
+    """Of PyTorch, for the whole process; 0 leaves them as they are."""
 
     def identity(self) -> str:
         """Digest of whatever decides the weights, but for the machine and for what is `FREE`, which a user may have to
@@ -67,8 +71,9 @@ class TrainingJob:
         vgg = file_digest(self.vgg_weights) if self.vgg_weights and self.spec.objective.fr else ""
         shards = [shard.sha256 for shard in load_manifest(self.dataset).shards]
         deciding = {key: value for key, value in flat(self.spec).items() if key not in FREE}
+        some = {"keys": list(self.keys)} if self.keys else {}
         return digest({"spec": deciding, "shards": shards, "vgg": vgg, "levels": list(self.levels),
-                       "package": __version__})
+                       "package": __version__, **some})
 
 
 @dataclass(kw_only=True)
@@ -110,7 +115,10 @@ class _Training:
         self.job, self.spec, self.identity = job, spec, job.identity()
         self.device = choose(job.device)
         self.precision: Precision = precision_on(self.device, spec.precision)
-        self.train = LightingDataset(job.dataset, spec.data.train, spec.data, levels=job.levels, i_s=spec.data.i_s)
+        if job.threads:
+            torch.set_num_threads(job.threads)
+        self.train = LightingDataset(job.dataset, spec.data.train, spec.data, levels=job.levels, i_s=spec.data.i_s,
+                                     keys=job.keys, extra=spec.extra)
         self.held_out = LightingDataset(job.dataset, data.held_out, data, levels=job.levels) if data.held_out else None
         self.method: Method = build_method(spec, job.vgg_weights).to(self.device)
         self.optimisers, self.running = Optimisers(self.method, spec), running_statistics(self.method)

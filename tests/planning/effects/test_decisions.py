@@ -283,8 +283,8 @@ def real(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_shipped_dataset_of_effects_has_them_all() -> None:
     planner = Planner(load_dataset(SPECS / "3df-lighting-effects.yaml"))
     made = [planner.example(ref) for ref in planner.examples]
-    # Colours of vertices and further maps come with mesh files alone
-    expected = set(get_args(Feature)) - {"colours", "maps"}
+    # Colours of vertices, further maps and what is in a bottle come with mesh files alone
+    expected = set(get_args(Feature)) - {"colours", "maps", "nested"}
     assert {feature for plan in made for feature in plan.effects.features} == expected
     for plan in made:
         glazed = plan.room.glazing and plan.room.windows > 0
