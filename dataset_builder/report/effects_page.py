@@ -60,11 +60,11 @@ def write_page(study: EffectsStudy, found: Sequence[Compared], backend: str) -> 
     lead = [
         f"{len(found)} examples, {backend}, {REPEATS} times each. Both sides have the same spp and independent "
         f"samples; everything is simulated with paths of {DEEPER} times the planned edges, at least {DEEP}.",
-        f"A layer differs where its mean does by more than {allowed:g} of it and noise, or where the share of pixels "
-        f"that differ by more than {allowed:g} of the layer's mean plus {SIGMAS:g} of their own standard errors "
-        f"is more than {FACTOR:g} times what noise gives (Student's t). It is the same where a difference of {SEEN:g} times "
-        "what is allowed would have been seen with a probability of 95%, and not resolved otherwise. Layers without "
-        "light are judged by their mean alone.",
+        f"A layer differs where its mean does by more than {allowed:g} of it and noise, or where too many pixels do: "
+        f"the share of those off by more than {allowed:g} of the layer's mean plus {SIGMAS:g} of their own standard "
+        f"errors is more than {FACTOR:g} times what noise gives (Student's t). It is the same where a difference of "
+        f"{SEEN:g} times what is allowed would have been seen with a probability of 95%, and not resolved otherwise. "
+        "Layers without light are judged by their mean alone.",
     ]
     write_study(study.out, f"Only what the scene needs: {study.spec.dataset.name}", lead,
                 [_differences(found, figure), _seconds(found), _decisions(found)], figures={"effects": figure})
