@@ -8,6 +8,7 @@ from dataset_builder.report.console import duration
 from dataset_builder.report.page_parts import markdown_table
 from dataset_builder.studies.accuracy.answers import HOUR, Answer
 from dataset_builder.studies.accuracy.conclusions import Conclusions
+from dataset_builder.studies.accuracy.laws import GOALS
 from dataset_builder.studies.accuracy.other_examples import Spread
 from dataset_builder.studies.accuracy.rows import ADAPTIVE, DENOISED, UNIFORM
 from dataset_builder.studies.accuracy.sampling_advice import JITTER, RESAMPLED
@@ -20,10 +21,13 @@ WAYS = {UNIFORM: "uniform spp", ADAPTIVE: "goals", DENOISED: "denoised"}
 
 
 def law_table(found: Conclusions) -> Table:
-    """The law of every layer and example, with 95% intervals."""
+    """The law of every layer and example, with 95% intervals. Goals have no time of their own: one layer's rounds are
+    too few."""
     return LAW_HEAD, [
-        [law.question, law.layer, law.example, _with(law.error.slope, law.error.slope_within), _bound(law.error),
-         _bound(law.time), _with(1e3 * law.time.slope, 1e3 * law.time.slope_within),
+        [law.question, law.layer, law.example, _with(law.error.slope, law.error.slope_within),
+         "" if law.question in GOALS else _bound(law.error),
+         *(("", "") if law.question in GOALS else (_bound(law.time), _with(1e3 * law.time.slope,
+                                                                           1e3 * law.time.slope_within))),
          f"{law.error.spread:.0%}, {law.time.spread:.0%}"] for law in found.answers.laws]
 
 
@@ -124,7 +128,8 @@ def trust_sentences(found: Conclusions) -> list[str]:
     wall, worked = found.scatters
     said = [f"Runs of one setting scatter by {wall:.0%} in wall time and {worked:.0%} in CPU time (standard "
             f"deviation); hours are from {'wall' if found.setup.gpu else 'CPU'} time.",
-            f"With timings off by {JITTER:.0%} the settings change in {found.changed:.0%} of {RESAMPLED} resamplings."]
+            f"With timings off by {JITTER:.0%} the settings change in {found.changed:.0%} of {RESAMPLED} resamplings."
+            + (" The hours lie at a step: the next error up is as good an answer." if found.changed else "")]
     if found.answer and found.answer.within > found.asked.within:
         said.append(f"WARNING: the hours are known to ± {found.answer.within:.0%}, asked was "
                     f"± {found.asked.within:.0%}: "

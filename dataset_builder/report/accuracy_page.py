@@ -60,7 +60,7 @@ def _answers(found: Conclusions, figures: Mapping[str, bytes]) -> list[Section]:
             section("How do examples differ?", "Noise of one sample per pixel over the examples of the dataset, which "
                     "tells what error they have at any other number.", spread_table(found), "spread"),
             section("By which law?", "error² = a / n + b and seconds = c + d n, n samples per pixel (for goals error² "
-                    "= a g² + b in the goal g), ± half a 95% interval; b and c whose interval holds 0 are bounds.",
+                    "= a g² in the goal g), ± half a 95% interval; b and c whose interval holds 0 are bounds.",
                     law_table(found), "laws")]
 
 

@@ -77,7 +77,9 @@ class Answers:
         self.spread: dict[str, Spread] = {layer: spread_of(rows, self.laws, layer) for layer in self.layers}
         ratios = {layer: equal_error(rows, of_one(self.laws, layer), ADAPTIVE, clock) for layer in self.layers}
         self._gain = {layer: geometric_mean(one.paths for one in own) for layer, own in ratios.items()}
-        self._slower = {layer: geometric_mean(one.seconds / one.paths for one in own) for layer, own in ratios.items()}
+        self._times = {(ADAPTIVE, layer): geometric_mean(one.seconds / one.paths for one in own)
+                       for layer, own in ratios.items()}
+        self._times |= {(DENOISED, layer): _longer(self.laws, layer) for layer in self.layers}
         self._pace = {layer: pace_of(rows, self.laws, layer, clock) for layer in self.layers}
         self._fixed = {layer: fixed_of(self.laws, layer) for layer in self.layers}
         rest = rest_of(rows, clock)
@@ -166,7 +168,7 @@ class Answers:
             layer = next((layer for layer in self.layers if LAYERS[layer].render_pass == name), None)
             samples = spp.get(sampled_as(name), work.spp[name]) * work.pixels[name]
             pace, error = self._pace[layer] if layer else (typical, typical)
-            slower = self._slower[layer] if layer and goals else 1.0
+            slower = self._times.get((way, layer), 1.0) if layer else 1.0
             seconds += samples * pace * slower + work.runs[name] * (self._fixed[layer] if layer
                                                                     else work.rates["launch"])
             doubt, paths = math.hypot(doubt, samples * error * slower), paths + samples
@@ -179,6 +181,14 @@ class Answers:
         """Core-seconds besides the passes under study."""
         work = self._work
         return work.views * self._rest + work.examples * work.rates["example"] + work.fields
+
+
+def _longer(found: Sequence[Law], layer: str) -> float:
+    """Time of denoised pictures over that of others with the same samples, the most that were measured of both."""
+    plain = {law.example: law for law in of_layer(found, UNIFORM, layer)}
+    return geometric_mean(law.time.at(spp) / plain[law.example].time.at(spp)
+                          for law in of_layer(found, DENOISED, layer) if law.example in plain
+                          for spp in (min(law.most, plain[law.example].most),))
 
 
 def of_one(found: Sequence[Law], layer: str) -> list[Law]:

@@ -16,7 +16,6 @@ from dataset_builder.studies.accuracy.rows import (
     ADAPTIVE_DENOISED,
     DENOISED,
     OTHERS,
-    QUESTIONS,
     UNIFORM,
     AccuracyRow,
     layers_in,
@@ -78,7 +77,7 @@ def changed_share(rows: Sequence[AccuracyRow], again: Callable[[Sequence[Accurac
         answer = answer_of(again(own), asked, workers)
         return (answer.way, *sorted(answer.spp.items()), *sorted(answer.goals.items())) if answer else ()
 
-    timed = [row for row in rows if row.question in (*QUESTIONS, OTHERS)]
+    timed = [row for row in rows if row.question in (UNIFORM, ADAPTIVE, OTHERS)]
     found, random = settings(timed), rng(0, "timings")
     changed = 0
     for _ in range(times):

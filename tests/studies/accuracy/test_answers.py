@@ -86,7 +86,7 @@ def test_settings_for_an_error_do_not_follow_the_noise_of_timings() -> None:
 def test_settings_for_hours_follow_it_only_at_a_step() -> None:
     shares = [changed_share(study(NOISES), answers, Asked(hours=hours), workers=2, times=20)
               for hours in (0.2, 0.5, 1.1, 2.0, 4.0)]
-    assert sorted(shares)[2] == 0 and sum(shares) / 5 <= 0.1
+    assert min(shares) == 0 and sum(shares) / 5 <= 0.15
 
 
 def test_twice_the_seconds_are_twice_the_hours_and_the_same_settings() -> None:
