@@ -9,7 +9,7 @@ from dataset_builder.report.page_parts import markdown_table
 from dataset_builder.studies.accuracy.answers import HOUR, Answer
 from dataset_builder.studies.accuracy.conclusions import Conclusions
 from dataset_builder.studies.accuracy.laws import GOALS
-from dataset_builder.studies.accuracy.other_examples import Spread
+from dataset_builder.studies.accuracy.other_examples import NoiseSpread
 from dataset_builder.studies.accuracy.rows import ADAPTIVE, DENOISED, UNIFORM
 from dataset_builder.studies.accuracy.sampling_advice import JITTER, RESAMPLED
 from dataset_builder.studies.accuracy.straight_line import Line
@@ -51,7 +51,7 @@ def spread_table(found: Conclusions) -> Table:
         for layer, spread in found.answers.spread.items()]
 
 
-def _median(spread: Spread) -> str:
+def _median(spread: NoiseSpread) -> str:
     low, high = spread.within
     return f"{spread.median:.3g}" + (f" ({low:.2g} to {high:.2g})" if math.isfinite(high) else "")
 

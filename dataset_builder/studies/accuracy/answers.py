@@ -12,7 +12,7 @@ from statistics import fmean
 from dataset_builder.layers import LAYERS, sampled_as
 from dataset_builder.studies.accuracy.dataset_work import DatasetWork
 from dataset_builder.studies.accuracy.laws import Law, equal_error, laws, of_layer
-from dataset_builder.studies.accuracy.other_examples import Spread, fixed_of, pace_of, rest_of, spread_of
+from dataset_builder.studies.accuracy.other_examples import NoiseSpread, fixed_of, pace_of, rest_of, spread_of
 from dataset_builder.studies.accuracy.rows import ADAPTIVE, DENOISED, UNIFORM, AccuracyRow
 from dataset_builder.studies.image_errors import geometric_mean
 
@@ -25,7 +25,7 @@ HOUR, GB = 3600.0, 1e9
 
 
 @dataclass(frozen=True, kw_only=True)
-class Asked:
+class AskedAccuracy:
     """What the user wants to know."""
 
     errors: Mapping[str, float] = field(default_factory=dict)
@@ -74,7 +74,7 @@ class Answers:
         self._scale = (examples or work.examples) / work.examples
         self.laws = laws(rows, clock)
         self.layers = list(dict.fromkeys(law.layer for law in self.laws if law.question == UNIFORM))
-        self.spread: dict[str, Spread] = {layer: spread_of(rows, self.laws, layer) for layer in self.layers}
+        self.spread: dict[str, NoiseSpread] = {layer: spread_of(rows, self.laws, layer) for layer in self.layers}
         ratios = {layer: equal_error(rows, of_one(self.laws, layer), ADAPTIVE, clock) for layer in self.layers}
         self._gain = {layer: geometric_mean(one.paths for one in own) for layer, own in ratios.items()}
         self._times = {(ADAPTIVE, layer): geometric_mean(one.seconds / one.paths for one in own)
@@ -108,7 +108,8 @@ class Answers:
         return self._priced(UNIFORM, errors, spp)
 
     def goals(self, errors: Mapping[str, float]) -> Answer | None:
-        """A goal for every layer, at which every example ends; None where no goal was measured or gets there."""
+        """A goal for every layer, at which every example ends; None where none was measured, gets there,
+        or may be asked for: they are at most 1."""
         asked, spp, cap = dict[str, float](), dict[str, list[float]](), float(self.first)
         for layer, error in errors.items():
             slope = geometric_mean(law.error.slope for law in of_layer(self.laws, ADAPTIVE, layer))
@@ -116,6 +117,8 @@ class Answers:
             if not (left > 0 and slope > 0 and math.isfinite(self._gain[layer])):
                 return None
             asked[layer] = float(f"{math.sqrt(left / slope):.2g}")
+            if asked[layer] > 1:
+                return None
             needed = [max(self._gain[layer] * noise / left, self.first) for noise in self.spread[layer].values]
             spp.setdefault(sampled_as(LAYERS[layer].render_pass), []).append(fmean(needed))
             cap = max(cap, 2 * self._gain[layer] * self.spread[layer].limit / left)
@@ -135,13 +138,13 @@ class Answers:
         spp = self._by_pass(shares.__getitem__, errors)
         return self._priced(DENOISED, {layer: (math.nan, error) for layer, error in errors.items()}, spp)
 
-    def of_errors(self, asked: Asked, times: float = 1.0) -> Answer | None:
+    def of_errors(self, asked: AskedAccuracy, times: float = 1.0) -> Answer | None:
         """Goals where they take fewer samples than one number for all, else that number. times: the errors."""
         errors = {layer: times * asked.error_of(layer) for layer in self.layers}
         found = [answer for answer in (self.goals(errors), self.uniform(errors)) if answer]
         return min(found, key=lambda answer: answer.paths, default=None)
 
-    def of_hours(self, asked: Asked, workers: int) -> Answer | None:
+    def of_hours(self, asked: AskedAccuracy, workers: int) -> Answer | None:
         """The least errors that the hours buy, in the ratios asked for; None where they buy none below 100%."""
         for error in (digit * 10.0**decade for decade in DECADES for digit in SERIES):
             answer = self.of_errors(asked, error / max(map(asked.error_of, self.layers)))

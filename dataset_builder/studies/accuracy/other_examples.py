@@ -42,7 +42,7 @@ def measure(bench: Bench, ref: ExampleRef) -> Iterator[AccuracyRow]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Spread:
+class NoiseSpread:
     """How the noise of a layer is spread over a dataset: relMSE at one sample per pixel is log-normal."""
 
     median: float
@@ -61,7 +61,7 @@ class Spread:
         return float(np.mean(self.values))
 
 
-def spread_of(rows: Sequence[AccuracyRow], laws: Sequence[Law], layer: str) -> Spread:
+def spread_of(rows: Sequence[AccuracyRow], laws: Sequence[Law], layer: str) -> NoiseSpread:
     """The spread of a layer's noise over examples, from claims of the renderer that are put to scale by references.
 
     The limit is that of the next example of a normal sample: mean + t(0.95, K - 1) s sqrt(1 + 1/K) in logarithms
@@ -74,7 +74,7 @@ def spread_of(rows: Sequence[AccuracyRow], laws: Sequence[Law], layer: str) -> S
     middle, low, high = interval(values.tolist())
     count, deviation = len(values), float(np.log(values).std(ddof=1)) if len(values) > 1 else 0.0
     wide = float(stdtrit(count - 1, 0.95)) * deviation * math.sqrt(1 + 1 / count) if count > 1 else 0.0
-    return Spread(median=middle, within=(low, high), limit=middle * math.exp(wide), deviation=deviation,
+    return NoiseSpread(median=middle, within=(low, high), limit=middle * math.exp(wide), deviation=deviation,
                   values=tuple(values.tolist()))
 
 
