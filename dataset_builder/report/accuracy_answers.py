@@ -126,6 +126,7 @@ def gpu_sentence(found: Conclusions) -> str:
 def trust_sentences(found: Conclusions) -> list[str]:
     """How far timings can be trusted, with a warning where they cannot."""
     wall, worked = found.scatters
+    measured = max(len(spread.values) for spread in found.answers.spread.values())
     said = [f"Runs of one setting scatter by {wall:.0%} in wall time and {worked:.0%} in CPU time (standard "
             f"deviation); hours are from {'wall' if found.setup.gpu else 'CPU'} time.",
             f"With timings off by {JITTER:.0%} the settings change in {found.changed:.0%} of {RESAMPLED} resamplings."
@@ -134,7 +135,7 @@ def trust_sentences(found: Conclusions) -> list[str]:
         said.append(f"WARNING: the hours are known to ± {found.answer.within:.0%}, asked was "
                     f"± {found.asked.within:.0%}: "
                     + ("the machine is too restless; run the study when it is idle."
-                       if (wall if found.setup.gpu else worked) > found.asked.within / 2
+                       if (wall if found.setup.gpu else worked) / math.sqrt(measured) > found.asked.within / 4
                        else "examples differ too much; measure more (--budget full)."))
     return said
 

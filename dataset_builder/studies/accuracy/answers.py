@@ -1,7 +1,8 @@
 """From laws to answers: the samples that an error asked for takes, or the error that hours buy, with hours and bytes.
 
-Settings for an asked error follow from errors and from counts of samples alone; times only price them, so that a
-restless machine changes the hours and never the settings. Hours are turned into an error of a coarse series.
+Samples and goals for an asked error follow from errors and counts of samples alone; times price them, and choose
+between goals and one number for all by a clear margin, so that a restless machine changes the hours and not the
+settings. Hours are turned into an error of a coarse series.
 """
 
 import math
@@ -13,7 +14,7 @@ from dataset_builder.layers import LAYERS, sampled_as
 from dataset_builder.studies.accuracy.dataset_work import DatasetWork
 from dataset_builder.studies.accuracy.laws import Law, equal_error, laws, of_layer
 from dataset_builder.studies.accuracy.other_examples import NoiseSpread, fixed_of, pace_of, rest_of, spread_of
-from dataset_builder.studies.accuracy.rows import ADAPTIVE, DENOISED, UNIFORM, AccuracyRow
+from dataset_builder.studies.accuracy.rows import ADAPTIVE, DENOISED, UNIFORM, AccuracyRow, of
 from dataset_builder.studies.image_errors import geometric_mean
 
 ERROR = 0.1
@@ -21,6 +22,8 @@ ERROR = 0.1
 SERIES = (1.0, 1.25, 1.6, 2.0, 2.5, 3.15, 4.0, 5.0, 6.3, 8.0)
 """What errors that hours buy are rounded to, times a power of ten: R10 of ISO 3."""
 DECADES = range(-4, 1)
+CLEAR = 0.8
+"""Hours of goals, over those of one number of samples for all, up to which goals are advised."""
 HOUR, GB = 3600.0, 1e9
 
 
@@ -57,7 +60,6 @@ class Answer:
     """By layer, for `render.accuracy`; none without goals."""
     cap: int
     """Most spp, with goals."""
-    paths: float
     core_hours: float
     """Of one core, or one GPU, from beginning to end."""
     within: float
@@ -75,7 +77,8 @@ class Answers:
         self.laws = laws(rows, clock)
         self.layers = list(dict.fromkeys(law.layer for law in self.laws if law.question == UNIFORM))
         self.spread: dict[str, NoiseSpread] = {layer: spread_of(rows, self.laws, layer) for layer in self.layers}
-        ratios = {layer: equal_error(rows, of_one(self.laws, layer), ADAPTIVE, clock) for layer in self.layers}
+        ratios = {layer: equal_error(tightest(rows, layer), of_one(self.laws, layer), ADAPTIVE, clock)
+                  for layer in self.layers}
         self._gain = {layer: geometric_mean(one.paths for one in own) for layer, own in ratios.items()}
         self._times = {(ADAPTIVE, layer): geometric_mean(one.seconds / one.paths for one in own)
                        for layer, own in ratios.items()}
@@ -139,10 +142,10 @@ class Answers:
         return self._priced(DENOISED, {layer: (math.nan, error) for layer, error in errors.items()}, spp)
 
     def of_errors(self, asked: AskedAccuracy, times: float = 1.0) -> Answer | None:
-        """Goals where they take fewer samples than one number for all, else that number. times: the errors."""
+        """Goals where they take clearly fewer hours than one number for all, else that number. times: the errors."""
         errors = {layer: times * asked.error_of(layer) for layer in self.layers}
-        found = [answer for answer in (self.goals(errors), self.uniform(errors)) if answer]
-        return min(found, key=lambda answer: answer.paths, default=None)
+        goals, one = self.goals(errors), self.uniform(errors)
+        return goals if goals and not (one and goals.core_hours > CLEAR * one.core_hours) else one
 
     def of_hours(self, asked: AskedAccuracy, workers: int) -> Answer | None:
         """The least errors that the hours buy, in the ratios asked for; None where they buy none below 100%."""
@@ -164,7 +167,7 @@ class Answers:
 
     def _priced(self, way: str, errors: Mapping[str, tuple[float, float]], spp: Mapping[str, float],
                 goals: Mapping[str, float] | None = None, cap: float = 1.0) -> Answer:
-        work, seconds, doubt, paths = self._work, self._base(), 0.0, 0.0
+        work, seconds, doubt = self._work, self._base(), 0.0
         paces = [pace for pace, _ in self._pace.values()]
         typical = geometric_mean(paces) if paces else work.rates["path"]
         for name in work.spp:
@@ -174,9 +177,9 @@ class Answers:
             slower = self._times.get((way, layer), 1.0) if layer else 1.0
             seconds += samples * pace * slower + work.runs[name] * (self._fixed[layer] if layer
                                                                     else work.rates["launch"])
-            doubt, paths = math.hypot(doubt, samples * error * slower), paths + samples
+            doubt = math.hypot(doubt, samples * error * slower)
         return Answer(way=way, errors=errors, spp=spp, goals=goals or {}, cap=2 ** math.ceil(math.log2(cap)),
-                      paths=paths * self._scale, core_hours=self._scale * seconds / HOUR,
+                      core_hours=self._scale * seconds / HOUR,
                       within=2 * math.hypot(doubt / seconds, work.error),
                       gigabytes=self._scale * work.bytes[self._dtype] / GB)
 
@@ -184,6 +187,12 @@ class Answers:
         """Core-seconds besides the passes under study."""
         work = self._work
         return work.views * self._rest + work.examples * work.rates["example"] + work.fields
+
+
+def tightest(rows: Sequence[AccuracyRow], layer: str) -> list[AccuracyRow]:
+    """Rows of a layer's tightest goal: looser ones end while what rounds cost besides samples still counts for much."""
+    own = of(rows, ADAPTIVE, layer)
+    return [row for row in own if row.value == min(other.value for other in own)]
 
 
 def _longer(found: Sequence[Law], layer: str) -> float:
