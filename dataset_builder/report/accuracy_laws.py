@@ -48,7 +48,6 @@ def spread_figure(found: Conclusions) -> Figure:
         axes.step((noise + floor) ** 0.5, shares, where="mid", color=colour, label=layer)
         axes.plot([(spread.limit + floor) ** 0.5], [0.95], marker="|", markersize=12, color=colour,
                   label=f"{layer}: 95% are below")
-    axes.set(title="at one sample per pixel; at n samples by sqrt(n) less", xlabel=ERROR, ylabel="share of examples",
-             xscale="log", ylim=(0, 1))
-    axes.legend(fontsize=8)
+    dressed(axes, "at one sample per pixel; at n samples by sqrt(n) less", ERROR, "share of examples")
+    axes.set(yscale="linear", ylim=(0, 1))
     return figure
