@@ -107,8 +107,8 @@ def _about(found: Conclusions) -> str:
     examples = {row.example for row in found.rows if row.question == UNIFORM}
     return _wrapped(
         f"Measured on {setup.day}, {setup.machine}, {setup.workers} cores, {image.width}x{image.height} pixels: "
-        f"{len(examples)} examples with references of {setup.reference_spp} spp and depth 64, and others once. All rows "
-        f"are in [{TABLE}](images/accuracy/{TABLE}).")
+        f"{len(examples)} examples with references of {setup.reference_spp} spp and depth 64, and others once. All "
+        f"rows are in [{TABLE}](images/accuracy/{TABLE}).")
 
 
 def _parts(*parts: str) -> str:

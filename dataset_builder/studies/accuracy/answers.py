@@ -8,7 +8,7 @@ settings. Hours are turned into an error of a coarse series.
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from statistics import fmean
+from statistics import fmean, median
 
 from dataset_builder.layers import LAYERS, sampled_as
 from dataset_builder.studies.accuracy.dataset_work import DatasetWork
@@ -80,9 +80,8 @@ class Answers:
         ratios = {layer: equal_error(tightest(rows, layer), of_one(self.laws, layer), ADAPTIVE, clock)
                   for layer in self.layers}
         self._gain = {layer: geometric_mean(one.paths for one in own) for layer, own in ratios.items()}
-        self._times = {(ADAPTIVE, layer): geometric_mean(one.seconds / one.paths for one in own)
-                       for layer, own in ratios.items()}
-        self._times |= {(DENOISED, layer): _longer(self.laws, layer) for layer in self.layers}
+        self._rounds = {layer: _rounds(tightest(rows, layer), self.laws, layer, clock) for layer in self.layers}
+        self._longer = {layer: _longer(self.laws, layer) for layer in self.layers}
         self._pace = {layer: pace_of(rows, self.laws, layer, clock) for layer in self.layers}
         self._fixed = {layer: fixed_of(self.laws, layer) for layer in self.layers}
         rest = rest_of(rows, clock)
@@ -174,10 +173,10 @@ class Answers:
             layer = next((layer for layer in self.layers if LAYERS[layer].render_pass == name), None)
             samples = spp.get(sampled_as(name), work.spp[name]) * work.pixels[name]
             pace, error = self._pace[layer] if layer else (typical, typical)
-            slower = self._times.get((way, layer), 1.0) if layer else 1.0
-            seconds += samples * pace * slower + work.runs[name] * (self._fixed[layer] if layer
-                                                                    else work.rates["launch"])
-            doubt = math.hypot(doubt, samples * error * slower)
+            longer = self._longer[layer] if layer and way == DENOISED else 1.0
+            once = self._fixed[layer] + (self._rounds[layer] if goals else 0.0) if layer else work.rates["launch"]
+            seconds += longer * (samples * pace + work.runs[name] * once)
+            doubt = math.hypot(doubt, longer * samples * error)
         return Answer(way=way, errors=errors, spp=spp, goals=goals or {}, cap=2 ** math.ceil(math.log2(cap)),
                       core_hours=self._scale * seconds / HOUR,
                       within=2 * math.hypot(doubt / seconds, work.error),
@@ -193,6 +192,15 @@ def tightest(rows: Sequence[AccuracyRow], layer: str) -> list[AccuracyRow]:
     """Rows of a layer's tightest goal: looser ones end while what rounds cost besides samples still counts for much."""
     own = of(rows, ADAPTIVE, layer)
     return [row for row in own if row.value == min(other.value for other in own)]
+
+
+def _rounds(rows: Sequence[AccuracyRow], found: Sequence[Law], layer: str, clock: str) -> float:
+    """Seconds that the rounds of goals take besides their samples, the mean over examples: paths cost what they do
+    without goals."""
+    extra = [median(getattr(row, clock) - law.time.at(row.spp) for row in own)
+             for law in of_layer(found, UNIFORM, layer)
+             if (own := [row for row in rows if row.example == law.example])]
+    return max(fmean(extra), 0.0) if extra else math.nan
 
 
 def _longer(found: Sequence[Law], layer: str) -> float:
