@@ -100,7 +100,7 @@ class LightObjective(nn.Module):
         pair = Compared(found=found, wanted=truth, inside=inside)
         if self.noise == "two_samples":
             pair = two_samples(pair, batch)
-        weight = inverse_variance(batch) if self.noise == "weighted" else 1.0
+        weight = inverse_variance(batch) if self.noise == "weighted" else None
         terms = {}
         if "dr" in self.weights and (prediction.d is not None or prediction.r is not None):
             terms["dr"] = reflectances(batch, prediction)
@@ -108,7 +108,7 @@ class LightObjective(nn.Module):
             terms["fr"] = (self.trunk(found) - self.trunk(pair.wanted)).abs().mean()
         for name, term in IMAGE_TERMS.items():
             if name in self.weights:
-                terms[name] = mean_inside(term(pair) * weight, inside)
+                terms[name] = mean_inside(term(pair) if weight is None else term(pair) * weight, inside)
         return terms
 
 
