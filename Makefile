@@ -2,7 +2,7 @@
 SHELL := /bin/sh
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help system install trainer dataset test test-gpu check schema front bench clean
+.PHONY: help system install trainer dataset test test-gpu check schema docs-accuracy front bench clean
 
 VENV := .venv
 PY := $(VENV)/bin/python
@@ -48,6 +48,11 @@ check: $(WHOLE)  ## lint and types
 schema: $(WHOLE)  ## write the JSON Schemas that editors read and the tables of docs/specs.md and docs/label.md, after a change of the models
 	@$(PY) tools/export_schema.py
 	@$(PY) tools/spec_tables.py
+
+docs-accuracy: $(STAMP)  ## the study behind docs/accuracy.md, and its tables, figures and numbers; on an idle machine
+	@$(VENV)/bin/dataset-builder study accuracy scene_specs/3df-lighting-mini.yaml --budget medium --examples 2 \
+		--error i_t=0.05 s_prime=0.05 i_s=0.05 --count 12000 --out studies/docs-accuracy $(ARGS)
+	@PYTHONPATH=. $(PY) tools/accuracy_docs.py studies/docs-accuracy
 
 front:  ## the libraries that pages carry, pinned in tools/front, into report/front/vendor; needs Node and npm
 	@python3 tools/vendor_front.py

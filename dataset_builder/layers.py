@@ -45,6 +45,8 @@ class Layer:
     unit: str
     meaning: str
     """In one sentence."""
+    of: str = ""
+    """The layer that it says something more about, such as its standard error; empty for one of its own."""
 
     @property
     def radiometric(self) -> bool:
@@ -98,7 +100,7 @@ _TABLE = (
 _ERRORS = tuple(
     Layer(name=f"{layer.name}_se", symbol=f"se({layer.symbol})", geometry=layer.geometry, render_pass=layer.render_pass,
           channels=layer.channels, low=0, high=INF, unit=layer.unit,
-          meaning=f"standard error of {layer.name}, per pixel")
+          meaning=f"standard error of {layer.name}, per pixel", of=layer.name)
     for layer in _TABLE if layer.radiometric
 )
 
@@ -106,11 +108,18 @@ DENOISABLE = ("i_s", "i_t", "s", "s_prime")
 """Layers that may be denoised."""
 
 _RAW = tuple(replace(layer, name=f"{layer.name}_raw", symbol=f"raw({layer.symbol})",
-                     meaning=f"{layer.name} before denoising") for layer in _TABLE
+                     meaning=f"{layer.name} before denoising", of=layer.name) for layer in _TABLE
              if layer.name in DENOISABLE)
 
-LAYERS: dict[str, Layer] = {layer.name: layer for layer in (*_TABLE, *_ERRORS, *_RAW)}
-"""Every layer by name: the paper's six, then the free ones, then standard errors, then layers before denoising."""
+HALF = "i_t_half"
+_HALVES = tuple(replace(layer, name=HALF, symbol=f"half({layer.symbol})", of=layer.name,
+                        meaning=f"mean of the first half of the samples of {layer.name}; 2 {layer.name} - {HALF} is "
+                                "that of the others, which is independent of it")
+                for layer in _TABLE if layer.name == "i_t")
+
+LAYERS: dict[str, Layer] = {layer.name: layer for layer in (*_TABLE, *_ERRORS, *_RAW, *_HALVES)}
+"""Every layer by name: the paper's six, then the free ones, then standard errors, layers before denoising, and means of
+half of the samples."""
 
 PAPER_LAYERS = ("i_s", "d", "r", "i_t", "s_prime", "mask")
 """The tuple of the paper (section 5.1.1), which every dataset holds unless its spec says otherwise."""

@@ -331,7 +331,7 @@ def test_every_layer_is_defined_and_no_other() -> None:
     page = ROOT / "docs" / "layers.md"
     table = prose(page).partition("## Definitions")[2].partition("\n## ")[0]
     named = re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE)
-    others = re.findall(r"`(\w+_(?:se|raw))`", table)
+    others = re.findall(r"`(\w+_(?:se|raw|half))`", table)
     assert [*named, *others] == list(LAYERS) and tuple(named[:6]) == PAPER_LAYERS
 
 

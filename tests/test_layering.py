@@ -20,7 +20,7 @@ ORDER = (
     ("rendering",), ("rendering.field", "rendering.sampling", "rendering.scene"), ("rendering.transport",),
     ("rendering.surface",),
     ("rendering.backend", "rendering.buffers", "rendering.oidn"),
-    ("planning",), ("planning.effects", "planning.view"), ("planning.scene",),
+    ("planning",), ("planning.effects",), ("planning.view",), ("planning.scene",),
     ("planning.catalogue",),
     ("assets.procedural", "assets.scene_file"), ("assets.scene_readers",), ("assets",),
     ("assets.pose_readers", "assets.readers"),

@@ -79,6 +79,9 @@ class Material:
     """Whether it is a pane that bends no light."""
     abbe: float = 0.0
     """Abbe number of what transmits, 0 for no dispersion."""
+    priority: int = 0
+    """Of bodies of solid glass that take the same space, the one of the highest priority owns it; 0 takes no part and
+    has air around it."""
     coat: float = 0.0
     """Weight of a clear coat of index 1.5."""
     coat_roughness: float = 0.0

@@ -76,13 +76,15 @@ def _evaluate(options: argparse.Namespace) -> int:
     from rich.progress import track
 
     from dataset_builder.files import require_writable
-    from dataset_builder.lightnet.data.lighting_dataset import LightingDataset, splits_of
+    from dataset_builder.lightnet.data.lighting_dataset import splits_of
+    from dataset_builder.lightnet.data.truth import noise_unknown
     from dataset_builder.lightnet.results import sequences as steps
-    from dataset_builder.lightnet.results.evaluate import ScoreRow, contender, evaluate, load_all, trivial
+    from dataset_builder.lightnet.results.evaluate import ScoreRow, contender, evaluate, load_all, measured, trivial
     from dataset_builder.lightnet.results.spreads import SequenceScores
     from dataset_builder.report import evaluation_page as page
     from dataset_builder.report.example_sheet import write_sheet
     from dataset_builder.report.sequence_page import steadiness_lines, write_sequence_page
+    from dataset_builder.shards.reader import load_manifest
     from dataset_builder.spread import spread_indices
 
     if options.sequence and options.examples:
@@ -91,7 +93,7 @@ def _evaluate(options: argparse.Namespace) -> int:
     data = next(iter(loaded.values())).spec.data
     split = options.split or (steps.sequence_split(options.folder) if options.sequence else
                               data.measured(splits_of(options.folder)))
-    dataset = LightingDataset(options.folder, split, data)
+    dataset = measured(options.folder, split, data)
     sequences = steps.sequences_of(dataset) if options.sequence else []
     out = options.out or options.checkpoint[0].parent / "evaluation"
     require_writable(out)
@@ -106,7 +108,7 @@ def _evaluate(options: argparse.Namespace) -> int:
     here = (dataset.name, dataset.split)
     evaluation = page.Evaluation(
         dataset=dataset.name, split=dataset.split, rows=rows, notes={one.name: one.note for one in contenders},
-        trained=tuple(loaded), remarks=dataset.notes,
+        trained=tuple(loaded), remarks=dataset.notes, noise_unknown=noise_unknown(load_manifest(options.folder)),
         seen=any((one.dataset, one.spec.data.train) == here for one in loaded.values()))
     page.write_page(evaluation, out)
     write_sheet(page.example_rows(rows, trained, dataset), out / page.EXAMPLES)

@@ -3,7 +3,7 @@
 import argparse
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -59,6 +59,8 @@ def _verify(options: argparse.Namespace) -> int:
     manifest = load_manifest(options.folder)
     if others := [split.name for split in manifest.splits if options.split and split.name not in options.split]:
         print(f"not looked at: shards of {', '.join(others)}")
+    if options.depth == DEPTHS[-1] and (unknown := _unknown(options.folder, options.split)):
+        print(unknown)
     shards = [shard for shard in manifest.shards if not options.split or shard.split in options.split]
     print(f"{count_of(sum(shard.examples for shard in shards), 'example')} in {count_of(len(shards), 'shard')}, "
           f"{sum(shard.bytes for shard in shards)} bytes: no problems found")
@@ -89,6 +91,17 @@ def _repair(options: argparse.Namespace) -> int:
         print(f"fetched: {done.fetched} bytes, of them {len(done.members)} members alone")
     print("every file has the bytes that were published" if done.mended else "nothing to mend")
     return 0
+
+
+def _unknown(folder: Path, splits: Sequence[str]) -> str:
+    """A sentence on layers whose means are not known, if there are any: nothing wrong, but not to be relied on."""
+    from dataset_builder.label.mean_told import means_told, unknown_means
+    from dataset_builder.shards.reader import open_dataset
+
+    dataset = open_dataset(folder, layers=())
+    keys = (key for split, keys in dataset.splits.items() if not splits or split in splits for key in keys)
+    found = unknown_means(layer for label in dataset.labels(keys) for layer in label.record.layers)
+    return means_told(found) if found else ""
 
 
 @contextmanager

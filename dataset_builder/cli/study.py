@@ -7,14 +7,13 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from dataset_builder.cli import common, study_budget
+from dataset_builder.cli import accuracy_verb, common, study_budget
 from dataset_builder.errors import count_of
 
 if TYPE_CHECKING:
     from dataset_builder.studies.noise.noise_study import NoiseStudy
     from dataset_builder.studies.sampled import StudySpec
 
-LAYERS = ("i_t", "s_prime", "i_s")
 SIZES = ("small", "full")
 LEVELS = "0,0.002,0.004,0.008,0.016"
 
@@ -23,12 +22,9 @@ def add(verbs: common.Verbs) -> None:
     """Add both verbs and the studies."""
     text = "measure the cost and benefit of settings on examples of a dataset"
     kinds = verbs.add_parser("study", help=text, description=text).add_subparsers(required=True, metavar="STUDY")
-    accuracy = _study(kinds, "accuracy", _accuracy, "error against seconds for every setting, and recommended settings")
-    accuracy.add_argument("--examples", type=common.positive, default=4, help="examples to measure on (default: 4)")
-    accuracy.add_argument("--budget", choices=("full", "small"), default="full",
-                          help="small: coarse references and few settings, for a quick trial")
-    accuracy.add_argument("--layers", nargs="+", default=LAYERS, metavar="LAYER",
-                          help=f"layers with light to measure (default: those of {' '.join(LAYERS)} in the dataset)")
+    accuracy = _study(kinds, "accuracy", accuracy_verb.run,
+                      "what an error costs in samples, hours and bytes, with settings for what is asked")
+    accuracy_verb.add_options(accuracy)
     effects = _study(kinds, "effects", _effects,
                      "compare examples as planned with all effects simulated; exit code 1 if they differ")
     effects.add_argument("--examples", type=common.positive, default=6, help="examples to measure on (default: 6)")
@@ -82,33 +78,6 @@ def _spec(options: argparse.Namespace) -> "StudySpec":
     from dataset_builder.studies.sampled import StudySpec
 
     return StudySpec(path=options.spec, overrides=tuple(options.overrides))
-
-
-def _accuracy(options: argparse.Namespace) -> int:
-    from dataset_builder.rendering.backend import choose
-    from dataset_builder.report.accuracy_page import write_page
-    from dataset_builder.report.training_lines import Paces
-    from dataset_builder.studies.accuracy.accuracy_study import MEASURES, AccuracyStudy, conclude, run
-    from dataset_builder.studies.accuracy.rows import AccuracyRow
-
-    spec, rows = _spec(options), list[AccuracyRow]()
-    study = AccuracyStudy(spec=spec, out=options.out or common.STUDIES / f"{spec.dataset.name}-accuracy",
-                          examples=options.examples, layers=tuple(options.layers), budget=options.budget,
-                          backend=options.backend)
-    print(f"{count_of(study.examples, 'example')}: the first one tells how long the others will take", flush=True)
-    paces = Paces([*MEASURES])
-    for step in run(study):
-        left = "" if step.kept else paces.after(step.group, step.seconds, step.steps - step.number)
-        print(f"{step.number}/{step.steps} example {step.example}, {step.group}: {len(step.rows)} rows, "
-              + ("kept from an earlier run" if step.kept else f"{step.seconds:.1f} s{left}"), flush=True)
-        rows += step.rows
-    advice = conclude(study, rows)
-    write_page(study, rows, advice, choose(options.backend).summary)
-    for question, sentence in advice.sentences.items():
-        print(f"{question}: {sentence}")
-    print(f"recommended settings, also in {study.out / 'recommended.txt'}:\n{advice.lines()}"
-          f"table: {study.table}\nreport: {study.out / 'report.html'}")
-    return 0
 
 
 def _effects(options: argparse.Namespace) -> int:

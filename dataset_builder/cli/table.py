@@ -16,6 +16,7 @@ KINDS = {
     "objectives": "table 2: LighTNet with the paper's choices of losses",
     "formulations": "table 3: how I_t is composed, and where its shading comes from",
     "weights": "the weights of LighTNet's losses, one changed at a time",
+    "noise": "losses that expect noise of the truth: plain, weighted, of two samples",
     "stability": "the table of stability: Pix2Pix and LighTNet on views that follow each other",
 }
 
@@ -45,7 +46,8 @@ def _options(table: argparse.ArgumentParser, name: str) -> None:
 
 
 def _table(options: argparse.Namespace) -> int:
-    from dataset_builder.report.table_page import cautions, order_lines, row_line, write_page
+    from dataset_builder.lightnet.data.truth import noise_unknown
+    from dataset_builder.report.table_page import cautions, noise_line, order_lines, row_line, write_page
     from dataset_builder.report.training_lines import forecast_line, left_text
     from dataset_builder.shards.reader import load_manifest
     from dataset_builder.studies.tables.result import orders, verdict, write_files
@@ -76,6 +78,7 @@ def _table(options: argparse.Namespace) -> int:
     write_page(study, found)
     for result in found:
         print(row_line(result))
+    print(noise_line(found, noise_unknown(load_manifest(options.folder))))
     if order := orders(table, found):
         print("\n".join([*order_lines(order), verdict(order), *cautions(found)]))
     if options.table == "stability":
@@ -123,7 +126,8 @@ def _made(options: argparse.Namespace, base: "TrainingSpec") -> "Table":
         return table_kinds.weights(base, vgg=options.vgg_weights is not None)
     if options.table == "stability":
         return table_kinds.stability(base, own_optimisers=not options.one_optimiser)
-    return {"objectives": table_kinds.objectives, "formulations": table_kinds.formulations}[options.table](base)
+    return {"objectives": table_kinds.objectives, "formulations": table_kinds.formulations,
+            "noise": table_kinds.losses_of_noise}[options.table](base)
 
 
 def _lines(news: "RowNews | RowMeasured") -> list[str]:

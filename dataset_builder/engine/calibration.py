@@ -28,6 +28,10 @@ from dataset_builder.spread import spread_indices
 DARK = 0.01
 """Added to the squared reference in relMSE, so that black pixels do not rule it."""
 
+BLOCK, LEAST_BLOCKS = 8, 6
+"""Pixels of a block's side, about how far the filter looks, and how many blocks tell an error."""
+SURE = 1.645
+"""Standard errors that a figure is above with a probability of 5%."""
 DIGITS = 6
 Images = Mapping[str, np.ndarray]
 
@@ -40,10 +44,17 @@ class Figures:
     bias_error: float
     """Still squared."""
     pixel_bias: float
-    """Still squared."""
+    """Still squared, less what the reference's noise adds: it may come out below 0 where noise hides it."""
+    pixel_bias_error: float
+    """Standard error of that, squared; infinite where the object is too small to tell."""
     relmse_raw: float
     relmse_denoised: float
     relmse_reference: float
+
+    @property
+    def known(self) -> bool:
+        """Whether they say anything: not of a layer that is black in the reference, or of an unknown error."""
+        return all(map(math.isfinite, (self.bias, self.bias_error, self.pixel_bias, self.relmse_raw)))
 
 
 def calibrate(loaded: LoadedSpec, job: BuildJob, made_by: Mapping[str, str], *, run: Callable[..., Iterator[Any]],
@@ -147,19 +158,21 @@ def compare(name: str, asked: Sequence[Images], reference: Images) -> Figures:
     Renders with few camera rays differ in what they find of the outline, and a layer is 0 where its own mask is: the
     pixels are those that all of them find.
     With a and b two such renders and r the reference, E[(a - r)(b - r)] is bias^2 plus the reference's variance: the
-    noise of a and b is independent and falls out.
+    noise of a and b is independent and falls out. Nothing is known of a layer whose reference is black: NaN.
     """
     inside = _found_by_all(asked, reference)
     expected, noise = (reference[key][inside].astype(np.float64) for key in (name, f"{name}_se"))
     off = [images[name][inside] - expected for images in asked]
     raw = [images[f"{name}_raw"][inside] - expected for images in asked]
-    weight, mean = 1 / (expected**2 + DARK), max(float(expected.mean()), 1e-12)
+    weight, mean = 1 / (expected**2 + DARK), float(expected.mean()) or math.nan
     own = float((noise**2 * weight).mean())
-    product = math.prod(off[:2]) if len(off) > 1 else np.zeros_like(expected)
+    # The reference's noise is in its weight, too: E[e^2 f(e)] = v E[f] + v^2 E[f''] (Stein's lemma, v its variance)
+    product = (math.prod(off[:2]) - noise**2) * weight - noise**4 * (6 * expected**2 - 2 * DARK) * weight**3
     variance = _of_mean(noise) + sum(_of_mean(images[f"{name}_se"][inside]) for images in asked) / len(asked)**2
     return Figures(
         bias=float(np.mean(off)) / mean, bias_error=variance / mean**2, relmse_reference=own,
-        pixel_bias=float((product * weight).mean()) - own, relmse_raw=float(np.mean([x**2 * weight for x in raw])),
+        pixel_bias=float(product.mean()), pixel_bias_error=_of_blocks(product.mean(axis=1), inside),
+        relmse_raw=float(np.mean([x**2 * weight for x in raw])),
         relmse_denoised=float(np.mean([x**2 * weight for x in off])))
 
 
@@ -172,15 +185,38 @@ def _of_mean(error: np.ndarray) -> float:
     return float((error.mean(axis=1, dtype=np.float64) ** 2).sum()) / len(error) ** 2
 
 
-def _combined(name: str, examples: Sequence[Figures]) -> Denoised:
-    """Mean over examples, to six digits."""
+def _of_blocks(values: np.ndarray, inside: np.ndarray) -> float:
+    """Variance of the mean of (P,) values of the pixels of a (H, W) mask, from how blocks of pixels differ: what a
+    filter leaves in neighbours is no independent error. Infinite with fewer than `LEAST_BLOCKS`."""
+    row, column = (place // BLOCK for place in np.nonzero(inside))
+    _, block = np.unique(row * inside.shape[1] + column, return_inverse=True)
+    count = int(block.max()) + 1
+    if count < LEAST_BLOCKS:
+        return math.inf
+    sums = np.bincount(block, weights=values - values.mean(), minlength=count)
+    return float((sums**2).sum()) / len(values)**2 * count / (count - 1)
+
+
+def _combined(name: str, measured: Sequence[Figures]) -> Denoised:
+    """Mean over the examples of which anything is known, to six digits."""
+    examples = [figures for figures in measured if figures.known]
+    if not examples:
+        return Denoised(layer=name, bias=0.0, bias_error=0.0, pixel_bias=0.0, relmse_raw=0.0, relmse_denoised=0.0,
+                        relmse_reference=0.0, examples=0, known="unknown")
+
     def mean(key: str) -> float:
         return sum(getattr(figures, key) for figures in examples) / len(examples)
+    squared, margin = mean("pixel_bias"), SURE * math.sqrt(mean("pixel_bias_error") / len(examples))
+    if not math.isfinite(margin):
+        # What is left in each render is bias and noise: both together are a bound
+        squared, margin = 0.0, mean("relmse_denoised")
+    hidden = squared <= margin
     return Denoised(
         layer=name, bias=_rounded(mean("bias")), bias_error=_rounded(math.sqrt(mean("bias_error") / len(examples))),
-        pixel_bias=_rounded(math.sqrt(max(mean("pixel_bias"), 0.0))), relmse_raw=_rounded(mean("relmse_raw")),
-        relmse_denoised=_rounded(mean("relmse_denoised")), relmse_reference=_rounded(mean("relmse_reference")),
-        examples=len(examples))
+        pixel_bias=_rounded(math.sqrt(max(squared, 0.0) + (margin if hidden else 0.0))),
+        relmse_raw=_rounded(mean("relmse_raw")), relmse_denoised=_rounded(mean("relmse_denoised")),
+        relmse_reference=_rounded(mean("relmse_reference")), examples=len(examples),
+        known="at most" if hidden else "measured")
 
 
 def _rounded(value: float) -> float:

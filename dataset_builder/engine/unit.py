@@ -24,7 +24,7 @@ from dataset_builder.rendering.field_shelf import FieldShelf
 from dataset_builder.rendering.pass_memory import PassMemory
 from dataset_builder.shards.example import Example, encode_members, preview
 from dataset_builder.shards.folder import MANIFEST, WORK
-from dataset_builder.shards.gates import check_gates
+from dataset_builder.shards.gates import check_gates, means
 from dataset_builder.shards.identities import Violation, check_layers, identity_table, storable
 from dataset_builder.shards.manifest import Rejected
 from dataset_builder.shards.published_examples import published_in, taken_over
@@ -135,6 +135,8 @@ class Outcome:
     """Passes whose results were remembered."""
     noise: Mapping[str, tuple[str, float]] = field(default_factory=dict)
     """Of every layer with light, why sampling ended, and the relative error."""
+    unknown: tuple[str, ...] = ()
+    """Layers whose means are not known."""
 
 
 def run_unit(job: BuildJob, unit: ViewUnit, there: frozenset[str] = frozenset()) -> list[Outcome]:
@@ -206,17 +208,18 @@ def _finish(ref: ExampleRef, rendered: "Rendered", key_digest: str, spec: Datase
     start = perf_counter()
     paths = sum(entry.paths for entry in rendered.record.passes if entry.name in rendered.seconds)
     noise = {entry.name: (entry.stopped, entry.relative_error) for entry in rendered.record.layers}
+    unknown = tuple(entry.name for entry in rendered.record.layers if entry.mean_known == "unknown")
+    made = Outcome(ref=ref, digest=key_digest, paths=paths, seconds=rendered.seconds, recalled=rendered.recalled,
+                   noise=noise, unknown=unknown)
     if violations := _violations(rendered, spec):
         reason = "; ".join(violation.reason for violation in violations)
         keep_pixels(job.folder, ref.key, rendered.layers)
-        return Outcome(ref=ref, rejected=_rejected(ref, violations[0].identity, reason), digest=key_digest, paths=paths,
-                       seconds=rendered.seconds, recalled=rendered.recalled, noise=noise)
+        return replace(made, rejected=_rejected(ref, violations[0].identity, reason))
     members = encode_members(example_of(rendered, job.denoised), dtype=spec.storage.dtype,
                              preview_png=preview(rendered.layers))
     job.staging.put(ref.key, key_digest, segment(members),
                     entry(key=ref.key, view=rendered.plan.view, facts=ExampleFacts.of(rendered.plan), members=members))
-    seconds = rendered.seconds | {"encode": perf_counter() - start}
-    return Outcome(ref=ref, digest=key_digest, paths=paths, seconds=seconds, recalled=rendered.recalled, noise=noise)
+    return replace(made, seconds=rendered.seconds | {"encode": perf_counter() - start})
 
 
 def _violations(rendered: "Rendered", spec: DatasetSpec) -> list[Violation]:
@@ -229,7 +232,8 @@ def _violations(rendered: "Rendered", spec: DatasetSpec) -> list[Violation]:
     found = check_layers({**masks, **stored}, dict(rendered.plan.render.layers), tolerances,
                          rendered.plan.field.there)
     spp = rendered.plan.render.spp_first_hit, rendered.plan.render.spp_target
-    return [*found, *check_gates(rendered.layers, spec.gates, rendered.evidence, spp)]
+    return [*found, *check_gates(rendered.layers, spec.gates, rendered.evidence, spp),
+            *means(rendered.record.layers, spec.gates)]
 
 
 def _rejected(ref: ExampleRef, gate: str, reason: str) -> Rejected:

@@ -77,14 +77,30 @@ class RayScene:
         facing = np.where(np.einsum("ij,ij->i", normals, directions) > 0, -1.0, 1.0)
         return normals * facing[:, None] * np.isfinite(answer["t_hit"].numpy())[:, None]
 
+    def met(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of the first surfaces along rays from (N, 3) along (N, 3): (N,) number of the face within its mesh, -1 where
+        there is none; (N,) distance in lengths of the direction; (N, 3) shares of the face's corners."""
+        if not len(self._ids) - 1 or not len(origins):
+            return np.full(len(origins), -1), np.full(len(origins), np.inf), np.zeros((len(origins), 3))
+        answer = self._scene.cast_rays(self._tensor(np.concatenate([origins, directions], axis=1)))
+        distance, share = (answer[name].numpy().astype(np.float64) for name in ("t_hit", "primitive_uvs"))
+        face = np.where(np.isfinite(distance), answer["primitive_ids"].numpy().astype(np.int64), -1)
+        return face, distance, np.column_stack([1 - share.sum(axis=1), share])
+
     def hits(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Every surface that rays from (N, 3) origins along (N, 3) directions meet: (K,) number of the ray, (K,) number
         of the face within its mesh, (K,) distance in lengths of the direction."""
+        return self.hits_within(origins, directions)[:3]
+
+    def hits_within(self, origins: np.ndarray,
+                    directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """As `hits`, and (K, 3) shares of the face's corners."""
         if not len(self._ids) - 1 or not len(origins):
-            return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
+            return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 3))
         answer = self._scene.list_intersections(self._tensor(np.concatenate([origins, directions], axis=1)))
         ray, face = (answer[name].numpy().astype(np.int64) for name in ("ray_ids", "primitive_ids"))
-        return ray, face, answer["t_hit"].numpy().astype(np.float64)
+        distance, share = (answer[name].numpy().astype(np.float64) for name in ("t_hit", "primitive_uvs"))
+        return ray, face, distance, np.column_stack([1 - share.sum(axis=1), share])
 
     def occluded(self, origins: np.ndarray, targets: np.ndarray, *, epsilon: float = 1e-4) -> np.ndarray:
         """(N,) bool: a surface stands between (N, 3) origins and (N, 3) targets; the last `epsilon` metres before

@@ -51,6 +51,18 @@ class LayerAccuracy(Model):
     """As `relative_error`, over the object's pixels."""
     object_relative_error_95: float
     """As `relative_error_95`, over the object's pixels."""
+    mean_error: float = 0.0
+    """Standard error of the layer's mean over that mean, widened by what its tail lets expect; 0 in datasets of earlier
+    versions."""
+    object_mean_error: float = 0.0
+    """As `mean_error`, over the object's pixels."""
+    tail: float = 0.0
+    """Pareto shape k of the largest contributions to the mean: from 0.5 they have no variance, from 1 no mean."""
+    top_share: float = 0.0
+    """Share of the mean that the top 0.1% of the contributions hold, at least one."""
+    mean_known: Literal["known", "widened", "unknown"] = "known"
+    """Whether `mean_error` may be relied on: `unknown`, light that comes rarely but strongly holds too much of the
+    mean, or of that of the image that the layer is a part of; most such means are low."""
 
 
 class Denoised(Model):
@@ -64,7 +76,8 @@ class Denoised(Model):
     bias_error: float
     """Standard error of `bias`."""
     pixel_bias: float
-    """Root mean square of the part of every pixel's relative error that would stay if the noise came out otherwise."""
+    """Root mean square of the part of every pixel's relative error that would stay if the noise came out otherwise;
+    with `known` as `at most`, what it is below with 95% confidence."""
     relmse_raw: float
     """Of the layer as it was before."""
     relmse_denoised: float
@@ -72,7 +85,10 @@ class Denoised(Model):
     relmse_reference: float
     """Of the reference's own noise."""
     examples: int
-    """Examples that were measured."""
+    """Examples that were measured: those in which the object gets any light in this layer."""
+    known: Literal["measured", "at most", "unknown"] = "measured"
+    """Whether `pixel_bias` was measured, or is a bound since noise hid it; `unknown` where no example gave any figure,
+    so that all others are 0 and say nothing. Labels of earlier versions have 0 for a pixel bias that noise hid."""
 
 
 class RenderRecord(Model):

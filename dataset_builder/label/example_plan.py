@@ -32,8 +32,8 @@ class Decision(Model):
     """Why, in one sentence."""
 
 
-Feature = Literal["textures", "maps", "colours", "specular", "coat", "sheen", "glass", "thin", "dispersion", "coverage",
-                  "emission", "fog"]
+Feature = Literal["textures", "maps", "colours", "specular", "coat", "sheen", "glass", "thin", "dispersion", "nested",
+                  "coverage", "emission", "fog"]
 """What a kernel can do beyond Lambertian surfaces in clear air: the rendering kernels are compiled with those that the
 scene calls for."""
 

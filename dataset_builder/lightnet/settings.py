@@ -48,6 +48,10 @@ class ObjectiveSpec(Model):
     """Angle between Lab vectors, in radians."""
     l1: NotNegative = 0.0
     """Mean absolute difference of I_t from the truth, tone-mapped."""
+    noise: Literal["plain", "weighted", "two_samples"] = "plain"
+    """What is made of the truth's noise: plain: nothing; weighted: pixels count by the inverse of their variance, which
+    needs `i_t_se`; two_samples: the display curve's bias is taken off the truth and the noise off its SSIM, which needs
+    `i_t_half`."""
     vgg_layer: VggLayer = "relu3_4"
     """Activations of the third block at which features are compared; the paper does not say which."""
 
@@ -149,6 +153,12 @@ class TrainingSpec(Model):
     """Precision of the network; losses are always float32. auto: bfloat16 on CUDA, float32 on the CPU."""
     most_bad_steps: Annotated[int, Field(ge=0)] = 10
     """Number of steps with a non-finite loss or gradient that are skipped before training stops."""
+
+    @property
+    def extra(self) -> tuple[str, ...]:
+        """Layers that its losses need beyond those of every training."""
+        needed = {"weighted": ("i_t_se",), "two_samples": ("i_t_half",)}
+        return needed.get(self.objective.noise, ()) if self.method == "lightnet" else ()
 
     @model_validator(mode="after")
     def _splits_differ(self) -> "TrainingSpec":

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import astuple, dataclass, field, fields
 from math import sqrt
+from statistics import fmean
 
 import numpy as np
 
@@ -11,7 +12,8 @@ from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.layers import LAYERS, Extent
 from dataset_builder.planning.catalogue import ExampleRef, ViewRef, count_examples, shard_size, views_of
-from dataset_builder.planning.effects.decisions import FACTOR, REPEATS, has_direct
+from dataset_builder.planning.effects.decisions import FACTOR, REPEATS
+from dataset_builder.planning.effects.pass_extents import has_direct
 from dataset_builder.planning.field_cost import FieldCost, Known, field_cost
 from dataset_builder.planning.field_recipe import ABOUT_FIELDS
 from dataset_builder.planning.pass_work import (
@@ -73,6 +75,8 @@ class CostEstimate:
     """What a dataset is better without, one sentence each."""
     files: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
     """Of every mesh file, pairs of a word and a sentence: what it contains, and what became of it."""
+    traced: Mapping[str, float] = field(default_factory=dict)
+    """Pixels that the launches of each pass trace, as in `total.pixels`."""
     field_cost: FieldCost = field(default_factory=FieldCost)
     """Of fields, whose seconds are in `total`."""
 
@@ -116,9 +120,8 @@ def view_cost(plan: ExamplePlan, lights: int, levels: int, window: float, dtype:
     frame, examples = plan.render.width * plan.render.height, lights * levels
     seconds, pixels, paths = rates.seconds_per_view + rates.seconds_per_example * examples, 0.0, 0.0
     runs = pass_runs(plan.render.layers, lights, levels)
-    for name, times in runs.items():
+    for name, traced in view_pixels(plan, lights, levels, window).items():
         once = pass_share(name, plan, window) * frame
-        traced = times * once
         rate, noise = rates.of(plan, name)
         pixels += traced
         spp = expected_spp(plan.render, name, noise, rate / max(once, 1))
@@ -130,6 +133,13 @@ def view_cost(plan: ExamplePlan, lights: int, levels: int, window: float, dtype:
                           files or {name: 1.0 for name, _ in plan.render.layers})
     return Cost(passes=passes, pixels=pixels, paths=paths, bytes=examples * stored,
                 seconds=(seconds + passes * rates.seconds_per_pass) / cores)
+
+
+def view_pixels(plan: ExamplePlan, lights: int, levels: int, window: float) -> dict[str, float]:
+    """Pixels that every pass traces for the `lights` x `levels` examples of a view; window: as `view_cost` has it."""
+    frame = plan.render.width * plan.render.height
+    return {name: times * pass_share(name, plan, window) * frame
+            for name, times in pass_runs(plan.render.layers, lights, levels).items()}
 
 
 def calibration_cost(planner: Planner, rates: Rates, cores: int = 1) -> Cost:
@@ -172,10 +182,12 @@ def _chosen(spec: DatasetSpec, views: Sequence[ViewRef], share: float) -> list[V
 
 
 def _split_cost(planner: Planner, views: Sequence[ViewRef], split: SplitSpec, rates: Rates,
-                cores: int) -> tuple[list[tuple[ExamplePlan, Cost]], list[Problem]]:
-    """Plan and cost of each of some views of one split under their first light, and why others cannot be planned."""
+                cores: int) -> tuple[list[tuple[ExamplePlan, Cost, dict[str, float]]], list[Problem]]:
+    """Plan, cost and `view_pixels` of each of some views of one split under their first light, and why others cannot be
+    planned."""
     spec = planner.loaded.dataset
-    costs, problems = list[tuple[ExamplePlan, Cost]](), list[Problem]()
+    costs, problems = list[tuple[ExamplePlan, Cost, dict[str, float]]](), list[Problem]()
+    lights, levels = spec.target.count_of(split.lights), len(split.levels(spec.rough))
     for ref in views:
         try:
             plan = planner.example(ExampleRef(index=0, view=ref, light=0, level=0))
@@ -184,8 +196,8 @@ def _split_cost(planner: Planner, views: Sequence[ViewRef], split: SplitSpec, ra
             continue
         window = window_share(planner.view(ref).arrangement,
                               Pinhole.of(plan.camera, spec.image.width, spec.image.height))
-        costs.append((plan, view_cost(plan, spec.target.count_of(split.lights), len(split.levels(spec.rough)), window,
-                                      spec.storage.dtype, rates, cores, _files(spec, split))))
+        costs.append((plan, view_cost(plan, lights, levels, window, spec.storage.dtype, rates, cores,
+                                      _files(spec, split)), view_pixels(plan, lights, levels, window)))
     if not costs:
         raise PlanError(dict.fromkeys(problems))
     return costs, problems
@@ -202,7 +214,7 @@ def estimate(planner: Planner, views: int = 24, rates: Rates | None = None, core
     """
     spec, files = planner.loaded.dataset, read_meshes(planner)
     total, variance, tried, planned, runs = np.zeros(5), np.zeros(5), 0, list[ExamplePlan](), dict.fromkeys(RUNS, 0)
-    problems = list[Problem]()
+    problems, traced = list[Problem](), dict.fromkeys(RUNS, 0.0)
     all_views = [views_of(spec, split) for split in spec.splits]
     count = sum(map(len, all_views))
     cores = min(cores, count)
@@ -210,9 +222,11 @@ def estimate(planner: Planner, views: int = 24, rates: Rates | None = None, core
         chosen = _chosen(spec, own, views / count)
         costs, failed = _split_cost(planner, chosen, split, rates or Rates(), cores)
         problems += failed
-        whole, error = extrapolate([cost for _, cost in costs], len(own))
+        whole, error = extrapolate([cost for _, cost, _ in costs], len(own))
         total, variance = total + astuple(whole), variance + np.square(astuple(error))
-        tried, planned = tried + len(chosen), planned + [plan for plan, _ in costs]
+        tried, planned = tried + len(chosen), planned + [plan for plan, _, _ in costs]
+        for name in RUNS:
+            traced[name] += len(own) * fmean(pixels[name] for *_, pixels in costs)
         times_of = pass_runs(layers_asked(spec), spec.target.count_of(split.lights), len(split.levels(spec.rough)))
         for name, times in times_of.items():
             runs[name] += times * len(own)
@@ -221,6 +235,6 @@ def estimate(planner: Planner, views: int = 24, rates: Rates | None = None, core
     about = dict.fromkeys(f"{plan.target.object.name}: {note.removeprefix(ABOUT_FIELDS)}" for plan in planned
                           for note in plan.notes if note.startswith(ABOUT_FIELDS))
     return CostEstimate(total=Cost.of(total), views=count, error=Cost.of(np.sqrt(variance)), tried=tried, runs=runs,
-                        examples=count_examples(spec), planned=len(planned), files=files.told, field_cost=made,
-                        warnings=(*files.warnings, *narrow_views(planned), *about),
+                        examples=count_examples(spec), planned=len(planned), traced=traced, files=files.told,
+                        field_cost=made, warnings=(*files.warnings, *narrow_views(planned), *about),
                         problems=tuple(dict.fromkeys(problems)))

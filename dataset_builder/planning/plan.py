@@ -167,7 +167,7 @@ class Planner:
         render = render_plan(spec, ref.view, from_file=arrangement.room.kind != "procedural")
         fog, levels = self._scene(ref.view.pair).fog, spec.split_of(ref.view.pair.split).levels(spec.rough)
         effects = plan_effects(spec=spec.render, room=arrangement.room, shell=arrangement.shell,
-                               diagonal=arrangement.diagonal(shared.view.camera.position),
+                               camera=shared.view.camera,
                                target=arrangement.target, furniture=arrangement.furniture,
                                source_light=shared.source, target_light=light, fog=fog, render=render,
                                mesh_root=self.loaded.path.parent, where=_where(ref.view, arrangement),

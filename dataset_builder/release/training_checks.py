@@ -22,7 +22,7 @@ from dataset_builder.lightnet.data.lighting_dataset import LightingDataset, spli
 from dataset_builder.lightnet.methods.checkpoint import load_trained
 from dataset_builder.lightnet.methods.method import TRIVIAL
 from dataset_builder.lightnet.results.clustered_means import ClusteredMean, estimate
-from dataset_builder.lightnet.results.evaluate import ScoreRow, contender, evaluate, trivial
+from dataset_builder.lightnet.results.evaluate import ScoreRow, contender, evaluate, measured, trivial
 from dataset_builder.lightnet.settings import DataSpec
 from dataset_builder.lightnet.training.events import Event
 from dataset_builder.lightnet.training.fit import LAST, SPEC, TrainingJob, fit
@@ -42,6 +42,10 @@ INSIDE = Rule(name="inside", low=1, why="losses and metrics are means over these
               statement="pixels inside, minimum over examples")
 LIGHTED = Rule(name="lighting", high=0, why="it is the only target light that two baselines see",
                statement="examples whose light is not 3 x 9 finite numbers, or has no light on average")
+
+CEILING = Rule(name="noise_ceiling", low=-1, why="nothing may know the truth's noise; estimates are good to 1 dB",
+               statement="PSNR of a perfect prediction against the noisy truth, less the best measured, in dB")
+NO_NOISE = "no standard errors of an i_t that is not denoised: build with --set storage.standard_errors=true"
 
 STEPS = 600
 SETTINGS = ("model={width: 16, downs: 3}", "data={batch: 4, crop: 96, workers: 0}",
@@ -134,20 +138,27 @@ def training_checks(job: TrainingJob, *, margin: float, copy_margin: float) \
     yield from fit(job)
     # The last weights, not the best: those were chosen on the split that decides
     trained = load_trained(job.out / LAST, job.device)
-    held_out = LightingDataset(job.dataset, data.held_out, data)
+    held_out = measured(job.dataset, data.held_out, data)
     rows = list(evaluate([contender(trained.name, trained), *trivial()], held_out, range(len(held_out))))
     return compare(rows, trained.name, margin=margin, copy_margin=copy_margin), rows
 
 
 def compare(rows: Sequence[ScoreRow], method: str, *, margin: float, copy_margin: float) -> list[Check]:
     """Two checks for each rival: far enough ahead in PSNR, and by more than chance."""
-    checks = []
+    checks = [_below_ceiling(rows, method)]
     for name in TRIVIAL:
         lead = lead_over(rows, method, name)
-        means = " against ".join(f"{mean_psnr(rows, one):.2f}" for one in (method, name))
-        checks += [ahead(name, copy_margin if name == COPY else margin).judge(lead.mean, f"{means} dB"),
+        means = " against ".join(_psnr_text(rows, one) for one in (method, name))
+        checks += [ahead(name, copy_margin if name == COPY else margin).judge(lead.mean, means),
                    clearly(name).judge(_sureness(lead), _counted(lead))]
     return checks
+
+
+def _below_ceiling(rows: Sequence[ScoreRow], method: str) -> Check:
+    if not rows[0].noise_known:
+        return CEILING.pass_over(NO_NOISE)
+    perfect, best = mean_psnr(rows, method, "ceiling"), max(mean_psnr(rows, one) for one in (method, *TRIVIAL))
+    return CEILING.judge(perfect - best, f"{perfect:.2f} against {best:.2f} dB")
 
 
 def lead_over(rows: Sequence[ScoreRow], method: str, other: str) -> ClusteredMean:
@@ -160,10 +171,16 @@ def lead_over(rows: Sequence[ScoreRow], method: str, other: str) -> ClusteredMea
     return estimate([row.metrics.psnr - theirs[row.key] for row in own], [row.view for row in own])
 
 
-def mean_psnr(rows: Sequence[ScoreRow], method: str) -> float:
-    """Of a method, in dB."""
-    found = [row.metrics.psnr for row in rows if row.method == method]
+def mean_psnr(rows: Sequence[ScoreRow], method: str, part: str = "metrics") -> float:
+    """Of a method, in dB. part: of `ScoreRow`, as it was measured, corrected, or of the ceiling."""
+    found = [getattr(row, part).psnr for row in rows if row.method == method]
     return sum(found) / len(found)
+
+
+def _psnr_text(rows: Sequence[ScoreRow], method: str) -> str:
+    """As it was measured, and without the truth's noise."""
+    without = f" ({mean_psnr(rows, method, 'corrected'):.2f} without noise)" if rows[0].noise_known else ""
+    return f"{mean_psnr(rows, method):.2f} dB{without}"
 
 
 def _sureness(lead: ClusteredMean) -> float:

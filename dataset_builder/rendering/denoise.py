@@ -9,7 +9,7 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
 from dataset_builder.layers import LAYERS, Extent
-from dataset_builder.planning.effects.decisions import ALBEDO, MASKS, NORMAL
+from dataset_builder.planning.effects.pass_extents import ALBEDO, MASKS, NORMAL
 from dataset_builder.rendering import oidn
 
 MAX_MENDING = 1.1

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from time import perf_counter
+from time import perf_counter, process_time
 from typing import get_args
 
 import numpy as np
@@ -12,8 +12,8 @@ from dataset_builder.label.example_label import LayerAccuracy, PassRecord, Rende
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.label.roughness_record import RoughnessRecord, ShapeRoughness
 from dataset_builder.label.scene_plan import Vector
-from dataset_builder.layers import LAYERS, Pass
-from dataset_builder.planning.effects.decisions import guide_extents, has_direct
+from dataset_builder.layers import HALF, LAYERS, Pass
+from dataset_builder.planning.effects.pass_extents import guide_extents, has_direct
 from dataset_builder.rendering import plugins
 from dataset_builder.rendering.denoise import Noisy, denoised
 from dataset_builder.rendering.device import memory_told
@@ -32,10 +32,11 @@ from dataset_builder.rendering.passes import (
     radiance_channels,
 )
 from dataset_builder.rendering.rough_images import overlap, relmse
+from dataset_builder.rendering.sampling.heavy_tails import LayerMean, layer_mean, least_known
 from dataset_builder.rendering.sampling.moments import Estimate, quantile, relative, root_mean_square
 from dataset_builder.rendering.view_passes import ViewPasses
 
-ERROR_SUFFIX, RAW_SUFFIX = "_se", "_raw"
+ERROR_SUFFIX = "_se"
 EVIDENCE = ("i_t", "s", "spec", "air")
 
 
@@ -52,6 +53,8 @@ class Rendered:
     """Figures for the label, the same bits on every repetition."""
     seconds: dict[str, float]
     """Wall time of every pass that this example was first to need and that ran."""
+    cpu_seconds: dict[str, float]
+    """The same in seconds of this process on all its cores, which other processes do not lengthen."""
     recalled: tuple[str, ...]
     """Passes that were remembered instead."""
 
@@ -69,13 +72,15 @@ def render_view(plans: Sequence[ExamplePlan], mesh_root: Path, memory: PassMemor
     shared = ViewPasses(plan=plans[0], mesh_root=mesh_root, memory=memory, fields=fields)
     for plan in plans:
         shared.spent.clear()
+        shared.worked.clear()
         shared.recalled.clear()
         with memory_told(plan.key):
             shared.run(plan)
         layers = _layers(shared, plan)
         evidence = _evidence(shared, plan)
         yield Rendered(plan=plan, layers=layers, evidence=evidence, record=_record(shared, plan, evidence),
-                       seconds=dict(shared.spent), recalled=tuple(shared.recalled))
+                       seconds=dict(shared.spent), cpu_seconds=dict(shared.worked),
+                       recalled=tuple(shared.recalled))
 
 
 def _layers(shared: ViewPasses, plan: ExamplePlan) -> dict[str, np.ndarray]:
@@ -83,11 +88,12 @@ def _layers(shared: ViewPasses, plan: ExamplePlan) -> dict[str, np.ndarray]:
     layers = {name: layer_image(shared, plan, name, extent) for name, extent in plan.render.layers}
     if not plan.render.denoise:
         return layers
-    start = perf_counter()
+    start, worked = perf_counter(), process_time()
     guides = {name: layer_image(shared, plan, name, extent) for name, extent in guide_extents(plan.render).items()}
     direct = {"s_prime": _direct(shared, plan)} if has_direct(plan.render) else {}
     layers = denoised(layers, guides, direct, plan.render.denoise, dict(plan.render.layers))
     shared.spent["denoise"] = perf_counter() - start
+    shared.worked["denoise"] = process_time() - worked
     return layers
 
 
@@ -131,8 +137,9 @@ def _values(result: PassResult, name: str, unit: float) -> np.ndarray:
     if not layer.radiometric:
         values = first_hit_layers(result.found)[name.removesuffix("_rough")]
         return values * unit if layer.unit == "m" else values
-    channels = radiance_channels(name.removesuffix(ERROR_SUFFIX).removesuffix(RAW_SUFFIX))
-    source = result.found.error if name.endswith(ERROR_SUFFIX) else result.found.mean
+    channels = radiance_channels(layer.of or name)
+    source = result.found.error if name.endswith(ERROR_SUFFIX) else \
+        result.found.half if name == HALF else result.found.mean
     # The specular part is a difference of floats, which rounding may leave a hair below 0
     return np.maximum(source[:, channels], 0) if name == "spec" else source[:, channels]
 
@@ -209,10 +216,19 @@ def _pass_record(shared: ViewPasses, plan: ExamplePlan, name: Pass) -> PassRecor
 def _accuracy(shared: ViewPasses, plan: ExamplePlan, name: str, extent: str) -> LayerAccuracy:
     """How good a layer became: relative errors over its extent and over the object, as `moments.relative` means them,
     and why sampling ended."""
-    result, channels = shared.result(LAYERS[name].render_pass, plan), radiance_channels(name)
+    render_pass = LAYERS[name].render_pass
+    result, channels = shared.result(render_pass, plan), radiance_channels(name)
     figures: dict[str, float] = {}
+    means: list[LayerMean] = []
+    # Paths that a part of an image has not met are those that the image has not met
+    image = channels_of(WANTED[render_pass])["image"] if "image" in WANTED[render_pass] else channels
+    joined = plan.effects.of(render_pass).transport == "joined"
     for prefix, kind in (("", extent), ("object_", "object")):
         inside = _inside(shared, plan, name, kind)
         errors = relative(result.found.mean[inside, channels], result.found.error[inside, channels])
-        figures |= {f"{prefix}relative_error": root_mean_square(errors), f"{prefix}relative_error_95": quantile(errors)}
-    return LayerAccuracy(name=name, stopped=result.stopped.get(name, "spp"), **figures)
+        means.append(layer_mean(result.raw, channels, inside, together=joined, image=image))
+        figures |= {f"{prefix}relative_error": root_mean_square(errors), f"{prefix}relative_error_95": quantile(errors),
+                    f"{prefix}mean_error": means[-1].error}
+    whole = layer_mean(result.raw, image, _inside(shared, plan, name, extent))
+    return LayerAccuracy(name=name, stopped=result.stopped.get(name, "spp"), **figures, tail=means[0].tail,
+                         top_share=means[0].top_share, mean_known=least_known(means[0], whole))

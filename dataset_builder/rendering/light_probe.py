@@ -55,7 +55,8 @@ def _integrand(world: World, at: mi.Point3f) -> Integrand:
 
         # Sample a direction: L_i / p, p = 1 / (4 pi)
         start = PathStart(point=point, direction=direction, pdf=mi.Float(dr.inv_four_pi), delta=mi.Bool(False),
-                          depth=mi.UInt32(1), prior_throughput=mi.Float(1), lone_channel=mi.Float(0))
+                          depth=mi.UInt32(1), prior_throughput=mi.Float(1), channels=mi.Float(0),
+                          inside=mi.UInt32(0))
         indirect = 4 * dr.pi * incident_radiance(world, samplers.rest, start, active)
 
         # Project on the basis (Ramamoorthi and Hanrahan 2001): L_lm = integral of L_i Y_lm

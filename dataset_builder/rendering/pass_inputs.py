@@ -14,7 +14,7 @@ from dataset_builder.label.field_plan import FieldPlan
 from dataset_builder.label.scene_plan import IlluminationPlan, ObjectPlan, PlacedObject, RoomPlan
 from dataset_builder.label.scene_source import SceneSource
 from dataset_builder.layers import ALIKE, LAYERS, LIT, PASSES, Pass
-from dataset_builder.planning.effects.decisions import has_direct
+from dataset_builder.planning.effects.pass_extents import has_direct
 from dataset_builder.spec.model import Model
 
 INSTANCE, LIGHTING, DIRECT = "instance", "lighting", "rough_direct"

@@ -12,9 +12,7 @@ from dataset_builder.digest import digest
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.rendering.pass_inputs import inputs_of, key_of, shows_field, steps_of
 from dataset_builder.rendering.sampling.adaptive import Sampled, Stop
-from dataset_builder.rendering.sampling.moments import Estimate
-
-ARRAYS = ("mean", "error", "freedom")
+from dataset_builder.rendering.sampling.moments import FIGURES, Estimate
 
 
 class Store(Protocol):
@@ -45,6 +43,8 @@ class PassResult:
     pixels: np.ndarray
     """(P,) indices row * width + column, in rising order."""
     found: Estimate
+    raw: Estimate
+    """The same, each pixel's error as its own batches have it."""
     stopped: Mapping[str, Stop]
     """Why sampling of each layer with a goal ended."""
     facts: Mapping[str, float]
@@ -91,7 +91,7 @@ def to_bytes(found: PassFound) -> bytes:
               "stopped": _pairs(found.sampled.stopped), "facts": np.array(list(found.facts)),
               "values": np.array(list(found.facts.values()), dtype=np.float64)}
     for number, half in enumerate(found.sampled.halves):
-        arrays |= {f"{name}{number}": _narrow(_once(getattr(half, name))) for name in ARRAYS}
+        arrays |= {f"{name}{number}": _narrow(_once(getattr(half, name))) for name in FIGURES}
         arrays[f"spp{number}"] = _once(half.spp.astype(np.int64))
         arrays[f"shape{number}"] = np.array(half.mean.shape)
     stream = io.BytesIO()
@@ -114,9 +114,8 @@ def from_bytes(data: bytes) -> PassFound | None:
 
 def _half(arrays: Mapping[str, np.ndarray], number: int) -> Estimate:
     shape = tuple(arrays[f"shape{number}"])
-    mean, error, freedom = (np.broadcast_to(arrays[f"{name}{number}"], shape).astype(np.float64) for name in ARRAYS)
-    return Estimate(mean=mean, error=error, freedom=freedom,
-                    spp=np.broadcast_to(arrays[f"spp{number}"], shape[:1]).copy())
+    figures = {name: np.broadcast_to(arrays[f"{name}{number}"], shape).astype(np.float64) for name in FIGURES}
+    return Estimate(**figures, spp=np.broadcast_to(arrays[f"spp{number}"], shape[:1]).copy())
 
 
 def _once(values: np.ndarray) -> np.ndarray:

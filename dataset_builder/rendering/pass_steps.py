@@ -64,5 +64,6 @@ class PassSteps:
         """The result of all steps."""
         sampled, width = found.sampled, self._render.width
         lit = self.name in LIT and len(found.pixels)
-        estimate = sampled.estimate(found.pixels, width) if lit else sampled.halves[0]
-        return PassResult(pixels=found.pixels, found=estimate, stopped=sampled.stopped, facts=found.facts)
+        raw = sampled.together
+        estimate = sampled.estimate(found.pixels, width) if lit else raw
+        return PassResult(pixels=found.pixels, found=estimate, raw=raw, stopped=sampled.stopped, facts=found.facts)

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from time import perf_counter
+from time import perf_counter, process_time
 
 import numpy as np
 
@@ -26,6 +26,8 @@ class SampledPasses:
     """Where results are looked up and kept."""
     spent: dict[str, float] = field(default_factory=dict)
     """Seconds of the passes that ran since it was cleared."""
+    worked: dict[str, float] = field(default_factory=dict)
+    """The same in seconds of this process on all its cores."""
     recalled: list[str] = field(default_factory=list)
     """Passes that were remembered whole since it was cleared."""
     _results: dict[tuple[str, ...], PassResult] = field(default_factory=dict)
@@ -53,9 +55,10 @@ class SampledPasses:
             else:
                 wide = name in PASSES and self.plan.effects.of(name).extent == "frame"
                 traced = found.pixels if found else self._frame() if wide else pixels()
-                start = perf_counter()
+                start, worked = perf_counter(), process_time()
                 before = found or PassFound(pixels=traced, sampled=Sampled(halves=(Estimate.empty(),)), facts=facts())
                 found = run.sampled(before, steps, sampler, pixels)
                 self.spent[name] = self.spent.get(name, 0.0) + perf_counter() - start
+                self.worked[name] = self.worked.get(name, 0.0) + process_time() - worked
             self._results[key] = run.finished(found)
         return self._results[key]

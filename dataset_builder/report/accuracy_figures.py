@@ -29,9 +29,8 @@ ERROR, SECONDS = "relative error, sqrt(relMSE)", "seconds per example"
 def accuracy_figures(rows: Sequence[AccuracyRow], advice: Advice, bias: float) -> dict[str, bytes]:
     """PNG of every question that has rows, by its name. bias: `render.bias` of the dataset."""
     makers: dict[str, Callable[[], Figure]] = {
-        UNIFORM: lambda: sampling_figure(rows, advice, (UNIFORM,), "Uniform spp"),
-        ADAPTIVE: lambda: sampling_figure(rows, advice, (UNIFORM, ADAPTIVE), "Adaptive sampling against uniform spp"),
-        DENOISED: lambda: sampling_figure(rows, advice, (UNIFORM, DENOISED, ADAPTIVE_DENOISED), "Denoised"),
+        ADAPTIVE: lambda: sampling_figure(rows, (UNIFORM, ADAPTIVE), "Adaptive sampling against uniform spp"),
+        DENOISED: lambda: sampling_figure(rows, (UNIFORM, DENOISED, ADAPTIVE_DENOISED), "Denoised"),
         DEPTH: lambda: depth_figure(rows, bias),
         EDGES: lambda: edge_figure(rows, advice),
         TEXTURES: lambda: texture_figure(rows, advice),
@@ -41,19 +40,15 @@ def accuracy_figures(rows: Sequence[AccuracyRow], advice: Advice, bias: float) -
     return {question: png(make()) for question, make in makers.items() if of(rows, question)}
 
 
-def sampling_figure(rows: Sequence[AccuracyRow], advice: Advice, questions: Sequence[str], title: str) -> Figure:
-    """Error against seconds of every layer, with the -1/2 slope and the knee of the last curves."""
+def sampling_figure(rows: Sequence[AccuracyRow], questions: Sequence[str], title: str) -> Figure:
+    """Error against seconds of every layer, with the -1/2 slope."""
     layers = layers_in(rows, questions[-1]) or layers_in(rows, questions[0])
     figure, axes = panels(len(layers), f"{title}: error against seconds, geometric mean over examples")
     for layer, one in zip(layers, axes, strict=True):
         for question in questions:
-            _curve(one, rows, question, layer, pale=question == UNIFORM and len(questions) > 1)
-            if question != UNIFORM or len(questions) == 1:
-                # Denoising trades noise for bias: it is never recommended
-                smooth = question in (DENOISED, ADAPTIVE_DENOISED)
-                _mark(one, advice.marked.get((question, layer)), "knee" if smooth else "recommended")
+            _curve(one, rows, question, layer, pale=question == UNIFORM)
         _slope(one, curve(rows, UNIFORM, layer))
-        _dressed(one, layer, SECONDS, ERROR)
+        dressed(one, layer, SECONDS, ERROR)
     return figure
 
 
@@ -61,8 +56,9 @@ def _curve(axes: Axes, rows: Sequence[AccuracyRow], question: str, layer: str, *
     colour, marker = STYLES[question]
     points = curve(rows, question, layer)
     for example in dict.fromkeys(row.example for row in of(rows, question, layer)):
-        own = [row for row in of(rows, question, layer) if row.example == example and row.relmse > 0]
-        axes.plot([row.seconds for row in own], [row.error for row in own], color=colour, alpha=0.18, linewidth=1)
+        own = curve([row for row in rows if row.example == example], question, layer)
+        axes.plot([point.seconds for point in own], [point.error for point in own], color=colour, alpha=0.18,
+                  linewidth=1)
     axes.plot([point.seconds for point in points], [point.error for point in points], color=colour, marker=marker,
               alpha=0.6 if pale else 1, linewidth=1.8, markersize=5, label=question.replace("-", ", "))
     floored = [point for point in points if point.at_floor]
@@ -74,10 +70,10 @@ def _curve(axes: Axes, rows: Sequence[AccuracyRow], question: str, layer: str, *
                       fontsize=7, color=colour, alpha=0.6 if pale else 1)
 
 
-def _mark(axes: Axes, point: Point | None, what: str = "recommended") -> None:
+def _mark(axes: Axes, point: Point | None) -> None:
     if point:
         axes.plot([point.seconds], [point.error], marker="*", markersize=17, color="black", markerfacecolor="#F0E442",
-                  linestyle="none", zorder=5, label=f"{what}: {point.setting}")
+                  linestyle="none", zorder=5, label=f"recommended: {point.setting}")
 
 
 def _slope(axes: Axes, points: Sequence[Point]) -> None:
@@ -90,7 +86,7 @@ def _slope(axes: Axes, points: Sequence[Point]) -> None:
               label="slope -1/2")
 
 
-def _dressed(axes: Axes, title: str, across: str, up: str) -> None:
+def dressed(axes: Axes, title: str, across: str, up: str) -> None:
     """Titles, logarithmic axes, and a legend of what was drawn."""
     axes.set(title=title, xlabel=across, ylabel=up, xscale="log", yscale="log")
     for axis, limits in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
@@ -126,7 +122,7 @@ def depth_figure(rows: Sequence[AccuracyRow], bias: float) -> Figure:
                 one.annotate(f"{row.value:g}", (row.seconds, value), xytext=(4, 4), textcoords="offset points",
                              fontsize=7, color=colour)
         one.axhline(bias, color="black", linestyle="--", linewidth=1, label=f"allowed: {bias:g}")
-        _dressed(one, layer, SECONDS, "|mean of the difference| / mean")
+        dressed(one, layer, SECONDS, "|mean of the difference| / mean")
     return figure
 
 
@@ -136,12 +132,12 @@ def edge_figure(rows: Sequence[AccuracyRow], advice: Advice) -> Figure:
     points = curve(rows, EDGES, EDGE_LAYER)
     _plain(left, points, [point.seconds for point in points], EDGE_LAYER, COLOURS[0])
     _mark(left, advice.marked.get((EDGES, EDGE_LAYER)))
-    _dressed(left, "error", "seconds per example, mesh and pass", ERROR)
+    dressed(left, "error", "seconds per example, mesh and pass", ERROR)
     for number, example in enumerate(dict.fromkeys(row.example for row in of(rows, EDGES))):
         own = [row for row in of(rows, EDGES) if row.example == example and np.isfinite(row.triangles)]
         right.plot([row.value for row in own], [row.triangles for row in own], marker="o", markersize=4,
                    color=COLOURS[number % len(COLOURS)], label=example)
-    _dressed(right, "triangles", "edge length, metres", "triangles of the object")
+    dressed(right, "triangles", "edge length, metres", "triangles of the object")
     return figure
 
 
@@ -166,8 +162,8 @@ def texture_figure(rows: Sequence[AccuracyRow], advice: Advice) -> Figure:
         if best := advice.marked.get((TEXTURES, layer)):
             left.plot([best.value], [best.error], marker="*", markersize=17, color="black", markerfacecolor="#F0E442",
                       linestyle="none", label=f"recommended for {layer}: {best.value:.0f}")
-    _dressed(left, "error", "texels per side", ERROR)
-    _dressed(right, "error against seconds", SECONDS, ERROR)
+    dressed(left, "error", "texels per side", ERROR)
+    dressed(right, "error against seconds", SECONDS, ERROR)
     return figure
 
 
@@ -183,7 +179,7 @@ def codec_figure(rows: Sequence[AccuracyRow]) -> Figure:
             for name, mean in own.items() if not place else ():
                 left.annotate(name.split()[1], (1e3 * mean[across], mean["bytes"] / 1e3), xytext=(5, 4),
                               textcoords="offset points", fontsize=7)
-    _dressed(left, "bytes against time", "milliseconds per example", "kB per example")
+    dressed(left, "bytes against time", "milliseconds per example", "kB per example")
     errors = precision.half_errors(rows)
     right.barh(list(errors), [1e4 * error for error in errors.values()], color=COLOURS[1])
     right.set(title="error of half", xlabel=f"1e-4 {ERROR}, worst example")
@@ -198,5 +194,5 @@ def accumulation_figure(rows: Sequence[AccuracyRow]) -> Figure:
     for number, (name, style) in enumerate(kinds):
         found = precision.drift_means(rows, name)
         axes.plot(list(found), list(found.values()), marker="o", linestyle=style, color=COLOURS[number], label=name)
-    _dressed(axes, "", "samples", "relative difference from float64")
+    dressed(axes, "", "samples", "relative difference from float64")
     return figure

@@ -1,19 +1,29 @@
 """The accuracy study as files: figures, and the page with questions, answers, figures and tables."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
+from dataset_builder.report.accuracy_answers import (
+    Table,
+    answer_table,
+    asked_sentence,
+    gpu_sentence,
+    law_table,
+    spread_table,
+    trust_sentences,
+)
 from dataset_builder.report.accuracy_figures import accuracy_figures
-from dataset_builder.report.page_parts import Section, write_study
+from dataset_builder.report.accuracy_laws import law_figure, spread_figure
+from dataset_builder.report.page_parts import Section, png, write_study
 from dataset_builder.studies.accuracy.accuracy_study import AccuracyStudy
 from dataset_builder.studies.accuracy.bounds import DEPTH, EDGES, TEXTURES
-from dataset_builder.studies.accuracy.curves import PRICE, Advice, curve
+from dataset_builder.studies.accuracy.conclusions import Conclusions
+from dataset_builder.studies.accuracy.curves import Advice, curve
 from dataset_builder.studies.accuracy.precision import ACCUMULATION, CODECS, codec_means
 from dataset_builder.studies.accuracy.rows import ADAPTIVE, ADAPTIVE_DENOISED, DENOISED, UNIFORM, AccuracyRow, layers_in
-from dataset_builder.studies.accuracy.workbench import BUDGETS, REFERENCE_DEPTH
+from dataset_builder.studies.accuracy.workbench import REFERENCE_DEPTH
 
 QUESTIONS = {
-    UNIFORM: "What do more samples per pixel gain?",
     ADAPTIVE: "What does adaptive sampling save?",
     DENOISED: "What does denoising gain, and what error does it leave?",
     DEPTH: "How long must light paths be?",
@@ -25,29 +35,47 @@ QUESTIONS = {
 SHOWN = ("setting", "layer", "seconds", "spp", "error", "PSNR, dB", "FLIP")
 
 
-def write_page(study: AccuracyStudy, rows: Sequence[AccuracyRow], advice: Advice, backend: str) -> None:
+def write_page(study: AccuracyStudy, found: Conclusions) -> None:
     """Write `figures/*.png` and `report.html` in the study's folder. Raises OutputError."""
-    figures = accuracy_figures(rows, advice, study.spec.dataset.render.bias)
-    sections = [_section(question, text, rows, advice, figures.get(question, b""))
-                for question, text in QUESTIONS.items() if question in figures]
-    write_study(study.out, f"What accuracy costs: {study.spec.dataset.name}", _lead(study, rows, backend), sections,
-                figures=figures, settings=advice.lines())
+    rows, advice = found.rows, found.advice
+    figures = all_figures(found)
+    sections = [*_answers(found, figures), *(_section(question, text, rows, advice, figures[question])
+                                             for question, text in QUESTIONS.items() if question in figures)]
+    write_study(study.out, f"What accuracy costs: {found.spec.name}", _lead(found), sections, figures=figures,
+                settings=advice.lines())
 
 
-def _lead(study: AccuracyStudy, rows: Sequence[AccuracyRow], backend: str) -> list[str]:
-    examples = list(dict.fromkeys(row.example for row in rows))
-    image = study.spec.dataset.image
+def all_figures(found: Conclusions) -> dict[str, bytes]:
+    """PNG of every figure by name."""
+    return {"laws": png(law_figure(found)), "spread": png(spread_figure(found)),
+            **accuracy_figures(found.rows, found.advice, found.spec.render.bias)}
+
+
+def _answers(found: Conclusions, figures: Mapping[str, bytes]) -> list[Section]:
+    def section(question: str, answer: str, table: Table, figure: str = "") -> Section:
+        return Section(question=question, answer=answer, figure=figures.get(figure, b""), head=table[0], rows=table[1])
+
+    answer = " ".join(filter(None, (asked_sentence(found), gpu_sentence(found), *trust_sentences(found))))
+    return [section("What do I get, and what does it cost?", answer, answer_table(found)),
+            section("How do examples differ?", "Noise of one sample per pixel over the examples of the dataset, which "
+                    "tells what error they have at any other number.", spread_table(found), "spread"),
+            section("By which law?", "error² = a / n + b and seconds = c + d n, n samples per pixel (for goals error² "
+                    "= a g² + b in the goal g), ± half a 95% interval; b and c whose interval holds 0 are bounds.",
+                    law_table(found), "laws")]
+
+
+def _lead(found: Conclusions) -> list[str]:
+    examples = list(dict.fromkeys(row.example for row in found.rows if row.question == UNIFORM))
+    image, setup = found.spec.image, found.setup
     return [
-        f"{len(examples)} examples ({', '.join(examples)}), {image.width}x{image.height} pixels, {backend}.",
-        f"Errors are against references of {BUDGETS[study.budget].reference_spp} spp and depth {REFERENCE_DEPTH} with "
+        f"{len(examples)} examples ({', '.join(examples)}), {image.width}x{image.height} pixels, {setup.machine}, "
+        f"{setup.day}.",
+        f"Errors are against references of {setup.reference_spp} spp and depth {REFERENCE_DEPTH} with "
         "independent samples, less the known noise of the references; where that noise hides the error, the point is "
         "hollow and an upper bound. Error is sqrt(relMSE), relMSE = mean((x - r)^2 / (r^2 + 0.01 m^2)), m the mean of "
         "the layer, over the object's pixels or the frame, as the dataset asks for the layer. PSNR is taken after the "
         "tone mapping of the previews, FLIP is HDR-FLIP. Means over examples are geometric. Seconds are those of the "
         "pass that makes the layer, without compiling kernels.",
-        f"A star marks the recommended point: the cheapest beyond which halving the error takes at least {PRICE} times "
-        "as long. Where error falls as seconds to the power of -1/2, halving it takes 4 times as long. For denoised "
-        "pictures the star marks the knee only: denoising is never recommended.",
     ]
 
 

@@ -20,6 +20,7 @@ from rich.text import Text
 from dataset_builder.builder import Event
 from dataset_builder.engine.field_tasks import FieldNews
 from dataset_builder.errors import printable
+from dataset_builder.label.mean_told import means_told
 from dataset_builder.report.build_standing import BuildStanding
 from dataset_builder.report.console import duration
 
@@ -156,11 +157,13 @@ def standing_lines(standing: BuildStanding) -> Iterator[str]:
 
 
 def noise_lines(standing: BuildStanding) -> Iterator[str]:
-    """Median relative error of every layer with light; how goals ended, where there are any."""
+    """Median relative error of every layer with light; how goals ended, where there are any; means not known."""
     if standing.noise:
         yield "noise " + ", ".join(f"{layer} {spread.median:.1%}" for layer, spread in standing.noise.items())
     if goals := standing.goals:
         yield "sampling stopped by " + ", ".join(f"{name} {share:.0%}" for name, share in goals.items())
+    if standing.unknown:
+        yield means_told(standing.unknown)
 
 
 def rate_text(rate: float | None) -> str:

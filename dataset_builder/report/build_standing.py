@@ -73,6 +73,8 @@ class BuildStanding:
         """Relative error of what was rendered, by layer."""
         self.stopped = Counter[str]()
         """How often sampling of a layer ended for what reason."""
+        self.unknown = Counter[str]()
+        """Examples in which the mean of a layer is not known, by layer."""
         self.curve: list[tuple[float, int]] = [(0.0, 0)]
         """Seconds since the start, and examples that were rendered until then; the last point is always there."""
         self._passing, self._every, self._steps = False, 1, 0
@@ -143,6 +145,7 @@ class BuildStanding:
             known.count += 1
             if len(known.first) < REASONS and outcome.rejected.view not in {item.view for item in known.first}:
                 known.first.append(outcome.rejected)
+        self.unknown.update(outcome.unknown)
         for layer, (stopped, error) in outcome.noise.items():
             self.stopped[stopped] += 1
             if isfinite(error):

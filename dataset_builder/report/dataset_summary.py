@@ -6,9 +6,11 @@ from pathlib import Path
 import numpy as np
 from rich.table import Table
 
+from dataset_builder.label.denoised_words import told_bias, told_relmse
 from dataset_builder.label.example_label import ExampleLabel
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.label.field_record import FieldRecord
+from dataset_builder.label.mean_told import means_told, unknown_means
 from dataset_builder.layers import LAYERS
 from dataset_builder.report.example_sheet import SheetRow, write_sheet
 from dataset_builder.report.gallery.shown_examples import chosen
@@ -27,7 +29,8 @@ def summary_tables(folder: Path | str) -> list[Table]:
     """Tables for the terminal. Raises ShardError where there is no finished dataset."""
     dataset = open_dataset(folder, layers=())
     labels = [*dataset.labels(key for keys in dataset.splits.values() for key in keys)]
-    return [_splits(dataset, labels), _layers(dataset, labels), *_fields(labels), *_rejected(dataset)]
+    return [_splits(dataset, labels), _layers(dataset, labels), *_denoised(dataset), *_fields(labels),
+            *_rejected(dataset)]
 
 
 def _splits(dataset: Dataset, labels: list[ExampleLabel]) -> Table:
@@ -46,18 +49,35 @@ def _splits(dataset: Dataset, labels: list[ExampleLabel]) -> Table:
 
 
 def _layers(dataset: Dataset, labels: list[ExampleLabel]) -> Table:
-    table = Table("layer", "extent", "type", "least", "mean", "largest", "relative error", title="layers")
+    table = Table("layer", "extent", "type", "least", "mean", "largest", "relative error", "mean error", title="layers")
     errors: dict[str, list[float]] = {}
+    means: dict[str, list[float]] = {}
     for label in labels:
         for entry in label.record.layers:
             errors.setdefault(entry.name, []).append(entry.relative_error)
+            means.setdefault(entry.name, []).append(entry.mean_error)
+    unknown = unknown_means(entry for label in labels for entry in label.record.layers)
     for layer in dataset.manifest.layers:
         values = [label.layers[layer.name] for label in labels]
         error = f"{np.median(errors[layer.name]):.1%}" if layer.name in errors else ""
+        mean = f"{np.median(means[layer.name]):.2%}" if any(means.get(layer.name, ())) else ""
         table.add_row(layer.name, layer.extent, layer.dtype, f"{min(value.min for value in values):.3g}",
                       f"{np.mean([value.mean for value in values]):.3g}",
-                      f"{max(value.max for value in values):.3g}", error)
+                      f"{max(value.max for value in values):.3g}", error, mean)
+    if unknown:
+        table.caption = means_told(unknown)
     return table
+
+
+def _denoised(dataset: Dataset) -> list[Table]:
+    """How far denoised layers may be trusted."""
+    if not dataset.manifest.denoised:
+        return []
+    table = Table("layer", "bias", "its error", "of a pixel", "relMSE before", "after", "of the reference", "examples",
+                  title="denoised layers")
+    for item in dataset.manifest.denoised:
+        table.add_row(item.layer, *told_bias(item), *told_relmse(item), str(item.examples))
+    return [table]
 
 
 def _fields(labels: list[ExampleLabel]) -> list[Table]:

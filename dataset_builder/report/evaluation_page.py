@@ -26,12 +26,15 @@ from dataset_builder.lightnet.results.clustered_means import (
 from dataset_builder.lightnet.results.evaluate import Contender, ScoreRow
 from dataset_builder.lightnet.results.pictures import cropped, found, given
 from dataset_builder.report.example_sheet import SheetRow
+from dataset_builder.report.noise_lines import CEILING, NOISE, beside, unknown, with_interval
 from dataset_builder.report.page_parts import COLOURS, PALE, heading, markdown_table, panels, plus_minus, png, rounded
 from dataset_builder.studies.comma_separated import comma_separated
+from dataset_builder.studies.trainings import PARTS
 
 TABLE, SUMMARY, FIGURE, EXAMPLES = "table.csv", "summary.md", "summary.png", "examples.png"
 DESCRIBED = ("method", "key", "view", "object", "room", "level", "sigma", "rough")
-COLUMNS = (*DESCRIBED, *(metric.name for metric in METRICS), "seconds")
+COLUMNS = (*DESCRIBED, *(metric.name for metric in METRICS), "seconds",
+           *(metric.name + end for end in PARTS.values() if end for metric in METRICS))
 PAIR_COLUMNS = ("methods", "metric", "difference", "if independent", f"{LEVEL:.0%} interval", "better in", "verdict")
 SEEN = "**A method was trained on this split.** Its figures do not measure generalisation."
 VERDICTS = {"better": "better", "worse": "worse", "open": "not told apart"}
@@ -52,6 +55,8 @@ class Evaluation:
     """What is to be known of the examples."""
     seen: bool = False
     """Whether this is the split that one of the methods was trained on."""
+    noise_unknown: str = ""
+    """Why nobody knows the noise of the truth; empty where it is known."""
 
     @property
     def said(self) -> list[str]:
@@ -86,8 +91,9 @@ def write_page(evaluation: Evaluation, out: Path) -> None:
 def csv_table(rows: Sequence[ScoreRow]) -> bytes:
     """One line per example and method."""
     return comma_separated(COLUMNS, ([*(getattr(row, name) for name in DESCRIBED),
-                                      *(getattr(row.metrics, metric.name) for metric in METRICS), row.seconds]
-                                     for row in rows), digits=7)
+                                      *(getattr(row.metrics, metric.name) for metric in METRICS), row.seconds,
+                                      *(getattr(getattr(row, part), metric.name) for part, end in PARTS.items() if end
+                                        for metric in METRICS)] for row in rows), digits=7)
 
 
 def markdown(evaluation: Evaluation) -> str:
@@ -96,6 +102,7 @@ def markdown(evaluation: Evaluation) -> str:
     parts = [f"# Evaluation on {evaluation.dataset}, split {evaluation.split}", f"{evaluation.extent}.",
              *(f"{remark[:1].upper()}{remark[1:]}." for remark in evaluation.said), *([SEEN] * evaluation.seen),
              markdown_table(("metric", *(one.method for one in summaries)), _mean_rows(summaries)), _meaning(),
+             "## Noise of the truth", *_noise_parts(evaluation, summaries),
              "## Differences, example by example",
              markdown_table(PAIR_COLUMNS, [_pair_row(one) for one in evaluation.compared()]),
              "## Methods", "\n".join(f"- {name}: {note}" for name, note in evaluation.notes.items()),
@@ -108,15 +115,19 @@ def console_table(evaluation: Evaluation) -> Table:
     """What the terminal shows: methods as rows."""
     table = Table("method", *(f"{metric.symbol} ({metric.better} is better)" for metric in METRICS), "seconds",
                   title=f"{evaluation.dataset}, split {evaluation.split}: {evaluation.extent}", title_justify="left")
-    for one in summarise(evaluation.rows):
-        figures = [plus_minus(one.metrics[metric.name], metric.name) for metric in METRICS]
+    summaries = summarise(evaluation.rows)
+    for one in summaries:
+        figures = [beside(one.metrics[metric.name], one.corrected[metric.name], metric.name) for metric in METRICS]
         table.add_row(one.method, *figures, f"{one.seconds:.3g}")
+    if summaries[0].noise_known:
+        table.add_row(CEILING, *(plus_minus(summaries[0].ceiling[metric.name], metric.name) for metric in METRICS))
     return table
 
 
 def verdict_lines(evaluation: Evaluation) -> list[str]:
     """What is to be known of the examples, and one sentence for each comparison, by PSNR."""
-    remarks = [*evaluation.said, *([SEEN.replace("*", "")] * evaluation.seen)]
+    remarks = [*evaluation.said, *([SEEN.replace("*", "")] * evaluation.seen),
+               *([unknown(evaluation.noise_unknown)] if evaluation.noise_unknown else [])]
     compared = [one for one in evaluation.compared() if one.metric == "psnr"]
     return [*remarks, *(f"{one.method} against {one.other}: {plus_minus(one.difference, 'psnr', '+')} dB, "
                         f"{VERDICTS[one.verdict]}; better in {one.ahead} of {one.difference.examples}"
@@ -131,12 +142,15 @@ def summary_figure(evaluation: Evaluation) -> Figure:
         for place, summary in enumerate(summaries):
             _dots(one, evaluation.rows, summary, metric, place, COLOURS[0] if summary.method in evaluation.trained
                   else COLOURS[1])
+        if summaries[0].noise_known:
+            one.axvline(summaries[0].ceiling[metric.name].mean, color=COLOURS[2], linestyle="--", linewidth=1.2)
         unit = f"{metric.symbol}, {metric.unit}" if metric.unit else metric.symbol
         one.set(title=f"{metric.symbol}: {metric.better} is better", xlabel=unit, yticks=range(len(summaries)))
         one.set_yticklabels([summary.method for summary in summaries] if one is axes[0] else [])
         one.set_ylim(len(summaries) - 0.4, -0.6)
         one.margins(x=0.12)
-    figure.supxlabel("dots: examples; bars: one standard error of the mean, clustered by object", fontsize=9)
+    figure.supxlabel("dots: examples; bars: one standard error of the mean, clustered by object"
+                     + "; dashed: a perfect prediction, diamonds: without noise" * summaries[0].noise_known, fontsize=9)
     return figure
 
 
@@ -147,6 +161,8 @@ def _dots(axes: Axes, rows: Sequence[ScoreRow], summary: Summary, metric: Metric
     found = summary.metrics[metric.name]
     axes.errorbar([found.mean], [place], xerr=[found.error] if isfinite(found.error) else None, marker="o",
                   markersize=6, color=colour, capsize=4, linewidth=1.8, zorder=3)
+    axes.plot([summary.corrected[metric.name].mean], [place], marker="D", markersize=6, markerfacecolor="none",
+              color=COLOURS[2], zorder=4)
     axes.annotate(plus_minus(found, metric.name), (found.mean, place), xytext=(0, 11), textcoords="offset points",
                   ha="center", fontsize=8, color=colour, zorder=4,
                   bbox={"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.85})
@@ -156,6 +172,15 @@ def _mean_rows(summaries: Sequence[Summary]) -> list[list[str]]:
     rows = [[heading(metric), *(plus_minus(one.metrics[metric.name], metric.name) for one in summaries)]
             for metric in METRICS]
     return [*rows, ["seconds per image, median", *(f"{one.seconds:.3g}" for one in summaries)]]
+
+
+def _noise_parts(evaluation: Evaluation, summaries: Sequence[Summary]) -> list[str]:
+    if not summaries[0].noise_known:
+        return [unknown(evaluation.noise_unknown or "nobody says it")]
+    head = ("metric", CEILING, *(f"{one.method} without noise" for one in summaries))
+    rows = [[heading(metric), plus_minus(summaries[0].ceiling[metric.name], metric.name),
+             *(with_interval(one.corrected[metric.name], metric.name) for one in summaries)] for metric in METRICS]
+    return [" ".join(NOISE.split()), markdown_table(head, rows)]
 
 
 def _pair_row(one: Paired) -> list[str]:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from dataset_builder.label.mean_told import mean_told
 from dataset_builder.layers import LAYERS, RADIANCE
 from dataset_builder.report.dataset_summary import cell_pixels
 from dataset_builder.report.gallery.example_payload import look, relative_errors
@@ -36,17 +37,19 @@ def layer_tiles(example: Mapping[str, Any], title: Sequence[str]) -> Image.Image
     label = example.get("meta", {})
     denoised = {*label.get("plan", {}).get("render", {}).get("denoise", ()),
                 *(each["layer"] for each in label.get("record", {}).get("denoised", ()))}
-    tiles = [layer_tile(name, image, factor, errors.get(name), times, denoised=name in denoised)
+    means = {layer["name"]: mean_told(layer) for layer in label.get("record", {}).get("layers", ())}
+    tiles = [layer_tile(name, image, factor, errors.get(name), times, mean=means.get(name, ""),
+                        denoised=name in denoised)
              for name, image in images.items()]
     rows = [tiles[start:start + columns] for start in range(0, len(tiles), columns)]
     zoom = f"; every pixel {times} times as large" if times > 1 else ""
     return tiled([*title, f"light at exposure {factor:.4g}, sRGB{zoom}"], rows)
 
 
-def layer_tile(name: str, image: np.ndarray, factor: float, error: float | None, times: int, *,
+def layer_tile(name: str, image: np.ndarray, factor: float, error: float | None, times: int, *, mean: str = "",
                denoised: bool = False) -> Tile:
     """One layer. image: (H, W, C); factor: the exposure of light; error: its relative error, if known; times: how many
-    times as large every pixel is."""
+    times as large every pixel is; mean: what is said of the layer's mean."""
     layer, kind = LAYERS[name], look(name)
     unit = UNITS.get(layer.unit, layer.unit)
     finite = image[np.isfinite(image)]
@@ -59,6 +62,8 @@ def layer_tile(name: str, image: np.ndarray, factor: float, error: float | None,
         lines.append(f"relative error {error:.2%}{', before denoising' if denoised else ''}")
     elif denoised:
         lines.append("denoised")
+    if mean:
+        lines.append(mean)
     if kind == "light" and (below := int(np.count_nonzero(image < 0))):
         lines.append(f"{below} values below 0 are shown as 0")
     bar = None

@@ -9,10 +9,13 @@ from matplotlib.figure import Figure
 
 from dataset_builder.errors import count_of
 from dataset_builder.files import write_atomic
+from dataset_builder.lightnet.data.truth import noise_unknown
 from dataset_builder.lightnet.measures.metrics import METRICS, Metric
 from dataset_builder.lightnet.results.clustered_means import ONE_OBJECT, ClusteredMean
 from dataset_builder.lightnet.settings import differences
+from dataset_builder.report.noise_lines import CEILING, NOISE, unknown, with_interval
 from dataset_builder.report.page_parts import COLOURS, heading, markdown_table, panels, plus_minus, png, rounded
+from dataset_builder.shards.reader import load_manifest
 from dataset_builder.studies.tables.paper import SOURCE, Printed, Table
 from dataset_builder.studies.tables.result import Order, Pair, RowResult, orders, summary, verdict
 from dataset_builder.studies.tables.table_study import TableStudy
@@ -24,7 +27,8 @@ other objects but not the spread between trainings; with several they cover both
 
 def write_page(study: TableStudy, results: Sequence[RowResult]) -> None:
     """Write `table.md` and `table.png` in the study's folder. Raises OutputError."""
-    write_atomic(study.out / "table.md", markdown(study.table, results, study.sentence).encode())
+    unknown_noise = noise_unknown(load_manifest(study.dataset))
+    write_atomic(study.out / "table.md", markdown(study.table, results, study.sentence, unknown_noise).encode())
     write_atomic(study.out / "table.png", png(table_figure(study.table, results, study.sentence)))
 
 
@@ -54,14 +58,18 @@ def _means(axes: Axes, results: Sequence[RowResult], metric: Metric) -> None:
                   markerfacecolor="none", color=COLOURS[1], label="paper: another dataset and training")
 
 
-def markdown(table: Table, results: Sequence[RowResult], settings: str) -> str:
-    """The measured rows beside the printed ones, what can be said of their order, and how to read it."""
+def markdown(table: Table, results: Sequence[RowResult], settings: str, unknown_noise: str = "") -> str:
+    """The measured rows beside the printed ones, what can be said of their order, and how to read it.
+
+    unknown_noise: why nobody knows the noise of the truth; empty where it is known.
+    """
     found = orders(table, results)
     first = results[0].mean("psnr")
     parts = [f"# {table.number}: {table.question}", settings, *(f"{one}." for one in cautions(results)),
              f"Means over {first.examples} held-out examples of {count_of(first.objects, 'object')}, on tone-mapped "
              f"values inside the mask; ± is the standard error, clustered by object. *Paper*: {SOURCE}, another "
              "dataset and other settings: compare the order, not the values.", _rows_table(results)]
+    parts += _noise_parts(results, unknown_noise)
     parts += [f"Not measured: {title} ({reason}). The paper prints {_printed_text(numbers)}."
               for title, (numbers, reason) in table.absent.items()]
     parts += [f"Left out: {text}." for text in table.left_out]
@@ -89,6 +97,8 @@ def row_line(result: RowResult) -> str:
     """A row for the terminal: measured figures, printed ones in brackets, and the note."""
     texts = [f"{metric.symbol} {plus_minus(result.mean(metric.name), metric.name)}"
              + (f" (paper {rounded(result.row.printed.of(metric.name), metric.name)})" if result.row.printed else "")
+             + (f" ({rounded(result.mean(metric.name, 'corrected').mean, metric.name)} without noise)"
+                if result.noise_known else "")
              for metric in METRICS]
     return f"{result.row.title}: {', '.join(texts)}" + (f" [{result.note}]" if result.note else "")
 
@@ -107,6 +117,27 @@ def _rows_table(results: Sequence[RowResult]) -> str:
         parameters, seconds = result.facts.get("parameters"), result.facts.get("seconds_per_step")
         lines.append([*cells, f"{parameters:,}" if parameters else "", f"{seconds:.2f}" if seconds else ""])
     return markdown_table(head, lines)
+
+
+def noise_line(results: Sequence[RowResult], unknown_noise: str) -> str:
+    """What a perfect prediction would get, for the terminal."""
+    if not results[0].noise_known:
+        return unknown(unknown_noise or "nobody says it")
+    means = {metric: results[0].mean(metric.name, "ceiling") for metric in METRICS}
+    return f"{CEILING}: " + ", ".join(f"{one.symbol} {plus_minus(mean, one.name)}" for one, mean in means.items())
+
+
+def _noise_parts(results: Sequence[RowResult], unknown_noise: str) -> list[str]:
+    """Every row without the truth's noise, and what a perfect prediction would get."""
+    if not results[0].noise_known:
+        return [noise_line(results, unknown_noise)]
+    head = ["row", *(f"{metric.symbol} {_arrow(metric)}" for metric in METRICS)]
+    rows = [[f"{result.row.title}, without noise",
+             *(with_interval(result.mean(metric.name, "corrected"), metric.name) for metric in METRICS)]
+            for result in results]
+    ceiling = [f"*{CEILING}*", *(plus_minus(results[0].mean(metric.name, "ceiling"), metric.name)
+                                 for metric in METRICS)]
+    return ["## Noise of the truth", " ".join(NOISE.split()), markdown_table(head, [*rows, ceiling])]
 
 
 def _reference_table(table: Table, results: Sequence[RowResult]) -> str:

@@ -4,6 +4,7 @@ import json
 import re
 from collections.abc import Iterable, Sequence
 
+from dataset_builder.label.denoised_words import told_bias, told_relmse
 from dataset_builder.shards.card_text import noise, pitfalls, plain, recipes
 from dataset_builder.shards.manifest import STORED_ONCE, FieldSummary, Manifest
 
@@ -165,19 +166,16 @@ def _denoised(manifest: Manifest) -> str:
     """What was denoised, and how far it may be trusted; empty where nothing was."""
     if not manifest.denoised:
         return ""
-    first = manifest.denoised[0]
     return f"""## Denoised layers
 
 These layers are not what the path tracer returned: they were denoised with Open Image Denoise and scaled to the mean
-of the noisy layer. A standard error stored beside one is the noisy layer's. Measured over the object on
-{first.examples} examples of this dataset, against converged references; a bias smaller than twice its error
-cannot be told from 0. Pixel bias is the root mean square of the error that stays in each pixel without noise.
+of the noisy layer. A standard error stored beside one is the noisy layer's. Measured over the object on a few
+examples of this dataset, against converged references; a bias smaller than twice its error cannot be told from 0. Pixel
+bias is the root mean square of the error that stays in each pixel without noise; where noise hides it, a bound.
 
-| layer | bias of the mean | its error | pixel bias | relMSE noisy | relMSE denoised | relMSE of the reference |
-|---|---|---|---|---|---|---|
-{_rows((f"`{item.layer}`", f"{item.bias:.2%}", f"{item.bias_error:.2%}", f"{item.pixel_bias:.2%}",
-        f"{item.relmse_raw:.2e}", f"{item.relmse_denoised:.2e}", f"{item.relmse_reference:.2e}")
-       for item in manifest.denoised)}
+| layer | bias of the mean | its error | pixel bias | relMSE noisy | relMSE denoised | of the reference | examples |
+|---|---|---|---|---|---|---|---|
+{_rows((f"`{item.layer}`", *told_bias(item), *told_relmse(item), str(item.examples)) for item in manifest.denoised)}
 """
 
 

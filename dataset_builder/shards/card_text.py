@@ -25,14 +25,15 @@ PLAIN = {
     "i_s_clean": "`i_s` as the clean mesh has it, where `i_s` is the image of a neural field",
     "mask_field": "how much of each pixel is covered by what `i_s` shows",
 }
-"""Every layer but standard errors and layers before denoising, in plain words; `docs/layers.md` has the same."""
+"""Every layer of its own in plain words; `docs/layers.md` has the same."""
 
 
 def plain(layer: str) -> str:
     """A layer in plain words."""
     name, _, kind = layer.rpartition("_")
     others = {"se": f"how far off each pixel of `{name}` may well be: its standard error",
-              "raw": f"`{name}` as it was before denoising"}
+              "raw": f"`{name}` as it was before denoising",
+              "half": f"`{name}` from the first half of its samples; twice `{name}` less it is the other half"}
     return PLAIN.get(layer) or others[kind]
 
 

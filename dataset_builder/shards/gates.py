@@ -4,14 +4,16 @@ Each returns the violations it finds, with figures. Arrays are (H, W, C) float32
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from dataset_builder.label.example_label import LayerAccuracy
 from dataset_builder.shards.identities import Violation
 from dataset_builder.spec.dataset import GatesSpec
 
 COVERAGE, OVERLAP, ENERGY, SPLIT = "coverage", "mask_overlap", "s_prime_energy", "radiance_split"
+MEAN, TAIL = "mean_error", "tail"
 SPLIT_NEEDS = ("i_t", "d", "s", "spec", "sd_d", "sd_s", "i_t_se", "s_se", "spec_se")
 SIGMAS = 5.0
 RARE = 2e-3
@@ -70,6 +72,20 @@ def s_prime_energy(s_prime: np.ndarray, mask: np.ndarray, bounds: tuple[float, f
     weight = float(mask.sum(dtype=np.float64)) * s_prime.shape[2]
     mean = float((s_prime.astype(np.float64) * mask).sum() / weight) if weight else 0.0
     return _within(ENERGY, "mean of s_prime over the mask", mean, bounds)
+
+
+def means(layers: Sequence[LayerAccuracy], gates: GatesSpec) -> list[Violation]:
+    """Means of layers with light are as well known as the spec asks for."""
+    found = []
+    for layer in layers:
+        if gates.mean_error and (layer.mean_known == "unknown" or not layer.mean_error <= gates.mean_error):
+            reason = (f"expected the mean of {layer.name} to be known to {gates.mean_error:g}, got "
+                      f"{layer.mean_error:.3g} ({layer.mean_known})")
+            found.append(Violation(identity=MEAN, reason=reason))
+        if gates.tail and not layer.tail <= gates.tail:
+            reason = f"expected a Pareto shape <= {gates.tail:g} of {layer.name}'s contributions, got {layer.tail:.3g}"
+            found.append(Violation(identity=TAIL, reason=reason))
+    return found
 
 
 def sampling_error(first_hit: int, target: int) -> float:

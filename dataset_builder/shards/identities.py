@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dataset_builder.layers import EVERYWHERE, LAYERS, Extent, layers_of
+from dataset_builder.layers import EVERYWHERE, HALF, LAYERS, Extent, layers_of
 
 RANGE, REFLECTANCE, MASK, OUTSIDE, SHARED, FIELD = "range", "reflectance", "mask", "outside", "shared", "field"
 SHARED_LAYERS = layers_of("first_hit")
@@ -17,6 +17,11 @@ SHARED_LAYERS = layers_of("first_hit")
 
 SEEN = layers_of("source")
 """Layers that show a field, where an example is seen through one."""
+
+LOST = 1e-3
+"""Share of a layer's mean that storing it may change."""
+PARTS = ("spec", "air")
+"""Layers that are differences: what rounding leaves of them where they are 0 is no light."""
 
 _TOLERANCES = {"float32": {RANGE: 1e-5, REFLECTANCE: 1e-3}, "float16": {RANGE: 1e-3, REFLECTANCE: 2e-3}}
 
@@ -52,6 +57,8 @@ def check_layers(layers: Mapping[str, np.ndarray], extents: Mapping[str, Extent]
     """Every identity inside one example; `tolerances` by name as `identity_table` gives them. field: whether its `i_s`
     is the image of a field, as `plan.field` of its label says."""
     found = [violation for name, array in layers.items() for violation in in_range(name, array, tolerances[RANGE])]
+    if {"i_t", HALF} <= set(layers):
+        found += other_half(layers["i_t"], layers[HALF], tolerances[RANGE])
     if "d" in layers and "r" in layers:
         found += reflectance_sum(layers["d"], layers["r"], tolerances[REFLECTANCE])
     if "mask" in layers:
@@ -64,11 +71,37 @@ def check_layers(layers: Mapping[str, np.ndarray], extents: Mapping[str, Extent]
 
 
 def storable(layers: Mapping[str, np.ndarray], dtype: str) -> list[Violation]:
-    """Layers that `dtype` cannot hold: a value beyond the largest finite one would become infinite."""
+    """Layers that `dtype` cannot hold: a value beyond the largest finite one would become infinite, and what is next to
+    nothing loses its digits or becomes 0, see `_too_dim`."""
     limit = float(np.finfo(dtype).max)
     largest = {name: float(np.abs(array).max(initial=0.0)) for name, array in layers.items()}
     return [Violation(identity=RANGE, reason=f"{name}: expected at most {limit:g}, what {dtype} holds, got {value:g}")
-            for name, value in largest.items() if value > limit]
+            for name, value in largest.items() if value > limit] + _too_dim(layers, dtype)
+
+
+def _too_dim(layers: Mapping[str, np.ndarray], dtype: str) -> list[Violation]:
+    """Layers without a largest value that lose more than `LOST` of their mean to rounding. Each normal number loses at
+    most half a step, 2^-11 in half precision; below the least of them, 6.1e-5, steps are all 6e-8.
+
+    A standard error is held to the mean of its layer, and a part of the image to the image: what is nothing beside that
+    may become nothing.
+    """
+    means = {name: float(np.abs(array).mean(dtype=np.float64)) for name, array in layers.items()
+             if LAYERS[name].high == np.inf} if dtype == "float16" else {}
+    found = []
+    for name in means:
+        base = name.removesuffix("_se").removesuffix("_raw")
+        scale = max(means.get(each, 0.0) for each in (name, base, *(("i_t", "s") if base in PARTS else ())))
+        array = layers[name]
+        kept = array.astype(dtype).astype(np.float64)
+        lost = float(np.abs(array - kept).mean())
+        if lost > LOST * scale:
+            gone, there = np.count_nonzero((kept == 0) & (array != 0)), np.count_nonzero(array)
+            found.append(Violation(identity=RANGE, reason=(
+                f"{name}: expected {dtype} to lose at most {LOST:.1%} of its mean of {means[name]:.3g}, got "
+                f"{lost / scale:.1%} lost and {gone} of {there} values become 0: below 6.1e-05 it has few digits or "
+                "none (store float32, or ask for brighter light)")))
+    return found
 
 
 def in_range(name: str, array: np.ndarray, tolerance: float) -> list[Violation]:
@@ -82,6 +115,14 @@ def in_range(name: str, array: np.ndarray, tolerance: float) -> list[Violation]:
         return []
     reason = f"{name}: expected values in [{layer.low:g}, {layer.high:g}], got [{least:g}, {largest:g}]"
     return [Violation(identity=RANGE, reason=reason)]
+
+
+def other_half(i_t: np.ndarray, half: np.ndarray, tolerance: float) -> list[Violation]:
+    """i_t_half <= 2 i_t (1 + tolerance): what the other half of the samples says is no less than 0."""
+    over = half - (1 + tolerance) * 2 * i_t.astype(np.float64)
+    if (largest := float(over.max(initial=0.0))) <= tolerance:
+        return []
+    return [Violation(identity=RANGE, reason=f"{HALF}: expected at most 2 i_t, got {largest:g} more")]
 
 
 def reflectance_sum(d: np.ndarray, r: np.ndarray, tolerance: float) -> list[Violation]:

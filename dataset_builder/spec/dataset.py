@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, SerializerFunctionWrapHandler, Tag, model_serializer, model_validator
 
-from dataset_builder.layers import ALIKE, LAYERS, PAPER_LAYERS
+from dataset_builder.layers import ALIKE, HALF, LAYERS, PAPER_LAYERS
 from dataset_builder.spec.camera import CameraSpec
 from dataset_builder.spec.field import FieldSpec, SeenSpec, require_seen
 from dataset_builder.spec.file_scene import ThingQuery
@@ -109,7 +109,7 @@ class StorageSpec(Model):
     """How layers are stored."""
 
     dtype: Literal["float32", "float16"] = "float32"
-    """Pixel type; with float16, examples with values beyond its range are rejected."""
+    """Pixel type; with float16, examples with values beyond its range, or too dim for it, are rejected."""
     examples_per_shard: Annotated[int, Field(ge=1, le=5000)] = 16
     """Maximum number of consecutive examples per tar file; fewer in a split that would have fewer than 4 files."""
     standard_errors: bool = False
@@ -129,6 +129,10 @@ class GatesSpec(Model):
     """Minimum and maximum mean of `s_prime` over the mask."""
     coverage: Annotated[Interval, interval(0, 1)] = (0.01, 0.95)
     """Minimum and maximum share of the frame under the mask."""
+    mean_error: Annotated[float, Field(ge=0)] = 0.0
+    """Maximum `mean_error` of every layer with light, whose mean must not be unknown either; 0: no bound."""
+    tail: Annotated[float, Field(ge=0)] = 0.0
+    """Maximum `tail` of every layer with light; 0: no bound."""
 
 
 class DatasetSpec(Model):
@@ -203,6 +207,14 @@ class DatasetSpec(Model):
                                  known=tuple(self.layers))
         return self
 
+    @model_validator(mode="after")
+    def _halves_are_independent(self) -> "DatasetSpec":
+        wrong = "i_t denoised" if "i_t" in self.render.denoise.layers else f"{self.render.batches} batches"
+        if HALF in self.layers and (self.render.batches % 2 or wrong.startswith("i_t")):
+            raise broken(f"expected an even number of batches and i_t as it was sampled, got {wrong}",
+                         path=("layers", HALF))
+        return self
+
     @property
     def fields(self) -> bool:
         """Whether any example needs a field that is to be made."""
@@ -216,7 +228,7 @@ class DatasetSpec(Model):
 
     @model_validator(mode="after")
     def _differences_are_smooth(self) -> "DatasetSpec":
-        alike = [name for name in self.layers if LAYERS[name].render_pass in ALIKE and not name.endswith("_se")]
+        alike = [name for name in self.layers if LAYERS[name].render_pass in ALIKE and not LAYERS[name].of]
         goals = [name for name in self.render.accuracy if name in alike]
         if goals and len({LAYERS[name].render_pass for name in alike}) > 1:
             others = ", ".join(name for name in alike if LAYERS[name].render_pass != LAYERS[goals[0]].render_pass)

@@ -46,7 +46,7 @@ def check_own_targets(dataset: DatasetSpec, document: Document,
     if lost := [name for name in dataset.layers if name not in TO_HAVE]:
         rule = f"expected layers that need no clean mesh, since {who} is a field, got {', '.join(lost)}"
         yield document.problem(("layers",), rule, "there are " + ", ".join(
-            name for name in TO_HAVE if not name.endswith(("_se", "_raw"))) + ", and their standard errors")
+            name for name in TO_HAVE if not LAYERS[name].of) + ", and their standard errors")
     if dataset.layers.get("i_s") == "frame":
         rule = f"expected object, since {who} is a field, seen alone, got frame"
         yield document.problem(("layers", "i_s"), rule)

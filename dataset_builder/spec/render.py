@@ -9,7 +9,7 @@ from dataset_builder.layers import LAYERS, sampled_as
 from dataset_builder.spec.model import Model, broken
 from dataset_builder.spec.numbers import PositiveInt, branches
 
-NOISY = tuple(name for name, layer in LAYERS.items() if layer.radiometric and not name.endswith(("_se", "_raw")))
+NOISY = tuple(name for name, layer in LAYERS.items() if layer.radiometric and not layer.of)
 """Layers that carry Monte Carlo noise."""
 
 

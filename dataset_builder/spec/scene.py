@@ -62,6 +62,9 @@ class MaterialSpec(SurfaceSpec):
     """Whether the surface is a thin pane, which does not bend light."""
     abbe: within(low=0, high=100) | None = None  # type: ignore[valid-type]
     """Abbe number of the transmitting part, 20 (flint) to 85; 0 is no dispersion."""
+    priority: Annotated[int, Field(ge=0, le=9)] | None = None
+    """Of bodies of solid glass that take the same space, the one of the highest priority owns it: a bottle 2, what is
+    in it 1. 0 takes no part: it has air around it."""
     alpha: within(low=0, high=1) | None = None  # type: ignore[valid-type]
     """Share of the surface that is there, times the alpha of its texture; the rest lets light and sight through."""
     plain: bool = False

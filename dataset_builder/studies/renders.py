@@ -1,7 +1,7 @@
 """Renderings of single planned examples: timed without compiling kernels, and converged ones kept beside a study."""
 
 import importlib.metadata
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
@@ -68,13 +68,14 @@ class Warm:
             self.done.add(key)
 
 
-def seconds_of(layer: str, found: Rendered) -> float:
-    """Seconds of the pass that makes a layer, and of its share of denoising where that was asked for."""
-    denoised = found.plan.render.denoise
-    share = found.seconds.get(DENOISE, 0.0) / len(denoised) if layer in denoised else 0.0
+def seconds_of(layer: str, found: Rendered, times: Mapping[str, float] | None = None) -> float:
+    """Seconds of the pass that makes a layer, and of its share of denoising where that was asked for. times: by pass,
+    the wall's unless given."""
+    denoised, spent = found.plan.render.denoise, found.seconds if times is None else times
+    share = spent.get(DENOISE, 0.0) / len(denoised) if layer in denoised else 0.0
     if layer == "s_prime":
-        share += found.seconds.get(DIRECT, 0.0)
-    return found.seconds.get(LAYERS[layer].render_pass, 0.0) + share
+        share += spent.get(DIRECT, 0.0)
+    return spent.get(LAYERS[layer].render_pass, 0.0) + share
 
 
 def work_of(layer: str, record: RenderRecord) -> dict[str, float]:

@@ -28,6 +28,8 @@ KINDS: dict[str, Callable[[str], Any]] = {"method": str, "key": str, "view": str
 EXACT = 17
 """Digits that bring a double back as it was."""
 FIGURES = tuple(field.name for field in fields(Metrics))
+PARTS = {"metrics": "", "corrected": "_corrected", "ceiling": "_ceiling"}
+"""Figures of a row, and what their columns end with."""
 
 
 def base_of(spec: TrainingSpec) -> TrainingSpec:
@@ -119,8 +121,9 @@ def read_facts(folder: Path) -> dict[str, Any]:
 
 def write_scores(rows: Iterable[ScoreRow], path: Path) -> None:
     """Write rows as CSV, whole or not at all. Raises OutputError."""
-    write_csv(path, (*KINDS, *FIGURES), ([getattr(row, name) for name in KINDS] + [
-        getattr(row.metrics, name) for name in FIGURES] for row in rows), digits=EXACT)
+    write_csv(path, (*KINDS, *(name + end for end in PARTS.values() for name in FIGURES)), (
+        [getattr(row, name) for name in KINDS] + [getattr(getattr(row, part), name) for part in PARTS
+                                                  for name in FIGURES] for row in rows), digits=EXACT)
 
 
 def read_scores(path: Path) -> tuple[ScoreRow, ...]:
@@ -132,5 +135,6 @@ def read_scores(path: Path) -> tuple[ScoreRow, ...]:
 
 
 def _score_row(line: dict[str, str]) -> ScoreRow:
-    metrics = Metrics(**{name: float(line[name] or "nan") for name in FIGURES})
-    return ScoreRow(**{name: read(line[name]) for name, read in KINDS.items()}, metrics=metrics)
+    found: dict[str, Any] = {part: Metrics(**{name: float(line[name + end] or "nan") for name in FIGURES})
+             for part, end in PARTS.items()}
+    return ScoreRow(**{name: read(line[name]) for name, read in KINDS.items()}, **found)

@@ -47,7 +47,8 @@ splits:
 """Two examples."""
 
 DENOISE = "render.denoise={layers: [i_t, s_prime], keep_raw: true, examples: 1}"
-KEYS = {"layer", "bias", "bias_error", "pixel_bias", "relmse_raw", "relmse_denoised", "relmse_reference", "examples"}
+KEYS = {"layer", "bias", "bias_error", "pixel_bias", "relmse_raw", "relmse_denoised", "relmse_reference", "examples",
+        "known"}
 
 
 def denoising_plan() -> ExamplePlan:

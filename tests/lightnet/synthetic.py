@@ -73,7 +73,7 @@ def write_synthetic(folder: Path, *, train: int = 6, held_out: int = 3, size: in
 
     train, held_out: examples of each split; or, by name, splits. levels: noise levels; neighbouring examples are the
     levels of one view under one light. layers: those of the paper, `mask_rough`, `s`, `spec`, `i_t_empty`, `i_pbr`, and
-    `i_s_clean`, with which labels say that `i_s` is the image of a field.
+    `i_t_se`, `i_t_half`, `i_s_clean`, with which labels say that `i_s` is the image of a field.
     """
     counts, named = dict[str, range](), {"train": train, "evaluation": held_out} if splits is None else splits
     for name, count in named.items():
@@ -191,13 +191,13 @@ def _layers(shape: Shape, camera: CameraPlan, light: Light, *, size: int, sigma:
     s = (shading(normal, place, light, shadow) * covered).astype(np.float32)
     spec = (r * glint(normal, camera, light) * covered).astype(np.float32)
     wall = np.linspace(0.8, 0.3, size)[:, None, None] * np.ones((1, size, 3))
-    dome, behind = 0.75 + 0.25 * normal[..., 2:], wall * light.ambient
+    dome, behind, lit = 0.75 + 0.25 * normal[..., 2:], wall * light.ambient, covered * (d * s + spec)
     s_prime = shading(rough_normal, np.where(mask_rough > 0, rough_place, place), light, shadow) * either
     i_s = np.where(covered, d * dome + 0.8 * r * dome, wall)
     return {"mask": mask, "mask_rough": mask_rough, "d": d, "r": r, "s": s, "spec": spec,
             "i_t": np.where(covered, d * s + spec, behind),
             "i_t_empty": behind, "i_pbr": np.where(mask_rough > 0, 0.5 * s_prime, behind), "s_prime": s_prime,
-            "i_s": i_s, "i_s_clean": 0.8 * i_s}
+            "i_s": i_s, "i_s_clean": 0.8 * i_s, "i_t_se": 0.1 * lit, "i_t_half": 0.9 * lit}
 
 
 def _facets(noise: np.random.Generator, size: int) -> np.ndarray:

@@ -2,6 +2,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from pydantic import ValidationError
 
 from dataset_builder.errors import PlanError
 from dataset_builder.label.example_plan import ExamplePlan
@@ -129,3 +130,16 @@ def test_a_camera_that_can_never_see_the_object_is_an_error(load: Load, dataset_
     dataset_data["camera"] = {"coverage": (0.9, 1.0), "visibility": 1, "attempts": 15}
     with pytest.raises(PlanError, match=r"train/000000 \(train-\w+-0\d in train-room-0\d\): camera: .* in 15 draws"):
         plan_example(load(dataset_data), 0)
+
+
+THREE = {"batches": 3, "spp": {"source": 9, "target": 9, "rough": 9}}
+
+
+@pytest.mark.parametrize(("render", "got"), [(THREE, "3 batches"), ({"denoise": {"layers": ["i_t"]}}, "i_t denoised")])
+def test_halves_are_refused_where_there_are_no_two(load: Load, dataset_data: dict[str, Any], render: dict[str, Any],
+                                                   got: str) -> None:
+    dataset_data["layers"] = {"i_t": "object", "i_t_half": "object"}
+    assert plan_example(load(dataset_data), 0).render.layers == (("i_t", "object"), ("i_t_half", "object"))
+    dataset_data["render"] = render
+    with pytest.raises(ValidationError, match=f"an even number of batches and i_t as it was sampled, got {got}"):
+        load(dataset_data)

@@ -8,7 +8,7 @@ import pytest
 
 from dataset_builder.errors import UserError
 from dataset_builder.layers import Extent
-from dataset_builder.planning.effects.decisions import guide_extents
+from dataset_builder.planning.effects.pass_extents import guide_extents
 from dataset_builder.rendering import oidn
 from dataset_builder.rendering.denoise import Noisy, denoised
 from tests.small_scenes import render_plan

@@ -18,6 +18,7 @@ from dataset_builder.rendering import passes, view_scenes
 from dataset_builder.rendering.examples import Rendered, render_view
 from dataset_builder.rendering.view_passes import ViewPasses
 from dataset_builder.shards.gates import check_gates
+from dataset_builder.shards.identities import other_half
 from dataset_builder.spec.dataset import GatesSpec
 from dataset_builder.spec.load import load_dataset
 
@@ -32,8 +33,9 @@ def plan(small_spec: Path) -> Plan:
         loaded = load_dataset(small_spec)
         whole = plan_example(loaded, index)
         render = whole.render.model_copy(update={"layers": tuple(layers.items())})
-        effects = plan_effects(spec=loaded.dataset.render, room=whole.room, shell=BoxShell(whole.room), diagonal=9.0,
+        effects = plan_effects(spec=loaded.dataset.render, room=whole.room, shell=BoxShell(whole.room),
                                target=whole.target, render=render, furniture=whole.furniture, fog=whole.fog,
+                               camera=whole.camera,
                                source_light=whole.source_light, target_light=whole.target_light,
                                mesh_root=loaded.path.parent)
         return whole.model_copy(update={"render": render, "effects": effects})
@@ -163,6 +165,17 @@ def test_standard_errors_are_of_their_layers(plan: Plan) -> None:
     inside = layers["mask"][..., 0] > 0
     assert not layers["i_t_se"][~inside].any() and layers["i_t_se"].min() >= 0
     assert 0 < layers["i_t_se"][inside].mean() < layers["i_t"][inside].mean()
+
+
+def test_halves_are_independent_pictures_of_the_same_light(plan: Plan) -> None:
+    """Half of their difference has the variance that the standard error says: e^2 is that of (a + b) / 2."""
+    layers = rendered(plan(i_t="object", i_t_half="object", i_t_se="object", mask="object")).layers
+    i_t, half = (layers[name].astype(np.float64) for name in ("i_t", "i_t_half"))
+    inside, other = layers["mask"][..., 0] == 1, 2 * i_t - half
+    assert not half[layers["mask"][..., 0] == 0].any() and not np.array_equal(half, other)
+    assert other_half(layers["i_t"], layers["i_t_half"], 1e-5) == []
+    variance = (((half - other) / 2)[inside] ** 2).mean() / (layers["i_t_se"][inside].astype(np.float64) ** 2).mean()
+    assert 0.7 < variance < 1.4
 
 
 def test_layers_have_their_channels_and_ranges(plan: Plan) -> None:

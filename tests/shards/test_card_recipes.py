@@ -57,7 +57,7 @@ def test_recipes_run(dataset: Path, number: int, monkeypatch: pytest.MonkeyPatch
 
 
 def test_every_layer_has_plain_words_and_the_page_has_the_same() -> None:
-    bare = [name for name in LAYERS if not name.endswith(("_se", "_raw"))]
+    bare = [name for name, layer in LAYERS.items() if not layer.of]
     assert list(PLAIN) == bare and all(plain(name) for name in LAYERS)
     section = PAGE.read_text().partition("## In plain words")[2].partition("## ")[0]
     assert dict(re.findall(r"^\| `(\w+)` \| ([^|]+) \| [^|]+ \|$", section, re.MULTILINE)) == PLAIN

@@ -7,6 +7,7 @@ import numpy as np
 from dataset_builder.assets.asset import Material
 from dataset_builder.assets.file_model import FileMaterial
 from dataset_builder.assets.image_maps import make_texture
+from dataset_builder.assets.normal_maps import mended_normals
 from dataset_builder.assets.readers.gltf_draft import ROUNDING, Draft
 from dataset_builder.assets.readers.gltf_extensions import add_extensions, make_unlit
 from dataset_builder.assets.readers.gltf_images import GltfImages
@@ -119,6 +120,9 @@ def _add_coverage(draft: Draft, factor: float, texels: np.ndarray | None) -> boo
 def _add_normal(draft: Draft) -> None:
     """Section 3.9.3: `scale` multiplies x and y."""
     texels = draft.texels(draft.entry, "normalTexture")
+    if texels is not None:
+        texels, said = mended_normals(texels, "normalTexture")
+        draft.left_out += said
     if texels is not None:
         scale = draft.entry.entry("normalTexture").number("scale", 1)
         draft.maps["normal"] = np.concatenate([0.5 + (texels[..., :2] - 0.5) * scale, texels[..., 2:3]], axis=2)

@@ -9,6 +9,7 @@ import numpy as np
 from dataset_builder.assets.asset import Texture, Wrap
 from dataset_builder.assets.file_model import refuse
 from dataset_builder.assets.image_maps import ImageFile, make_texture, read_texels
+from dataset_builder.assets.normal_maps import mended_normals
 from dataset_builder.spec.obj_references import READ_MAPS, entry_maps
 from dataset_builder.spec.wavefront import MapWords, MtlEntry, Statement, map_words
 
@@ -65,7 +66,11 @@ def mtl_maps(entry: MtlEntry, mesh: Path, max_texture: int, *, without: Collecti
             if channel == "bump" and not _has_normals(texels):
                 left_out.append(f"{said.key}, a map of heights")
                 continue
-            found["normal"] = _scaled_normals(texels[..., :3], _number(entry, said, words, "bm"))
+            normals, faults = mended_normals(texels[..., :3], said.key)
+            left_out += faults
+            if normals is None:
+                continue
+            found["normal"] = _scaled_normals(normals, _number(entry, said, words, "bm"))
         elif channel == "base_color":
             found[channel] = texels[..., :3]
             if texels[..., 3].min() < 1 and "alpha" not in named and "alpha" not in without:

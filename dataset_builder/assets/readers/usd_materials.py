@@ -11,6 +11,7 @@ import numpy as np
 from dataset_builder.assets.asset import Material, Wrap, reflectance_at
 from dataset_builder.assets.file_model import FileMaterial, refuse
 from dataset_builder.assets.image_maps import ImageFile, holds_floats, make_texture, opened_image, read_texels
+from dataset_builder.assets.normal_maps import mended_normals
 from dataset_builder.digest import read_regular
 from dataset_builder.spec.file_reference import MOST_BYTES, is_within
 from dataset_builder.spec.scene import MAX_SPECULAR
@@ -127,7 +128,9 @@ def _normal(draft: _Draft) -> None:
     _, texture = _source(draft, "normal")
     if texture is not None and (texels := _texels(draft, "normal", texture)) is not None:
         plain = _input(texture[0], "scale") is None and _input(texture[0], "bias") is None
-        draft.maps["normal"] = texels if plain else (texels + 1) / 2
+        normals, faults = mended_normals(texels if plain else (texels + 1) / 2, "normal map")
+        draft.left_out += faults
+        draft.maps |= {} if normals is None else {"normal": normals}
         draft.left_out += ["scale and bias of the normal map, missing, taken as 2 and -1"] if plain else []
 
 

@@ -20,6 +20,8 @@ from dataset_builder.lightnet.data.batch import Batch, Inputs, Truth
 MIRROR = np.sign(np.diag(rotation(np.diag([-1.0, 1.0, 1.0]))))
 """(9,) factors that take the coefficients of a light to those of its mirror image, left for right."""
 CHANNELS = {"i_s": 3, "d": 3, "r": 3, "i_t": 3, "s_prime": 3, "inside": 1}
+EXTRA = ("i_t_se", "i_t_half")
+"""Layers of three channels that tell the noise of I_t, for who asks for them."""
 
 
 def camera_from_world(camera: CameraPlan) -> np.ndarray:
@@ -55,6 +57,8 @@ class ExamplePart:
     """Of the source light."""
     lighting: np.ndarray
     """(3, 9), not exposed, in the camera's frame."""
+    extra: tuple[str, ...] = ()
+    """Layers beyond those of every example, among `EXTRA`."""
 
 
 Chosen = tuple[ExamplePart, Variation, Window]
@@ -63,22 +67,28 @@ Chosen = tuple[ExamplePart, Variation, Window]
 
 @dataclass(frozen=True, kw_only=True)
 class Shape:
-    """Of a batch: examples, rows, columns."""
+    """Of a batch: examples, rows, columns, and layers among `EXTRA`."""
 
     count: int
     height: int
     width: int
+    extra: tuple[str, ...] = ()
+
+    @property
+    def channels(self) -> dict[str, int]:
+        """Of every picture by name."""
+        return CHANNELS | dict.fromkeys(self.extra, 3)
 
     @property
     def numbers(self) -> int:
         """Of all pictures together."""
-        return sum(CHANNELS.values()) * self.count * self.height * self.width
+        return sum(self.channels.values()) * self.count * self.height * self.width
 
     def pictures(self, memory: torch.Tensor) -> dict[str, torch.Tensor]:
         """(B, C, H, W) pictures by name in (numbers,) memory, one after the other."""
-        sizes = [channels * self.count * self.height * self.width for channels in CHANNELS.values()]
+        sizes = [channels * self.count * self.height * self.width for channels in self.channels.values()]
         return {name: part.view(self.count, channels, self.height, self.width)
-                for (name, channels), part in zip(CHANNELS.items(), memory.split(sizes), strict=True)}
+                for (name, channels), part in zip(self.channels.items(), memory.split(sizes), strict=True)}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -96,7 +106,7 @@ def whole(part: ExamplePart) -> Batch:
     """A batch of one example, its whole frame, not varied."""
     height, width = part.inside.shape
     return assemble([(part, STILL, Window(top=0, left=0, height=height, width=width))],
-                    Shape(count=1, height=height, width=width))
+                    Shape(count=1, height=height, width=width, extra=part.extra))
 
 
 def assemble(chosen: Iterable[Chosen], shape: Shape) -> Batch:
@@ -118,7 +128,8 @@ def fill(memory: torch.Tensor, chosen: Iterable[Chosen], shape: Shape) -> Notes:
         covered = _cut(part.inside, window, variation.mirrored).astype(np.float32)[None]
         _write(pictures["inside"][number], covered, covered)
         exposed = covered * lit.astype(np.float32)
-        weights = {"i_s": covered * np.float32(part.source_exposure), "i_t": exposed, "s_prime": exposed}
+        weights = {"i_s": covered * np.float32(part.source_exposure), "i_t": exposed, "s_prime": exposed,
+                   **dict.fromkeys(EXTRA, exposed)}
         for name, planes in part.layers:
             _write(pictures[name][number], _cut(planes, window, variation.mirrored), weights.get(name, covered))
         sh = part.lighting * lit[:, :, 0]
@@ -133,7 +144,7 @@ def batch_of(memory: torch.Tensor, notes: Notes, shape: Shape) -> Batch:
     return Batch(
         keys=notes.keys, exposure=torch.from_numpy(notes.exposure),
         inputs=Inputs(**{name: pictures[name] for name in ("i_s", "s_prime", "inside")}, sh=torch.from_numpy(notes.sh)),
-        truth=Truth(**{name: pictures[name] for name in ("i_t", "d", "r")}),
+        truth=Truth(**{name: pictures[name] for name in ("i_t", "d", "r", *shape.extra)}),
     )
 
 

@@ -38,6 +38,10 @@ class Truth:
     """(B, 3, H, W), in [0, 1]."""
     r: torch.Tensor
     """(B, 3, H, W), in [0, 1]."""
+    i_t_se: torch.Tensor | None = None
+    """(B, 3, H, W) standard error of `i_t`, exposed as it is; None where it was not asked for, as for `i_t_half`."""
+    i_t_half: torch.Tensor | None = None
+    """(B, 3, H, W) mean of half of the samples of `i_t`, exposed as it is."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -70,4 +74,5 @@ class Prediction:
 
 
 def _moved(tensors: Tensors, device: torch.device) -> Tensors:
-    return replace(tensors, **{field.name: getattr(tensors, field.name).to(device) for field in fields(tensors)})
+    there = {field.name: getattr(tensors, field.name) for field in fields(tensors)}
+    return replace(tensors, **{name: tensor.to(device) for name, tensor in there.items() if tensor is not None})

@@ -54,15 +54,17 @@ class LightingDataset(Dataset[Batch]):
     """
 
     def __init__(self, folder: Path | str, split: str, spec: DataSpec, *, levels: Sequence[int] = (),
-                 i_s: str = "i_s", keys: Sequence[str] = ()):
+                 i_s: str = "i_s", keys: Sequence[str] = (), extra: Sequence[str] = ()):
         """Open a finished dataset, in a folder or at an address. levels: noise levels to keep, all where empty. i_s:
-        the layer that is I_s. keys: examples of the split to keep, all where empty.
+        the layer that is I_s. keys: examples of the split to keep, all where empty. extra: layers among
+        `assemble.EXTRA` that batches hold, too.
 
         Raises UserError where the dataset lacks a layer, the split, a level or every example, and where a label does
         not tell the light; ShardError where files are not what they were.
         """
         self.folder, self.split, self.spec = folder, split, spec
-        layers = layers_with(i_s)
+        self.extra = tuple(extra)
+        layers = (*layers_with(i_s), *self.extra)
         require(self.folder, split, layers)
         self._data = opened(folder, layers, spec)
         self.name = self._data.manifest.name
@@ -117,7 +119,7 @@ class LightingDataset(Dataset[Batch]):
             self._exposures[entry.key] = exposure_of(s_prime.planes, inside)
         layers = ((PARTS.get(name, name), image.planes) for name, image in chain([(name, s_prime)], images))
         return ExamplePart(key=entry.key, layers=layers, inside=inside, exposure=self._exposures[entry.key],
-                           source_exposure=self.spec.source_exposure, lighting=entry.lighting)
+                           source_exposure=self.spec.source_exposure, lighting=entry.lighting, extra=self.extra)
 
     def fetch(self, indices: Iterable[int]) -> None:
         """Bring examples that are soon asked for into the cache, side by side, where they are at an address."""

@@ -55,7 +55,7 @@ class _Source:
     def __init__(self, dataset: LightingDataset, spec: TrainingSpec, multiple: int):
         self._dataset, self._spec = dataset, spec
         side = window_side(spec.data.crop, *dataset.size, multiple=multiple)
-        self.shape = Shape(count=spec.data.batch, height=side, width=side)
+        self.shape = Shape(count=spec.data.batch, height=side, width=side, extra=dataset.extra)
 
     def chosen(self, step: int) -> Iterator[Chosen]:
         """Its examples, read one after the other."""

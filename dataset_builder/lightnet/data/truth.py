@@ -7,8 +7,11 @@ have no `i_t`.
 from collections.abc import Collection, Sequence
 
 from dataset_builder.errors import Problem
+from dataset_builder.shards.manifest import Manifest
 
-TRUTH = "i_t"
+TRUTH, ERROR = "i_t", "i_t_se"
+HINTS = {"i_t_se": "build it with --set storage.standard_errors=true, or set objective.noise to plain",
+         "i_t_half": "build it with i_t_half among its layers, or set objective.noise to plain"}
 NO_TRUTH = ("i_t is the truth: build the dataset with it, and where its objects are captures, which have none, use "
             "`dataset-builder compose` instead")
 
@@ -21,4 +24,21 @@ def problem_of(where: str, there: Collection[str], needed: Sequence[str], what: 
         return None
     rule = f"expected {', '.join(needed)} to {what}, the dataset has no {', '.join(missing)}"
     return Problem(where=where, path="layers", rule=rule,
-                   hint=NO_TRUTH if TRUTH in missing else "build it with these layers")
+                   hint=NO_TRUTH if TRUTH in missing else HINTS.get(missing[0], "build it with these layers"))
+
+
+def noise_unknown(manifest: Manifest) -> str:
+    """Why nobody knows the noise of a dataset's truth; empty where standard errors of every pixel tell it.
+
+    A label's relative error is no substitute: it says nothing of where on an object noise is.
+    """
+    if TRUTH in {item.layer for item in manifest.denoised}:
+        return "i_t is denoised, and standard errors are those of before"
+    if ERROR not in {layer.name for layer in manifest.layers}:
+        return f"the dataset has no {ERROR}: build it with --set storage.standard_errors=true"
+    return ""
+
+
+def noise_layers(manifest: Manifest) -> tuple[str, ...]:
+    """Layers that tell the noise of the truth; none where it is not known."""
+    return () if noise_unknown(manifest) else (ERROR,)

@@ -17,11 +17,15 @@ RADIUS = 5
 """The window is 11 x 11."""
 C1, C2 = 0.01 ** 2, 0.03 ** 2
 """Constants of the paper for values whose range is 1."""
+_BELL = [math.exp(-0.5 * (offset / SIGMA) ** 2) for offset in range(-RADIUS, RADIUS + 1)]
+OWN = (sum(weight**2 for weight in _BELL) / sum(_BELL) ** 2) ** 2
+"""Share of independent noise's variance that a window's mean keeps."""
 BEST_PSNR = 100.0
 """Decibels that PSNR ends at; identical pictures would have infinitely many, and no mean could hold them."""
 
 
-def ssim_map(x: torch.Tensor, y: torch.Tensor) -> torch.Tensor:
+def ssim_map(x: torch.Tensor, y: torch.Tensor, noise: torch.Tensor | None = None, *,
+             shared: bool = False) -> torch.Tensor:
     """(..., H, W) structural similarity in [-1, 1] at every pixel of two (..., H, W) images, each channel for itself.
 
     Gaussian window of 11 x 11 with sigma 1.5, population covariance, range 1. Beyond the border the image is its own
@@ -29,10 +33,16 @@ def ssim_map(x: torch.Tensor, y: torch.Tensor) -> torch.Tensor:
     use_sample_covariance=False, data_range=1`, border included. Pictures may be smaller than the window.
 
     Each channel's mean is taken off before anything is squared: E[x²] - E[x]² of values near 1 would cancel.
+
+    noise: (..., H, W) variance of what `y` has in noise, independent over pixels; its share is taken off local
+    variances. shared: where x has the same noise, which is then taken off x alone and off what both have in common.
     """
     (mean_x, off_x), (mean_y, off_y) = _centred(x), _centred(y)
-    off = torch.stack([off_x, off_y, off_x * off_x + off_y * off_y, off_x * off_y])
-    local_x, local_y, squares, product = _smooth(_smooth(off, dim=-2), dim=-1).unbind()
+    extra = [] if noise is None else [(1 - OWN) * noise]
+    off = torch.stack([off_x, off_y, off_x * off_x + off_y * off_y, off_x * off_y, *extra])
+    local_x, local_y, squares, product, *noises = _smooth(_smooth(off, dim=-2), dim=-1).unbind()
+    for local in noises:
+        squares, product = squares - local, product - local if shared else product
     # Rounding must not make them negative: C2 alone keeps the division safe
     variances = (squares - (local_x * local_x + local_y * local_y)).clamp_min(0)
     covariance = product - local_x * local_y
@@ -124,20 +134,26 @@ def measure(predicted_i_t: torch.Tensor, truth_i_t: torch.Tensor, inside: torch.
 def _measure_one(predicted: torch.Tensor, truth: torch.Tensor, inside: torch.Tensor, index: int) -> Metrics:
     if not bool((inside > 0).any()):
         raise UserError(f"expected an object to measure on, got no pixel inside in example {index} of the batch")
-    box = _box(inside)
+    box = box_about(inside)
     inside = inside[box]
     found, wanted = (tone_map(inside_only(image[box], inside)).clamp(0, 1) for image in (predicted, truth))
     difference = found - wanted
     squared = mean_inside(difference.square(), inside)
     return Metrics(
         l1=float(mean_inside(difference.abs(), inside)),
-        psnr=float(-10 * squared.clamp_min(10 ** (-BEST_PSNR / 10)).log10()),
+        psnr=psnr_of(squared),
         ssim=float(mean_inside(ssim_map(found, wanted), inside)),
         lab=float(mean_inside(lab_angle(lab(found), lab(wanted), inside), inside)))
 
 
-def _box(inside: torch.Tensor) -> tuple[slice, slice, slice]:
-    """The part of a picture that figures depend on: the object, and as much around it as a window of SSIM reaches."""
+def psnr_of(squared: torch.Tensor) -> float:
+    """PSNR in decibels of a mean squared difference, at most `BEST_PSNR`."""
+    return float(-10 * squared.clamp_min(10 ** (-BEST_PSNR / 10)).log10())
+
+
+def box_about(inside: torch.Tensor) -> tuple[slice, slice, slice]:
+    """The part of a picture, about (1, H, W) `inside`, that figures depend on: the object, and as much around it as a
+    window of SSIM reaches."""
     rows, columns = ((inside > 0).any(dim=0).any(dim=dim).nonzero() for dim in (1, 0))
     high, wide = (slice(max(int(found[0]) - RADIUS, 0), int(found[-1]) + RADIUS + 1) for found in (rows, columns))
     return slice(None), high, wide

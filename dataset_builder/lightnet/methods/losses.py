@@ -5,6 +5,7 @@ pixel outside the object.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -20,23 +21,36 @@ from dataset_builder.lightnet.methods import vgg
 from dataset_builder.lightnet.methods.method import Loss
 from dataset_builder.lightnet.settings import ObjectiveSpec
 
-Term = Callable[[torch.Tensor, torch.Tensor, torch.Tensor], torch.Tensor]
-"""Of (B, 3, H, W) tone-mapped prediction and truth, 0 outside, and (B, 1, H, W) inside: a scalar >= 0."""
+Term = Callable[["Compared"], torch.Tensor]
+"""A (B, C, H, W) picture >= 0, whose mean over the object is the term."""
+FLOOR = 0.05
+"""Error of display values that counts as much as noise does: what no network gets right anyhow."""
 
 
-def l1(found: torch.Tensor, wanted: torch.Tensor, inside: torch.Tensor) -> torch.Tensor:
-    """Mean absolute difference."""
-    return mean_inside((found - wanted).abs(), inside)
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Compared:
+    """Two pictures (B, 3, H, W), tone-mapped, 0 outside, and (B, 1, H, W) inside."""
+
+    found: torch.Tensor
+    wanted: torch.Tensor
+    inside: torch.Tensor
+    noise: torch.Tensor | None = None
+    """(B, 3, H, W) variance of what is wanted, where it is to be taken off."""
 
 
-def dssim(found: torch.Tensor, wanted: torch.Tensor, inside: torch.Tensor) -> torch.Tensor:
-    """Mean of (1 - SSIM) / 2, 0 to 1. Windows that reach over the silhouette see the 0 that both sides have there."""
-    return mean_inside((1 - ssim_map(found, wanted)) / 2, inside)
+def l1(pair: Compared) -> torch.Tensor:
+    """Absolute difference."""
+    return (pair.found - pair.wanted).abs()
 
 
-def angle(found: torch.Tensor, wanted: torch.Tensor, inside: torch.Tensor) -> torch.Tensor:
-    """Mean angle between Lab vectors in radians; black pixels as `colour.lab_angle` counts them."""
-    return mean_inside(lab_angle(lab(found), lab(wanted), inside), inside)
+def dssim(pair: Compared) -> torch.Tensor:
+    """(1 - SSIM) / 2, 0 to 1. Windows that reach over the silhouette see the 0 that both sides have there."""
+    return (1 - ssim_map(pair.found, pair.wanted, pair.noise)) / 2
+
+
+def angle(pair: Compared) -> torch.Tensor:
+    """Angle between Lab vectors in radians; black pixels as `colour.lab_angle` counts them."""
+    return lab_angle(lab(pair.found), lab(pair.wanted), pair.inside)
 
 
 IMAGE_TERMS: MappingProxyType[str, Term] = MappingProxyType({"dssim": dssim, "lab": angle, "l1": l1})
@@ -61,6 +75,7 @@ class LightObjective(nn.Module):
             self.off = (f"fr is off, its weight {weights['fr']:g} is not used: "
                         f"it needs --vgg-weights with torchvision's {vgg.FILE}",)
             weights["fr"] = 0
+        self.noise = spec.noise
         self.weights = {name: float(weight) for name, weight in weights.items() if weight}
         if not self.weights:
             raise UserError(f"objective: expected a weight above 0, got none ({'; '.join(self.off) or 'set one'})")
@@ -81,22 +96,49 @@ class LightObjective(nn.Module):
 
     def _terms(self, batch: Batch, prediction: Prediction) -> dict[str, torch.Tensor]:
         inside = batch.inputs.inside
-        found, wanted = (tone_map(inside_only(image, inside)) for image in (prediction.i_t, batch.truth.i_t))
+        found, truth = (tone_map(inside_only(image, inside)) for image in (prediction.i_t, batch.truth.i_t))
+        pair = Compared(found=found, wanted=truth, inside=inside)
+        if self.noise == "two_samples":
+            pair = two_samples(pair, batch)
+        weight = inverse_variance(batch) if self.noise == "weighted" else 1.0
         terms = {}
         if "dr" in self.weights and (prediction.d is not None or prediction.r is not None):
             terms["dr"] = reflectances(batch, prediction)
         if self.trunk is not None:
-            terms["fr"] = (self.trunk(found) - self.trunk(wanted)).abs().mean()
+            terms["fr"] = (self.trunk(found) - self.trunk(pair.wanted)).abs().mean()
         for name, term in IMAGE_TERMS.items():
             if name in self.weights:
-                terms[name] = term(found, wanted, inside)
+                terms[name] = mean_inside(term(pair) * weight, inside)
         return terms
+
+
+def two_samples(pair: Compared, batch: Batch) -> Compared:
+    """What is wanted without the bias of the display curve, and its variance, of the two halves of the samples.
+
+    The curve g bends, so that noise makes g(I_t) too dark. Halves have twice the variance and so twice that bias:
+    2 g(I_t) - (g(one) + g(other)) / 2 has none, up to the fourth power of noise (the jackknife of Quenouille,
+    Biometrika 43, 1956). Squared, half the difference of the halves is the variance of their mean.
+    """
+    half = batch.truth.i_t_half
+    assert half is not None, "trainings ask for it"
+    one, other = (tone_map(inside_only(image.clamp_min(0), pair.inside))
+                  for image in (half, 2 * batch.truth.i_t - half))
+    return replace(pair, wanted=2 * pair.wanted - (one + other) / 2, noise=((one - other) / 2).square())
+
+
+def inverse_variance(batch: Batch) -> torch.Tensor:
+    """(B, 1, H, W) weights of mean 1 inside: 1 / (v + FLOOR^2), v the mean variance of the channels' display values."""
+    i_t, error, inside = batch.truth.i_t, batch.truth.i_t_se, batch.inputs.inside
+    assert error is not None, "trainings ask for it"
+    high, low = (tone_map(inside_only(image, inside)) for image in (i_t + error, (i_t - error).clamp_min(0)))
+    weight = 1 / (((high - low) / 2).square().mean(dim=1, keepdim=True) + FLOOR**2)
+    return weight / mean_inside(weight, inside).clamp_min(1e-12)
 
 
 def reflectances(batch: Batch, prediction: Prediction) -> torch.Tensor:
     """|D - D_gt| + |R - R_gt|, means over the object; without the part that the prediction lacks."""
     pairs = ((prediction.d, batch.truth.d), (prediction.r, batch.truth.r))
     inside = batch.inputs.inside
-    parts = [l1(inside_only(found, inside), inside_only(wanted, inside), inside)
+    parts = [mean_inside((inside_only(found, inside) - inside_only(wanted, inside)).abs(), inside)
              for found, wanted in pairs if found is not None]
     return torch.stack(parts).sum()

@@ -11,7 +11,7 @@ Student's t with G - 1 degrees of freedom. They hold for new objects in such roo
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf, nan, sqrt
+from math import inf, isnan, nan, sqrt
 from statistics import median
 from typing import Literal
 
@@ -58,6 +58,15 @@ class Summary:
     """By name."""
     seconds: float
     """Median over examples."""
+    corrected: dict[str, ClusteredMean]
+    """Estimates against truth without noise; NaN where nobody knows the noise, as in `ceiling`."""
+    ceiling: dict[str, ClusteredMean]
+    """Of a perfect prediction on the same examples."""
+
+    @property
+    def noise_known(self) -> bool:
+        """Whether the noise of the truth is known."""
+        return not isnan(self.ceiling["psnr"].mean)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,8 +130,11 @@ def chosen(rows: Sequence[ScoreRow], method: str) -> dict[str, ScoreRow]:
 
 def _summary(method: str, rows: Sequence[ScoreRow]) -> Summary:
     objects = [row.object for row in rows]
-    found = {metric.name: estimate([getattr(row.metrics, metric.name) for row in rows], objects) for metric in METRICS}
-    return Summary(method=method, metrics=found, seconds=median(row.seconds for row in rows))
+    metrics, corrected, ceiling = (
+        {metric.name: estimate([getattr(getattr(row, part), metric.name) for row in rows], objects)
+         for metric in METRICS} for part in ("metrics", "corrected", "ceiling"))
+    return Summary(method=method, metrics=metrics, seconds=median(row.seconds for row in rows), corrected=corrected,
+                   ceiling=ceiling)
 
 
 def _paired(method: str, other: str, metric: str, low_is_better: bool,

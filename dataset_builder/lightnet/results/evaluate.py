@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from math import isnan
 from pathlib import Path
 from time import perf_counter
 
@@ -18,10 +19,14 @@ from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.lightnet.data.batch import Batch, Prediction
 from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
 from dataset_builder.lightnet.data.loader import whole_images
+from dataset_builder.lightnet.data.truth import noise_layers
 from dataset_builder.lightnet.measures.metrics import Metrics, measure
+from dataset_builder.lightnet.measures.truth_noise import UNKNOWN, NoisyTruth
 from dataset_builder.lightnet.methods.checkpoint import Trained, load_trained
 from dataset_builder.lightnet.methods.method import TRIVIAL, count_parameters, predict
 from dataset_builder.lightnet.settings import DataSpec
+from dataset_builder.seeding import derive_seed
+from dataset_builder.shards.reader import load_manifest
 
 CPU = torch.device("cpu")
 FORMULAS = {"copy_i_s": "I_s as it is", "d_s_prime": "D S' with the true D",
@@ -63,6 +68,28 @@ class ScoreRow:
     metrics: Metrics
     seconds: float
     """From inputs in memory to the prediction."""
+    corrected: Metrics = UNKNOWN
+    """Estimate of what `metrics` would be against truth without noise; NaN where nobody knows the noise."""
+    ceiling: Metrics = UNKNOWN
+    """What a perfect prediction would have, against the truth as it is; the same for all methods."""
+
+    @property
+    def noise_known(self) -> bool:
+        """Whether the noise of the truth is known."""
+        return not isnan(self.ceiling.psnr)
+
+
+def measured(folder: Path | str, split: str, data: DataSpec) -> LightingDataset:
+    """The examples of a split to measure on, with the noise of their truth where it is known. Raises as
+    `LightingDataset` does."""
+    return LightingDataset(folder, split, data, extra=noise_layers(load_manifest(folder)))
+
+
+def noise_of(batch: Batch) -> NoisyTruth | None:
+    """The truth of a batch of one with its noise; None where that is not known."""
+    truth = batch.truth
+    return None if truth.i_t_se is None else NoisyTruth(
+        i_t=truth.i_t, error=truth.i_t_se, inside=batch.inputs.inside, seed=derive_seed(0, "noise", batch.keys[0]) >> 1)
 
 
 def trivial() -> list[Contender]:
@@ -97,20 +124,24 @@ def evaluate(contenders: Sequence[Contender], dataset: LightingDataset, indices:
     Trained methods run once beforehand, so that nobody's seconds hold what only happens once.
     """
     for index, batch in zip(indices, whole_images(dataset, indices), strict=True):
+        noise = noise_of(batch)
         for one in contenders:
             moved = batch.to(one.device)
             if one.trained and index == indices[0]:
                 one.find(moved)
-            yield row(one, moved, dataset.label(index).plan)[0]
+            yield row(one, moved, dataset.label(index).plan, noise)[0]
 
 
-def row(one: Contender, batch: Batch, plan: ExamplePlan) -> tuple[ScoreRow, Prediction]:
-    """The row of one example and what was predicted: a batch of one, on the contender's device, and its plan."""
+def row(one: Contender, batch: Batch, plan: ExamplePlan,
+        noise: NoisyTruth | None = None) -> tuple[ScoreRow, Prediction]:
+    """The row of one example and what was predicted: a batch of one, on the contender's device, its plan, and its
+    truth's noise."""
     prediction, seconds = timed(one, batch)
+    told = {} if noise is None else {"corrected": noise.corrected(prediction.i_t), "ceiling": noise.ceiling}
     metrics, = measure(prediction.i_t, batch.truth.i_t, batch.inputs.inside)
     return ScoreRow(method=one.name, key=batch.keys[0], view=plan.view, object=plan.target.object.name,
                     room=plan.room.name, level=plan.rough.level, sigma=plan.rough.sigma, rough=plan.rough.name,
-                    metrics=metrics, seconds=seconds), prediction
+                    metrics=metrics, seconds=seconds, **told), prediction
 
 
 def timed(one: Contender, batch: Batch) -> tuple[Prediction, float]:

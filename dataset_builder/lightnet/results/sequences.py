@@ -25,7 +25,7 @@ from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.label.sequence_plan import SequencePlan
 from dataset_builder.lightnet.data.lighting_dataset import LightingDataset, opened
 from dataset_builder.lightnet.data.ranges import inside_only, tone_map
-from dataset_builder.lightnet.results.evaluate import Contender, ScoreRow, row
+from dataset_builder.lightnet.results.evaluate import Contender, ScoreRow, noise_of, row
 from dataset_builder.remote.address import title_of
 from dataset_builder.shards.reader import load_manifest, open_dataset
 
@@ -127,13 +127,14 @@ def evaluate_sequences(contenders: Sequence[Contender], dataset: LightingDataset
         exposure, before = _exposure(dataset, sequence), None
         for frame, index in zip(sequence.frames, sequence.indices, strict=True):
             batch, plan = dataset[index], dataset.label(index).plan
+            noise = noise_of(batch)
             gain, inside = exposure / float(batch.exposure[0]), batch.inputs.inside
             pictures = {TRUTH: _display(batch.truth.i_t, inside, gain)}
             for one in contenders:
                 moved = batch.to(one.device)
                 if one.trained and sequence is sequences[0] and index == sequence.indices[0]:
                     one.find(moved)
-                scored, prediction = row(one, moved, plan)
+                scored, prediction = row(one, moved, plan, noise)
                 yield scored
                 pictures[one.name] = _display(prediction.i_t, moved.inputs.inside, gain)
             height, width = dataset.size

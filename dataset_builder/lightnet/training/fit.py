@@ -118,7 +118,7 @@ class _Training:
         if job.threads:
             torch.set_num_threads(job.threads)
         self.train = LightingDataset(job.dataset, spec.data.train, spec.data, levels=job.levels, i_s=spec.data.i_s,
-                                     keys=job.keys)
+                                     keys=job.keys, extra=spec.extra)
         self.held_out = LightingDataset(job.dataset, data.held_out, data, levels=job.levels) if data.held_out else None
         self.method: Method = build_method(spec, job.vgg_weights).to(self.device)
         self.optimisers, self.running = Optimisers(self.method, spec), running_statistics(self.method)

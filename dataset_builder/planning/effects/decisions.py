@@ -3,7 +3,7 @@
 Every decision has a reason in words. Nothing here draws, renders or looks at pixels; `docs/effects.md` has the rules.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
@@ -11,21 +11,27 @@ from typing import Any, get_args
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.label.example_plan import Decision, EffectsPlan, Feature, PassEffects, RenderPlan
 from dataset_builder.label.field_plan import NO_FIELD, FieldPlan
-from dataset_builder.label.scene_plan import FogPlan, IlluminationPlan, PlacedObject, PortalPlan, RoomPlan, Vector
-from dataset_builder.layers import ALIKE, EVERYWHERE, LAYERS, LIT, PASSES, Extent
+from dataset_builder.label.scene_plan import (
+    CameraPlan,
+    FogPlan,
+    IlluminationPlan,
+    PlacedObject,
+    PortalPlan,
+    RoomPlan,
+    Vector,
+)
+from dataset_builder.layers import LIT, PASSES
 from dataset_builder.planning.effects.caustics_told import throws_caustics, told
 from dataset_builder.planning.effects.daylight_choice import daylight
 from dataset_builder.planning.effects.features import scene_features
+from dataset_builder.planning.effects.light_left import MAX_DEPTH, LightLeft, light_left
 from dataset_builder.planning.effects.materials_used import MaterialUse, SceneUse, scene_use
-from dataset_builder.planning.effects.reach import MAX_DEPTH, path_depth, reaching, said
+from dataset_builder.planning.effects.pass_extents import extent_of_pass, light_free, runs
+from dataset_builder.planning.effects.reach import bends, path_depth, reaching, said
 from dataset_builder.planning.effects.transport_choice import PassLight, choose, choose_for_everything
 from dataset_builder.planning.scene.shell import Shell
 from dataset_builder.spec.render import RenderSpec
 
-ALBEDO = {"i_s": "d", "i_t": "d"}
-"""Layers that carry the colour of the surface, and what shows it. Lighting carries none."""
-
-NORMAL = {"3dm": "normal", "r3dm": "normal_rough"}
 FIELDS = {"density": "a neural field of the object (volume density)",
           "sdf": "a neural field of the object (signed distance)", "own": "the object's own capture"}
 """Fields as decisions name them."""
@@ -34,33 +40,8 @@ FACTOR = 16
 """
 REPEATS = 2
 """Independent renders of such an example as the dataset asks: their products hold the bias without the noise."""
-MASKS = {"3dm": ("mask",), "r3dm": ("mask", "mask_rough")}
-"""By geometry: where a layer of extent `object` lives is where any of these is above 0."""
-
-
-def guides_of(name: str) -> tuple[str, ...]:
-    """Layers that guide the denoising of one, masks aside. Bounced light on the rough mesh is guided by the clean."""
-    geometry = LAYERS[name].geometry
-    normals = (NORMAL[geometry],) if geometry == "3dm" else (NORMAL[geometry], NORMAL["3dm"])
-    return (ALBEDO[name], *normals) if name in ALBEDO else normals
-
-
-def has_direct(render: RenderPlan) -> bool:
-    """Whether denoising needs to know what of S' comes straight from the lights."""
-    return "s_prime" in render.denoise
-
-
-def guide_extents(render: RenderPlan) -> dict[str, Extent]:
-    """Layers that denoising needs, shipped or not, and where: on the frame where a layer is denoised there."""
-    extents, wanted = dict(render.layers), dict[str, Extent]()
-    for name in render.denoise:
-        for guide in guides_of(name):
-            wanted[guide] = "frame" if "frame" in (extents[name], wanted.get(guide)) else "object"
-        for mask in MASKS[LAYERS[name].geometry]:
-            wanted.setdefault(mask, "object")
-    return wanted
-
-
+DEEP = 128
+"""Least number of edges where everything is simulated."""
 @dataclass(frozen=True, kw_only=True)
 class _Scene:
     """What decisions about the passes of one example are made from."""
@@ -69,7 +50,6 @@ class _Scene:
     shell: Shell
     near: Vector
     """Where the target stands."""
-    diagonal: float
     use: SceneUse
     light: dict[str, IlluminationPlan]
     fog: FogPlan
@@ -78,50 +58,64 @@ class _Scene:
     """Its surface, square metres."""
     field: FieldPlan
     """What the source pass sees, where it is no mesh."""
+    left: Callable[[str, Sequence[int]], LightLeft]
+    """What longer paths would bring to a pass with some of its lights."""
+    where: str
+    """The view, as errors name it."""
 
 
-def plan_effects(*, spec: RenderSpec, room: RoomPlan, shell: Shell, diagonal: float, target: PlacedObject,
+def plan_effects(*, spec: RenderSpec, room: RoomPlan, shell: Shell, camera: CameraPlan, target: PlacedObject,
                  furniture: tuple[PlacedObject, ...], source_light: IlluminationPlan, target_light: IlluminationPlan,
                  fog: FogPlan, render: RenderPlan, mesh_root: Path, where: str = "",
                  field: FieldPlan = NO_FIELD, taken: bool = False) -> EffectsPlan:
-    """What is simulated for one example, with reasons. diagonal: longest way through the air, metres. where: the view,
-    as errors name it. field: what `i_s` shows in place of the mesh. taken: whether R3DMs of the view are
-    taken from fields.
+    """What is simulated for one example, with reasons. where: the view, as errors name it. field: what `i_s` shows in
+    place of the mesh. taken: whether R3DMs of the view are taken from fields.
 
     Features, and what the light-free and source passes simulate, follow from the view alone: no target light changes
-    them. Raises PlanError where a mesh file is not the one that was planned, and where no light of a pass that runs can
-    reach the object.
+    them. Raises PlanError where a mesh file is not the one that was planned, where no light of a pass that runs can
+    reach the object, and where fog is so dense that no path planned is long enough.
     """
     light: dict[str, IlluminationPlan] = {name: source_light if name.startswith("source") else target_light
                                           for name in LIT}
     seen = {"source"} if field.there else set()
-    _require_light(shell, target.position, light, [name for name in LIT if _runs(render, name) and name not in seen],
+    _require_light(shell, target.position, light, [name for name in LIT if runs(render, name) and name not in seen],
                    where)
     if spec.effects == "all":
         return _everything(spec, render, light)
     use = scene_use(room, (target, *furniture), mesh_root)
-    scene = _Scene(spec=spec, shell=shell, near=target.position, diagonal=diagonal, use=use, light=light, fog=fog,
-                   render=render, target_area=use.area_of(target.object.name), field=field)
+
+    def left(name: str, kept: Sequence[int]) -> LightLeft:
+        alike = [each for each in LIT if each.startswith("source") == name.startswith("source")
+                 and each not in seen and runs(render, each)]
+        glass = bends(use.materials)
+        share = max(fog.albedo * (fog.extinction > 0), float(glass), *(one.scattered for one in use.materials))
+        return light_left(room=room, target=target, furniture=furniture, light=light[name], fog=fog, camera=camera,
+                          kept=[light[name].lights[index] for index in kept], render=render, passes=alike,
+                          bias=spec.bias, share=share, glass=glass,
+                          mesh_root=mesh_root)
+
+    scene = _Scene(spec=spec, shell=shell, near=target.position, use=use, light=light, fog=fog, render=render,
+                   target_area=use.area_of(target.object.name), field=field, left=left, where=where)
     planned = [_plan_pass(scene, name) for name in PASSES]
     features, on_surfaces = scene_features(use, fog, render, taken)
-    lit = [(each.light, each.entry.transport) for each in planned if each.light and _runs(render, each.light.name)]
-    decisions = (*(decision for each in planned for decision in each.decisions), *told(lit), *_light_free(render),
+    lit = [(each.light, each.entry.transport) for each in planned if each.light and runs(render, each.light.name)]
+    decisions = (*(decision for each in planned for decision in each.decisions), *told(lit), *light_free(render),
                  *on_surfaces)
     return EffectsPlan(features=features, passes=tuple(each.entry for each in planned), decisions=decisions)
 
 
 def _everything(spec: RenderSpec, render: RenderPlan, light: dict[str, IlluminationPlan]) -> EffectsPlan:
-    depth = MAX_DEPTH if spec.max_depth == "auto" else max(int(spec.max_depth), MAX_DEPTH)
+    depth = DEEP if spec.max_depth == "auto" else max(int(spec.max_depth), DEEP)
     lit = {name: tuple(range(len(illumination.lights))) for name, illumination in light.items()}
     reason = "everything simulated, as requested"
     paths = {name: choose_for_everything(name, spec.transport, reason) for name in LIT}
     passes = tuple(PassEffects(name=name, extent="frame", lights=lit.get(name, ()), max_depth=depth,
                                transport=paths[name][0] if name in paths else "camera") for name in PASSES)
-    decisions = (*(Decision(effect=f"pass {name}", choice="frame" if _runs(render, name) else "not run", reason=reason)
+    decisions = (*(Decision(effect=f"pass {name}", choice="frame" if runs(render, name) else "not run", reason=reason)
                    for name in PASSES),
                  *(Decision(effect=f"lights of {name}", choice="all", reason=reason) for name in LIT),
                  *(Decision(effect=f"path depth of {name}", choice=f"{depth}", reason=reason) for name in LIT),
-                 *(on_transport for name, (_, on_transport) in paths.items() if _runs(render, name)),
+                 *(on_transport for name, (_, on_transport) in paths.items() if runs(render, name)),
                  *(Decision(effect=feature, choice="on", reason=reason) for feature in get_args(Feature)))
     return EffectsPlan(features=get_args(Feature), passes=passes, decisions=decisions)
 
@@ -137,73 +131,31 @@ class _Planned:
 
 
 def _plan_pass(scene: _Scene, name: str) -> _Planned:
-    extent, about = _extent(scene.render, name)
-    runs = _runs(scene.render, name)
-    on_pass = Decision(effect=f"pass {name}", choice=extent if runs else "not run", reason=about)
+    extent, about = extent_of_pass(scene.render, name)
+    running = runs(scene.render, name)
+    on_pass = Decision(effect=f"pass {name}", choice=extent if running else "not run", reason=about)
     if name == "source" and scene.field.there:
         shown = FIELDS[scene.field.kind]
         reason = f"i_s is the image of {shown}, seen alone, in the light that it was made in"
         return _Planned(entry=_entry(name, "object", max_depth=1),
-                        decisions=(Decision(effect=f"pass {name}", choice="field" if runs else "not run",
-                                            reason=reason if runs else about),))
+                        decisions=(Decision(effect=f"pass {name}", choice="field" if running else "not run",
+                                            reason=reason if running else about),))
     if name not in LIT:
         return _Planned(entry=_entry(name, extent, max_depth=1), decisions=(on_pass,))
     kept, on_lights = _lights(scene, name)
-    depth, on_depth = _depth(scene, name)
+    depth, on_depth = _depth(scene, name, kept)
     light = PassLight(name=name, lights=tuple(scene.light[name].lights[index] for index in kept),
                       materials=_standing(scene, name), fog=scene.fog, depth=depth, target_area=scene.target_area)
     transport, on_transport = choose(light, scene.spec.transport)
     portals, on_daylight = _daylight(scene, name, kept)
     entry = _entry(name, extent, lights=kept, max_depth=depth, transport=transport, portals=portals,
                    caustics=transport == "joined" and throws_caustics(light))
-    decisions = (on_pass, on_lights, on_depth, *on_daylight, on_transport) if runs else (on_pass,)
+    decisions = (on_pass, on_lights, on_depth, *on_daylight, on_transport) if running else (on_pass,)
     return _Planned(entry=entry, light=light, decisions=decisions)
 
 
 def _entry(name: str, extent: str, **more: Any) -> PassEffects:
     return PassEffects.model_validate({"name": name, "extent": extent, "lights": (), **more})
-
-
-# Pixels
-
-def _asked(render: RenderPlan, name: str) -> dict[str, str]:
-    """Layers of a pass and their extents."""
-    return {layer: extent for layer, extent in render.layers if LAYERS[layer].render_pass == name}
-
-
-def _runs(render: RenderPlan, name: str) -> bool:
-    """The first pass always runs: it finds the object's pixels; the rough one finds those of S'."""
-    rough = name == "first_hit_rough" and bool(_asked(render, "rough") or _asked(render, "pbr"))
-    return name == "first_hit" or rough or bool(_asked(render, name))
-
-
-def _extent(render: RenderPlan, name: str) -> tuple[str, str]:
-    """On which pixels a pass runs, and why."""
-    asked = _asked(render, name)
-    on_frame = [layer for layer, extent in asked.items() if extent == "frame" and layer not in EVERYWHERE]
-    if on_frame:
-        return "frame", f"requested on the whole frame: {', '.join(on_frame)}"
-    guides = [layer for layer, extent in guide_extents(render).items()
-              if extent == "frame" and layer not in EVERYWHERE and LAYERS[layer].render_pass == name]
-    if guides:
-        return "frame", f"guides what is denoised on the whole frame: {', '.join(guides)}"
-    if asked and name in ALIKE[1:] and _runs(render, ALIKE[0]) and _extent(render, ALIKE[0])[0] == "frame":
-        return "frame", "as the pass target, whose random numbers it shares pixel by pixel"
-    if asked:
-        return "object", f"requested on the object only: {', '.join(asked)}"
-    why = "none of its layers is requested"
-    return "object", f"{why}, but it finds the object's pixels" if _runs(render, name) else why
-
-
-def _light_free(render: RenderPlan) -> list[Decision]:
-    """Layers that need no light."""
-    free = [layer for layer, _ in render.layers if not LAYERS[layer].radiometric]
-    clean = [layer for layer in free if LAYERS[layer].geometry == "3dm"]
-    rough = [layer for layer in free if LAYERS[layer].geometry == "r3dm"]
-    reasons = [f"once per view: {', '.join(clean)}"] * bool(clean)
-    reasons += [f"once per light and noise level: {', '.join(rough)}"] * bool(rough)
-    return [Decision(effect="light-free layers", choice=f"{len(free)} of {len(render.layers)}",
-                     reason="; ".join(reasons) or "all requested layers need light")]
 
 
 # Lights and paths
@@ -242,6 +194,13 @@ def _standing(scene: _Scene, name: str) -> tuple[MaterialUse, ...]:
     return tuple(use for use in scene.use.materials if use.part not in opened)
 
 
-def _depth(scene: _Scene, name: str) -> tuple[int, Decision]:
-    found = path_depth(scene.spec.max_depth, scene.spec.bias, _standing(scene, name), scene.fog, scene.diagonal)
+def _depth(scene: _Scene, name: str, kept: Sequence[int]) -> tuple[int, Decision]:
+    left = scene.left(name, kept)
+    found = path_depth(scene.spec.max_depth, scene.spec.bias, _standing(scene, name), scene.fog, left)
+    if scene.fog.extinction and left.paths and not found.kept and scene.spec.max_depth == "auto":
+        rule = (f"expected fog that paths of at most {MAX_DEPTH} edges get through, got an extinction of "
+                f"{scene.fog.extinction:g} per metre and an albedo of {scene.fog.albedo:g}: longer ones would bring "
+                f"about {found.left_out:.0%} of the light of the pass {name}")
+        raise PlanError([Problem(where=scene.where, path="fog", rule=rule, hint="take thinner or darker fog, allow a "
+                                 "larger `render.bias`, or set `render.max_depth` and lose that light")])
     return found.depth, Decision(effect=f"path depth of {name}", choice=str(found.depth), reason=found.reason)

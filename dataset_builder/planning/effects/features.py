@@ -13,6 +13,7 @@ from dataset_builder.assets.asset import (
     range_of,
     sends,
 )
+from dataset_builder.assets.glass_bodies import fill_of, glass_bodies
 from dataset_builder.label.example_plan import Decision, Feature, RenderPlan
 from dataset_builder.label.scene_plan import FogPlan
 from dataset_builder.planning.effects.materials_used import MaterialUse, SceneUse
@@ -34,6 +35,7 @@ _CALLS: dict[Feature, tuple[Callable[[Material], bool], str]] = {
     "glass": (is_solid, "is solid glass"),
     "thin": (is_pane, "is thin glass"),
     "dispersion": (disperses, "is glass with an Abbe number"),
+    "nested": (lambda material: fill_of(material) is not None, "is solid glass with a priority"),
     "coverage": (lambda material: coverage_range(material)[0] < 1, "is cut out or there in part"),
     "emission": (sends, "sends out light"),
 }
@@ -44,6 +46,7 @@ _OWN: dict[Feature, Callable[[MaterialUse], bool]] = {
 _COSTS: dict[Feature, str] = {
     "coverage": "sight and light go straight on past what is not there, which takes a ray each time; cameras and "
                 "target lights are placed as if all of it were there",
+    "nested": "of what several take the highest priority owns; camera paths count the bodies that they are in",
     "emission": "paths meet it by chance, so what is small and bright is noisy; target lights are placed without it",
 }
 """What else there is to say of a feature that is on."""
@@ -58,19 +61,21 @@ def names(uses: Sequence[str]) -> str:
 def scene_features(use: SceneUse, fog: FogPlan, render: RenderPlan,
                    taken: bool = False) -> tuple[tuple[Feature, ...], tuple[Decision, ...]]:
     """The features that a scene calls for, in the order of `Feature`, and the decisions about its surfaces and air.
-    taken: whether the R3DM is taken from a field, which gives it vertices with colours."""
+    taken: whether the R3DM is taken from a field, which gives it vertices with colours. Raises PlanError where more
+    bodies of glass know each other than paths can count."""
+    glass_bodies([each.material for each in use.materials])
     calling = {feature: [each for each in use.materials if _calls(feature, each)]
                for feature in get_args(Feature) if feature in {*_CALLS, *_OWN}}
     on = {feature for feature, found in calling.items() if found} | ({"fog"} if fog.extinction > 0 else set())
     on |= {"colours"} if taken else set()
     features = tuple(feature for feature in get_args(Feature) if feature in on)
     decisions = [_said(feature, found, len(use.materials)) for feature, found in calling.items()
-                 if feature not in ("textures", "dispersion")]
+                 if feature not in ("textures", "dispersion", *(() if calling["glass"] else ("nested",)))]
     if taken:
         decisions = [each for each in decisions if each.effect != "colours"] + [Decision(
             effect="colours", choice="on", reason="the rough mesh is taken from a field, in the colours seen there")]
-    return features, (_textures(calling["textures"], render), *decisions, _dispersion(calling["dispersion"]),
-                      _fog(fog), *_nowhere(use), _normals(use), *_files(use))
+    return features, (_textures(calling["textures"], render), *decisions, *_unowned(use),
+                      _dispersion(calling["dispersion"]), _fog(fog), *_nowhere(use), _normals(use), *_files(use))
 
 
 def _calls(feature: Feature, use: MaterialUse) -> bool:
@@ -85,6 +90,15 @@ def _said(feature: Feature, found: Sequence[MaterialUse], count: int) -> Decisio
     about = f"{len(found)} of {count} materials: {names([each.name for each in found])}"
     return Decision(effect=feature, choice="on",
                     reason=f"{about}; {_COSTS[feature]}" if feature in _COSTS else about)
+
+
+def _unowned(use: SceneUse) -> list[Decision]:
+    """Glass in glass that nobody said anything about."""
+    if not use.unowned:
+        return []
+    return [Decision(effect="nested", choice="no owner", reason="bodies of glass take the same space or touch, and no "
+                     f"priority says which owns it: {names(use.unowned)}; each is traced as if air were around it (give"
+                     " the materials a different `priority`, the outermost the highest)")]
 
 
 def _nowhere(use: SceneUse) -> list[Decision]:

@@ -18,7 +18,8 @@ from dataset_builder.assets.asset import (
 )
 from dataset_builder.geometry.edges import CREASE_ANGLE, consistent, dihedral_angles, edges_of
 from dataset_builder.label.scene_plan import PlacedObject, RoomPlan
-from dataset_builder.planning.scene.assets_of_plan import asset_of
+from dataset_builder.planning.effects.nested_glass import unowned_glass
+from dataset_builder.planning.scene.assets_of_plan import asset_of, world_from_object
 from dataset_builder.planning.scene.room_parts import room_parts
 from dataset_builder.planning.scene.scene_models import scene_model
 
@@ -145,6 +146,8 @@ class SceneUse:
     """Pairs of a word and a sentence, of every mesh file: see `told_of`."""
     scene: tuple[tuple[str, str], ...] = ()
     """The same of the scene file, one of each word; empty for a room in code."""
+    unowned: tuple[str, ...] = ()
+    """Bodies of glass that take the same space, see `nested_glass.unowned_glass`."""
 
     def area_of(self, name: str) -> float:
         """Surface of a thing, square metres."""
@@ -193,18 +196,20 @@ def _is_smooth(asset: Asset) -> bool:
 def scene_use(room: RoomPlan, objects: Iterable[PlacedObject], mesh_root: Path) -> SceneUse:
     """What a room and the objects in it show. Raises PlanError where a file is not the one that was planned, UserError
     where it cannot be read."""
-    around = room_parts(room, mesh_root)
+    around, objects = room_parts(room, mesh_root), tuple(objects)
     placed = [(each.object.name, "furniture", asset_of(each.object, mesh_root), 1.0) for each in objects]
     things = [*((part.name, str(part.part), part.asset, _growth(part.world)) for part in around), *placed]
     uses = [MaterialUse(owner=owner, part=part, material=material, **figures | {"area": figures["area"] * growth})
             for owner, part, asset, growth in things
             for material, figures in zip(_facts(asset).materials, _facts(asset).figures, strict=True)]
+    bodies = [*((part.name, part.asset, part.world) for part in around),
+              *((each.object.name, asset_of(each.object, mesh_root), world_from_object(each)) for each in objects)]
     smooth = dict.fromkeys(owner for owner, _, asset, _ in things if _facts(asset).smooth)
     flat = dict.fromkeys(owner for owner, *_ in things if owner not in smooth)
     return SceneUse(materials=tuple(uses), smooth=tuple(smooth), flat=tuple(flat),
                     files=tuple((word, f"{owner}: {said}") for owner, _, asset, _ in placed
                                 for word, said in told_of(asset)),
-                    scene=told_of_scene(room, mesh_root))
+                    scene=told_of_scene(room, mesh_root), unowned=unowned_glass(bodies))
 
 
 def _growth(world: np.ndarray) -> float:

@@ -1,31 +1,30 @@
 """How far light gets: which lights of a pass can reach the object, and how long paths have to be.
 
-Only lights that contribute exactly nothing are left out. Path lengths follow from a geometric bound on the light that
-longer ones would add. Radiance is L = E + T L with emission E and transport T; paths of at most n edges add up
-E + T E + ... + T^(n-1) E. What they leave out of the light that arrives at the first surface is T^(n-1) L, at most
-a^(n-1) of all light, where a bounds what one scattering event leaves (J. Arvo, K. Torrance, B. Smits, "A Framework for
-the Analysis of Error in Global Illumination Algorithms", SIGGRAPH 1994). Here a is the largest reflectance of any
-material in the scene, for light from everywhere, in its brightest channel and texel. The bound is one of energy over
-the scene, not of each pixel.
+Only lights that contribute exactly nothing are left out. Path lengths follow from the light that longer ones would
+bring to the pictures, which `light_left` estimates by paths of its own. There is a bound without any estimate, too:
+radiance is L = E + T L with emission E and transport T, and paths of at most n edges add up E + T E + ... + T^(n-1) E.
+They leave out T^(n-1) L of the light that arrives at the first surface, at most a^(n-1) of all light, where a bounds
+what one scattering event leaves (J. Arvo, K. Torrance, B. Smits, "A Framework for the Analysis of Error in Global
+Illumination Algorithms", SIGGRAPH 1994): the largest reflectance of any material in the scene, for light from
+everywhere, in its brightest channel and texel. That is one of energy over the scene, not of a picture, and no use where
+glass or fog takes next to nothing.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import ceil, exp, log
+from math import ceil, log
 
 import numpy as np
 
 from dataset_builder.assets.asset import is_pane, is_solid
 from dataset_builder.label.scene_plan import FogPlan, IlluminationPlan, LightPlan, Vector
 from dataset_builder.light_kinds import LIGHT_KINDS
+from dataset_builder.planning.effects.light_left import MAX_DEPTH, LightLeft
 from dataset_builder.planning.effects.materials_used import MaterialUse, is_smooth
 from dataset_builder.planning.scene.shell import Reach, Shell
 
-MIN_DEPTH, MAX_DEPTH = 3, 64
-SOLID_CROSSINGS, PANE_CROSSINGS = 8, 4
-"""Edges added for glass, which takes next to nothing of what passes: two bodies (in and out) or two rough panes behind
-each other, both on the way to a surface and on the way from it to the light. Smooth panes bend no path and add no
-edge."""
+MIN_DEPTH, UNKNOWN_DEPTH = 3, 64
+"""Least number of edges, and the largest where no path that planning traces finds light."""
 
 
 def reach(light: LightPlan, shell: Shell, opened: Sequence[str], near: Vector) -> Reach:
@@ -68,22 +67,15 @@ class PathDepth:
     depth: int
     """In edges."""
     left_out: float
-    """Largest share of the light arriving at a surface that longer paths would bring."""
+    """Largest share of the light that longer paths would bring."""
+    kept: bool
+    """Whether that is as little as was asked for."""
     reason: str
     """In words."""
 
 
-def with_fog(share: float, fog: FogPlan, diagonal: float) -> float:
-    """Largest share that one event leaves where light may also be scattered by fog, over ways up to `diagonal` metres.
-
-    An event is in the fog with a probability p of at most 1 - exp(-extinction diagonal): p albedo + (1 - p) share.
-    """
-    in_fog = 1 - exp(-fog.extinction * diagonal)
-    return max(share, share + in_fog * (fog.albedo - share))
-
-
 def needed_depth(share: float, bias: float) -> int:
-    """Least number of edges n >= 2 with share^(n-1) <= bias; no more than one beyond MOST."""
+    """Least number of edges n >= 2 with share^(n-1) <= bias; no more than one beyond MAX_DEPTH."""
     if share <= bias:
         return 2
     if share >= 1:
@@ -93,34 +85,37 @@ def needed_depth(share: float, bias: float) -> int:
     return depth + 1 if depth <= MAX_DEPTH and share ** (depth - 1) > bias else depth
 
 
-def crossings(materials: Sequence[MaterialUse]) -> int:
-    """Edges that paths need beyond the bound, to get through glass."""
-    solid = any(is_solid(use.material) for use in materials)
-    panes = any(is_pane(use.material) and not is_smooth(use.roughest) for use in materials)
-    return SOLID_CROSSINGS * solid + PANE_CROSSINGS * panes
+def bends(materials: Sequence[MaterialUse]) -> bool:
+    """Whether paths need edges to get through glass: solid, or panes that are rough somewhere."""
+    return any(is_solid(use.material) or (is_pane(use.material) and not is_smooth(use.roughest)) for use in materials)
 
 
 def path_depth(asked: int | str, bias: float, materials: Sequence[MaterialUse], fog: FogPlan,
-               diagonal: float) -> PathDepth:
+               left: LightLeft) -> PathDepth:
     """The depth of a pass in which `materials` stand. asked: edges, or `auto` for what `bias` needs.
 
-    diagonal: longest way in the fog, metres.
+    The estimate decides. Without glass and fog the brightest material bounds the energy over the scene, too: its depth
+    is enough where the estimate does not speak against it.
     """
     brightest = max(materials, key=lambda use: use.scattered)
-    share, extra = with_fog(brightest.scattered, fog, diagonal), crossings(materials)
-    through = f"; {extra} more edges pass through glass" if extra else ""
-    event = f"{brightest.name} scatters at most {brightest.scattered:.3g} of the light"
-    if share > brightest.scattered:
-        event += f" and the fog {fog.albedo:.3g}, together {share:.3g}"
+    share, lossy = brightest.scattered, not bends(materials) and not fog.extinction
+    depth = left.least(bias)
+    if lossy and (known := needed_depth(share, bias)) <= MAX_DEPTH and (left.share[known] <= bias or not left.paths):
+        depth = min(depth, known)
+    depth = int(asked) if asked != "auto" else min(max(depth, MIN_DEPTH), MAX_DEPTH if left.paths else UNKNOWN_DEPTH)
+    estimated, most = float(left.share[min(depth, MAX_DEPTH)]), float(left.bound[min(depth, MAX_DEPTH)])
+    said, bound = [], most if left.paths else 1.0
+    if left.paths:
+        said.append(f"of the light of its pictures, longer paths bring about {estimated:.2g}, at most {most:.2g} "
+                    f"(estimated from {left.paths:,} paths, 99.9% bound)")
+    else:
+        said.append("no path that planning traced found light")
+    if lossy and share ** (depth - 1) < bound:
+        bound = share ** (depth - 1)
+        said.append(f"{brightest.name} scatters at most {share:.3g} of the light, which leaves out at most {bound:.2g} "
+                    "of that of the scene")
     if asked != "auto":
-        depth = int(asked)
-        left = min(share ** max(depth - 1 - extra, 0), 1.0)
-        return PathDepth(depth=depth, left_out=left, reason=f"requested; {event}, so longer paths would add at most "
-                         f"{left:.2g} of the light that arrives at a surface{through}")
-    needed = max(needed_depth(share, bias), MIN_DEPTH)
-    depth = min(needed + extra, MAX_DEPTH)
-    left = share ** (depth - 1 - extra)
-    said = f"{event}, so longer paths would add at most {left:.2g} of the light that arrives at a surface{through}"
-    if needed + extra > MAX_DEPTH:
-        said += f"; cut at {MAX_DEPTH}, a bias of {bias:g} would need longer ones"
-    return PathDepth(depth=depth, left_out=left, reason=said)
+        said.insert(0, "requested")
+    elif bound > bias:
+        said.append(f"cut at {depth}, a bias of {bias:g} would need longer ones")
+    return PathDepth(depth=depth, left_out=bound, kept=bound <= bias, reason="; ".join(said))

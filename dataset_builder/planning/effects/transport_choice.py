@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from dataset_builder.assets.asset import ripples
+from dataset_builder.assets.glass_bodies import fill_of
 from dataset_builder.label.example_plan import Decision, Transport
 from dataset_builder.label.scene_plan import FogPlan, LightPlan
 from dataset_builder.light_kinds import LIGHT_KINDS
@@ -83,6 +84,10 @@ RULES = (
         bars=True, holds=lambda light: any(ripples(use.material) for use in light.materials),
         why=lambda light: "light that crosses a normal map on glass goes another way from the lamp than from the "
                           "camera: " + names([use.name for use in light.materials if ripples(use.material)])),
+    TransportRule(
+        bars=True, holds=lambda light: any(fill_of(use.material) for use in light.materials),
+        why=lambda light: "light paths do not count the bodies of glass that they are in: " + names(
+            [use.name for use in light.materials if fill_of(use.material)])),
     TransportRule(
         bars=False, holds=lambda light: light.share < LAMPS_LEAD,
         why=lambda light: f"lamps have {light.share:.0%} of the direct light at the object, less than "

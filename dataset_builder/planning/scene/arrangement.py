@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dataset_builder.geometry.raycast import RayScene
-from dataset_builder.label.scene_plan import ObjectPlan, PlacedObject, RoomPlan, Vector
+from dataset_builder.label.scene_plan import ObjectPlan, PlacedObject, RoomPlan
 from dataset_builder.planning.catalogue import PairRef
 from dataset_builder.planning.scene.assets_of_plan import asset_of, world_from_object
 from dataset_builder.planning.scene.contents import SplitContents
@@ -18,7 +18,7 @@ from dataset_builder.planning.scene.layout import Piece, Place, furnish, lay_out
 from dataset_builder.planning.scene.mesh_shell import shell_of
 from dataset_builder.planning.scene.object_size import advice_on
 from dataset_builder.planning.scene.room_parts import RoomPart, room_parts
-from dataset_builder.planning.scene.shell import PARTS, Geometry, Shell, box_of
+from dataset_builder.planning.scene.shell import PARTS, Geometry, Shell
 from dataset_builder.planning.scene.stage import FURNITURE_INSTANCE, TARGET_INSTANCE, extent_of, stage
 from dataset_builder.planning.scene.sweep import Sweep, swept_box
 from dataset_builder.seeding import rng
@@ -96,14 +96,6 @@ class Arrangement:
     def radius(self) -> float:
         """Half the diagonal of the target's box."""
         return float(np.linalg.norm(np.diff(self._target_box, axis=0)) / 2)
-
-    @cached_property
-    def _bounds(self) -> list[np.ndarray]:
-        return [corner for part in self.geometry if len(part[1]) for corner in box_of(part)]
-
-    def diagonal(self, camera: Vector) -> float:
-        """Longest way through the air of a view from `camera`, metres."""
-        return self.shell.diagonal(np.array([*self._bounds, camera]))
 
 
 def _piece(plan: ObjectPlan, place: Place, mesh_root: Path, draws: Callable[[], np.random.Generator]) -> Piece:

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import hypot
 
 import numpy as np
 
@@ -86,10 +85,6 @@ class BoxShell:
         with np.errstate(divide="ignore", invalid="ignore"):
             steps = np.where(direction == 0, np.inf, bound / direction)
         return float(steps.min())
-
-    def diagonal(self, points: np.ndarray) -> float:
-        """Of the room."""
-        return hypot(self.room.width, self.room.depth, self.room.height)
 
     def lets_in(self, light: LightPlan, near: np.ndarray) -> Reach:
         """A dome comes in through all windows, a sun through those in walls that it shines at from outside."""

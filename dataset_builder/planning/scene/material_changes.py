@@ -16,7 +16,7 @@ from dataset_builder.spec.scene import MAX_SPECULAR, MaterialSpec, SurfaceSpec
 
 ROLE = ": "
 """Between what a material of embedded furniture is there for and what it happens to be: `top: oak`."""
-TRUTHS = ("thin", "plain")
+TRUTHS, WHOLE = ("thin", "plain"), ("priority",)
 FIELDS = (*(field.name for field in fields_of(Material) if field.name in MaterialSpec.model_fields), "plain")
 """What a change may change, in the order that labels have it."""
 
@@ -90,6 +90,7 @@ def applied(material: Material, changes: Sequence[MaterialChange]) -> Material:
         values = {param.name: param.value for param in change.values}
         fields: dict[str, Any] = {name: value for name, value in values.items() if "." not in name and name != "plain"}
         fields |= {name: bool(fields[name]) for name in TRUTHS if name in fields}
+        fields |= {name: int(fields[name]) for name in WHOLE if name in fields}
         for name in {key.partition(".")[0] for key in values if "." in key}:
             fields[name] = tuple(values[f"{name}.{k}"] for k in range(3))
         if values.get("plain"):

@@ -158,10 +158,6 @@ class MeshShell:
         """See `MeshSpace.depth`."""
         return self.space.depth(centre, direction, margin)
 
-    def diagonal(self, points: np.ndarray) -> float:
-        """Of the box about the scene and the points."""
-        return float(np.linalg.norm(np.ptp(np.concatenate([self.space.extent, points]), axis=0)))
-
     def lets_in(self, light: LightPlan, near: np.ndarray) -> Reach:
         """Whether any path from beside the target leaves the scene, or sees the sun."""
         parallel = LIGHT_KINDS[light.kind].parallel

@@ -90,10 +90,6 @@ class Shell(Protocol):
     def depth(self, centre: np.ndarray, direction: np.ndarray, margin: float) -> float:
         """How far from the centre, along a unit direction (3,), a point can be and still be `inside`; metres."""
 
-    def diagonal(self, points: np.ndarray) -> float:
-        """Longest way through the air, metres, where points (N, 3) are in it: bounds of what stands there, the camera.
-        """
-
     def lets_in(self, light: LightPlan, near: np.ndarray) -> Reach:
         """Whether a light from outside gets to a target that stands at `near`, with nothing taken away."""
 

@@ -125,7 +125,7 @@ def _spot_falloff(cosine: np.ndarray, light: LightPlan) -> np.ndarray:
     return np.clip((light.cutoff - angle) / width, 0, 1)
 
 
-_LEAVING: dict[LightName, Callable[[np.ndarray, LightPlan], np.ndarray]] = {
+LEAVING: dict[LightName, Callable[[np.ndarray, LightPlan], np.ndarray]] = {
     "area": lambda cosine, light: np.maximum(cosine, 0),
     "sphere": lambda cosine, light: np.ones_like(cosine),
     "point": lambda cosine, light: np.ones_like(cosine),
@@ -150,7 +150,7 @@ def direct_irradiance(light: LightPlan, points: np.ndarray, normals: np.ndarray)
     towards = towards / distance[:, None]
     cosine = np.maximum(np.einsum("ij,ij->i", towards, normals), 0)
     leaving = -towards @ np.asarray(light.direction)
-    cosine = cosine * _LEAVING[light.kind](leaving, light)
+    cosine = cosine * LEAVING[light.kind](leaving, light)
     return per_unit(light, distance)[:, None] * cosine[:, None] * np.asarray(light.radiance)
 
 

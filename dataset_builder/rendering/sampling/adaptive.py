@@ -4,6 +4,10 @@ Samples that decide how many follow must not be averaged with those: a pixel tha
 dark, and a picture whose rare bright paths have not come yet would be taken for finished. So there are two halves with
 random numbers of their own, and each is told by the other where to go on and when to stop: how often a half asks a
 pixel is independent of what it finds there. The result is their plain average.
+
+A half that goes by the noise of the other also takes it for an end too early: where the other happened to find little
+noise it took few samples. So one number of the layer comes from both halves, the error that the record will state:
+neither stops before that is the error asked for. A pixel has little say in the quantile of all of them.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -14,8 +18,9 @@ from typing import Literal
 
 import numpy as np
 
-from dataset_builder.rendering.sampling.moments import Estimate, averaged, gathered, pooled
-from dataset_builder.rendering.sampling.pixel_noise import deviations, expected_error, moderated, wanted
+from dataset_builder.rendering.sampling.heavy_tails import layer_mean
+from dataset_builder.rendering.sampling.moments import Estimate, averaged, gathered, pooled, quantile, relative
+from dataset_builder.rendering.sampling.pixel_noise import SHARE, deviations, expected_error, moderated, wanted
 from dataset_builder.seeding import derive_seed
 
 Stop = Literal["spp", "error", "cap", "time"]
@@ -29,6 +34,9 @@ GROWTH = 8.0
 
 AIM = 0.97
 """Share of the error asked for that iterations aim at, to arrive rather than come close again and again."""
+
+DOUBT = 2.0
+"""Times the samples it had that every pixel gets in an iteration where the errors are there but the mean is unknown."""
 
 SLACK = 0.02
 """A pixel that lacks this share of its samples at most is there."""
@@ -72,9 +80,14 @@ class Sampled:
         """In single precision, as it is kept: the same bits, kept or not."""
         return replace(self, halves=tuple(half.rounded() for half in self.halves))
 
+    @property
+    def together(self) -> Estimate:
+        """All samples together, each pixel's error as it was found."""
+        return averaged(self.halves) if len(self.halves) > 1 else self.halves[0]
+
     def estimate(self, pixels: np.ndarray, width: int) -> Estimate:
         """All samples together, each pixel's error moderated by its neighbours'."""
-        return moderated(averaged(self.halves) if len(self.halves) > 1 else self.halves[0], pixels, width)
+        return moderated(self.together, pixels, width)
 
 
 def more_samples(sample: Sample, pixels: np.ndarray, before: Sampled | None, *, spp: int, part: int, batches: int,
@@ -98,9 +111,13 @@ def refine(sample: Sample, pixels: np.ndarray, width: int, *, first: int, batche
     while True:
         found = [pooled(half) for half in halves]
         known = [moderated(half, pixels, width) for half in found]
-        extras = [{goal.layer: _extra(goal, found[k], known[1 - k], each * BATCH_SIZES[0]) for goal in goals}
-                  for k in (0, 1)]
-        stopped = {goal.layer: _stop(goal, found, known, [extra[goal.layer] for extra in extras], clock() - start)
+        both = moderated(averaged(found), pixels, width)
+        excess = {goal.layer: _excess(goal, both) for goal in goals}
+        unknown = [[goal.layer for goal in goals if _unknown(goal, half)] for half in found]
+        extras = [{goal.layer: _extra(goal, found[k], known[1 - k], each * BATCH_SIZES[0], excess=excess[goal.layer],
+                                      unknown=goal.layer in unknown[1 - k]) for goal in goals} for k in (0, 1)]
+        stopped = {goal.layer: _stop(goal, excess[goal.layer], [extra[goal.layer] for extra in extras],
+                                     clock() - start, unknown=any(goal.layer in names for names in unknown))
                    for goal in goals}
         open_goals = [goal for goal in goals if not stopped[goal.layer]]
         if not open_goals:
@@ -115,34 +132,47 @@ def refine(sample: Sample, pixels: np.ndarray, width: int, *, first: int, batche
     return Sampled(halves=tuple(found), iterations=tuple(count), stopped=ended)
 
 
-def _error_of_a_half(goal: Goal) -> float:
-    """What each half's error is to be, for the average of both to have the one asked for."""
-    return sqrt(2) * goal.error
+def _excess(goal: Goal, together: Estimate) -> float:
+    """The error that the layer has, as its record will say, over the one asked for; 0 where none is."""
+    if not goal.error:
+        return 0.0
+    means, errors = (values[goal.inside, goal.channels] for values in (together.mean, together.error))
+    return quantile(relative(means, errors), SHARE) / goal.error
 
 
-def _extra(goal: Goal, own: Estimate, other: Estimate, smallest: int) -> np.ndarray:
+def _unknown(goal: Goal, half: Estimate) -> bool:
+    """Whether a half says that it does not know the layer's mean: then errors of pixels cannot be relied on either."""
+    return bool(goal.error) and layer_mean(half, goal.channels, goal.inside).known == "unknown"
+
+
+def _extra(goal: Goal, own: Estimate, other: Estimate, smallest: int, *, excess: float = 0.0,
+           unknown: bool = False) -> np.ndarray:
     """(P,) samples that a half lacks for one goal, by what the other half knows; an iteration can take no fewer than
-    `smallest` of a pixel. 0 for pixels that are there, or at the cap."""
+    `smallest` of a pixel. 0 for pixels that are there, or at the cap. excess: see `_excess`. unknown: whether the other
+    half does not know the layer's mean."""
     wish = np.where(goal.inside, GROWTH * own.spp, 0)
     if goal.error:
-        deviation = deviations(other, goal.channels, goal.inside)
-        if expected_error(deviation, own.spp) <= _error_of_a_half(goal):
+        # For the average of both halves to have the error asked for
+        deviation, asked = deviations(other, goal.channels, goal.inside), sqrt(2) * goal.error
+        reached = expected_error(deviation, own.spp)
+        there = reached <= asked and excess <= 1
+        if there and not unknown:
             return np.zeros(len(own.spp))
-        wish = wanted(deviation, AIM * _error_of_a_half(goal))
+        wish = (np.where(goal.inside, DOUBT * own.spp, 0) if there else
+                wanted(deviation, AIM * min(asked, reached / max(excess, 1))))
     lacking = np.minimum(wish, GROWTH * own.spp) - own.spp
     room = goal.cap // 2 - own.spp
     return np.where((lacking > SLACK * own.spp) & (room >= smallest), np.minimum(lacking, room), 0)
 
 
-def _stop(goal: Goal, found: Sequence[Estimate], known: Sequence[Estimate], extras: Sequence[np.ndarray],
-          spent: float) -> Stop | None:
+def _stop(goal: Goal, excess: float, extras: Sequence[np.ndarray], spent: float, *, unknown: bool = False,
+          ) -> Stop | None:
     """Why a goal is done with, if it is."""
     if goal.seconds and spent >= goal.seconds:
         return "time"
     if any(extra.any() for extra in extras):
         return None
-    reached = [expected_error(deviations(known[1 - k], goal.channels, goal.inside), found[k].spp) for k in (0, 1)]
-    return "error" if goal.error and max(reached) <= _error_of_a_half(goal) else "cap"
+    return "error" if goal.error and excess <= 1 and not unknown else "cap"
 
 
 def _within(goal: Goal, found: Estimate, extra: np.ndarray, spent: float) -> np.ndarray:

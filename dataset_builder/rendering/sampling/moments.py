@@ -13,6 +13,9 @@ from scipy.stats import t
 FLOOR = 0.1
 """Share of a layer's mean below which a pixel's error counts in absolute terms."""
 
+FIGURES = ("mean", "error", "freedom", "half", "peak")
+"""Arrays (P, C) of an estimate."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Estimate:
@@ -26,31 +29,36 @@ class Estimate:
     """(P,) samples behind each pixel."""
     freedom: np.ndarray
     """(P, C) degrees of freedom of `error`, so that mean +- t(freedom) error is a confidence interval."""
+    half: np.ndarray
+    """(P, C) mean of the first half of the batches, rounded down; of the first of two halves that judge each other.
+    With an even number of batches, 2 `mean` - `half` is independent of it. `mean` where there is one batch."""
+    peak: np.ndarray
+    """(P, C) the largest contribution of one batch to the sum of all `spp` samples: |batch mean| x its samples."""
 
     @classmethod
     def empty(cls, channels: int = 16) -> "Estimate":
         """No pixels, enough channels for any pass."""
         nothing = np.zeros((0, channels))
-        return cls(mean=nothing, error=nothing, spp=np.zeros(0, dtype=np.int64), freedom=nothing)
+        return cls(mean=nothing, error=nothing, spp=np.zeros(0, dtype=np.int64), freedom=nothing,
+                   half=nothing, peak=nothing)
 
     @classmethod
     def exact(cls, values: np.ndarray) -> "Estimate":
         """(P, C) values known without noise, from one sample."""
         values = values.astype(np.float64)
         return cls(mean=values, error=np.zeros_like(values), spp=np.ones(len(values), dtype=np.int64),
-                   freedom=np.full(values.shape, np.inf))
+                   freedom=np.full(values.shape, np.inf), half=values, peak=np.abs(values))
 
     def padded(self, channels: int) -> "Estimate":
         """With further channels that are exactly 0."""
         more = ((0, 0), (0, channels - self.mean.shape[1]))
-        return Estimate(mean=np.pad(self.mean, more), error=np.pad(self.error, more), spp=self.spp,
-                        freedom=np.pad(self.freedom, more, mode="edge"))
+        values = {name: np.pad(getattr(self, name), more) for name in ("mean", "error", "half", "peak")}
+        return Estimate(**values, spp=self.spp, freedom=np.pad(self.freedom, more, mode="edge"))
 
     def rounded(self) -> "Estimate":
         """In single precision."""
-        mean, error, freedom = (values.astype(np.float32).astype(np.float64)
-                                for values in (self.mean, self.error, self.freedom))
-        return Estimate(mean=mean, error=error, spp=self.spp, freedom=freedom)
+        return Estimate(spp=self.spp, **{name: getattr(self, name).astype(np.float32).astype(np.float64)
+                                         for name in FIGURES})
 
     def interval(self, level: float = 0.95) -> np.ndarray:
         """(P, C) half width of the confidence interval of each mean (Student's t)."""
@@ -64,8 +72,13 @@ def of_batches(means: np.ndarray, spp: int) -> Estimate:
     mean = sum(means[:, b] for b in range(batches)) / batches
     squares = sum((means[:, b] - mean) ** 2 for b in range(batches))
     error = np.sqrt(squares / (batches * (batches - 1))) if batches > 1 else np.full_like(mean, np.inf)
+    first = max(batches // 2, 1)
+    half = sum(means[:, b] for b in range(first)) / first
+    peak = np.abs(means[:, 0])
+    for b in range(1, batches):
+        peak = np.maximum(peak, np.abs(means[:, b]))
     return Estimate(mean=mean, error=error, spp=np.full(len(mean), spp, dtype=np.int64),
-                    freedom=np.full_like(mean, batches - 1))
+                    freedom=np.full_like(mean, batches - 1), half=half, peak=peak * (spp / batches))
 
 
 def pooled(estimates: Sequence[Estimate]) -> Estimate:
@@ -84,7 +97,9 @@ def pooled(estimates: Sequence[Estimate]) -> Estimate:
     most = sum(np.where(share > 0, found.freedom, 0) for share, found in zip(shares, estimates, strict=True))
     with np.errstate(divide="ignore", invalid="ignore"):
         freedom = np.where(doubt > 0, variance**2 / doubt, most)
-    return Estimate(mean=mean, error=np.sqrt(variance), spp=spp, freedom=freedom)
+    half = sum(share * found.half for share, found in zip(shares, estimates, strict=True))
+    peak = np.max([found.peak for found in estimates], axis=0)
+    return Estimate(mean=mean, error=np.sqrt(variance), spp=spp, freedom=freedom, half=half, peak=peak)
 
 
 def averaged(halves: Sequence[Estimate]) -> Estimate:
@@ -95,8 +110,11 @@ def averaged(halves: Sequence[Estimate]) -> Estimate:
     doubt = sum(part**2 / np.maximum(found.freedom, 1) for part, found in zip(parts, halves, strict=True))
     with np.errstate(divide="ignore", invalid="ignore"):
         freedom = np.where(doubt > 0, variance**2 / doubt, sum(found.freedom for found in halves))
-    return Estimate(mean=np.sum([found.mean for found in halves], axis=0) / n, error=np.sqrt(variance),
-                    spp=np.sum([found.spp for found in halves], axis=0), freedom=freedom)
+    spp = np.sum([found.spp for found in halves], axis=0)
+    # In samples of the average, where those of a half that took fewer weigh more
+    peak = np.max([found.peak * (spp / (n * np.maximum(found.spp, 1)))[:, None] for found in halves], axis=0)
+    return Estimate(mean=np.sum([found.mean for found in halves], axis=0) / n, error=np.sqrt(variance), spp=spp,
+                    freedom=freedom, half=halves[0].mean, peak=peak)
 
 
 def gathered(found: Estimate, entries: np.ndarray, count: int) -> Estimate:
@@ -109,15 +127,16 @@ def gathered(found: Estimate, entries: np.ndarray, count: int) -> Estimate:
     number = np.diff(firsts)
     have = np.flatnonzero(number)
 
-    def total(values: np.ndarray) -> np.ndarray:
+    def total(values: np.ndarray, over: np.ufunc = np.add) -> np.ndarray:
         summed = np.zeros((count, *values.shape[1:]))
         if len(have):
-            summed[have] = np.add.reduceat(values, firsts[have], axis=0)
+            summed[have] = over.reduceat(values, firsts[have], axis=0)
         return summed
 
     n = np.maximum(number, 1)[:, None]
     return Estimate(mean=total(found.mean) / n, error=np.sqrt(total(found.error**2)) / n,
-                    spp=total(found.spp).astype(np.int64), freedom=total(found.freedom))
+                    spp=total(found.spp).astype(np.int64), freedom=total(found.freedom),
+                    half=total(found.half) / n, peak=total(found.peak, np.maximum))
 
 
 def relative(mean: np.ndarray, error: np.ndarray) -> np.ndarray:

@@ -1,7 +1,8 @@
 """How noisy pixels are, what those around a pixel say about it, and where further samples pay.
 
 A few batches leave a pixel's own standard error vague, and where light comes rarely but strongly it is also too small:
-a pixel that missed all of it knows nothing of what it missed, but some of its neighbours do.
+a pixel that missed all of it knows nothing of what it missed, but some of its neighbours do. Outlines are no noise of
+this kind: they are told by contrast (`outlines`).
 """
 
 from dataclasses import replace
@@ -9,10 +10,14 @@ from dataclasses import replace
 import numpy as np
 
 from dataset_builder.rendering.sampling.moments import Estimate, relative
+from dataset_builder.rendering.sampling.outlines import outline_variance
 
 PRIOR = 12.0
 """Degrees of freedom that the neighbours' noise counts for at most. Intervals of real scenes cover best so,
 `docs/accuracy.md`."""
+
+EXPLAINED = 4.0
+"""Variances up to this multiple of an outline's own are the outline's, and say nothing about the pixels around."""
 
 MIN_DEVIATION = 0.15
 """Deviation at least, in root mean squares over the layer: few samples may have missed what makes a pixel noisy."""
@@ -45,24 +50,31 @@ def _neighbours(pixels: np.ndarray, width: int) -> np.ndarray:
     return (rows[:, :-2] + rows[:, 1:-1] + rows[:, 2:])[row, column] - 1
 
 
-def moderated(found: Estimate, pixels: np.ndarray, width: int) -> Estimate:
-    """The estimate with each pixel's variance drawn towards what it is on 5 x 5 pixels about it.
+def _smoothed(values: np.ndarray, pixels: np.ndarray, width: int) -> np.ndarray:
+    """(P, C) means over 5 x 5 pixels, the nearer the heavier."""
+    for _ in range(2):
+        values = (values + 8 * around(values, pixels, width)) / 9
+    return values
 
-    s^2 = (f s_own^2 + g s_around^2) / (f + g) with f + g degrees of freedom (Smyth, Statistical Applications in
-    Genetics and Molecular Biology 3(1), 2004, section 3), s^2 being the variance of one sample and g PRIOR, or less
-    where fewer pixels are next to it: a pixel alone keeps its own. pixels: (P,) indices row * width + column,
-    none twice.
+
+def moderated(found: Estimate, pixels: np.ndarray, width: int) -> Estimate:
+    """The estimate with each pixel's variance drawn towards what is to be expected there: what it is on 5 x 5 pixels
+    about it, outlines left out, and what an outline across the pixel itself makes.
+
+    s^2 = (f s_own^2 + g (s_around^2 + s_outline^2)) / (f + g) with f + g degrees of freedom (Smyth, Statistical
+    Applications in Genetics and Molecular Biology 3(1), 2004, section 3), s^2 being the variance of one sample and g
+    PRIOR, or less where fewer pixels are next to it: a pixel alone keeps its own. pixels: (P,) indices row * width +
+    column, none twice.
     """
     if not len(pixels) or not np.isfinite(found.error).all():
         return found
     spp = found.spp[:, None]
     own = found.error**2 * spp
-    smooth = own
-    for _ in range(2):
-        smooth = (smooth + 8 * around(smooth, pixels, width)) / 9
+    outline = outline_variance(found, _smoothed(own, pixels, width), pixels, width)
+    smooth = _smoothed(np.where(own <= EXPLAINED * outline, 0, own), pixels, width)
     prior = np.minimum(PRIOR, found.freedom * _neighbours(pixels, width)[:, None])
     freedom = found.freedom + prior
-    variance = (found.freedom * own + prior * smooth) / freedom
+    variance = (found.freedom * own + prior * (smooth + outline)) / freedom
     return replace(found, error=np.sqrt(variance / spp), freedom=freedom)
 
 

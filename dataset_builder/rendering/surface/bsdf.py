@@ -8,6 +8,7 @@ layer weighs, `lobes`, `glass` and `sheen` what it does, `material_table` where 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import get_args
 
 import drjit as dr
@@ -23,6 +24,7 @@ from dataset_builder.rendering.surface.first_hit import (
     mixture_pdf,
     white_lambert,
 )
+from dataset_builder.rendering.surface.glass import alike
 from dataset_builder.rendering.surface.later_hit import LightBounce, VertexHit, bounced, scattered, seen_from
 from dataset_builder.rendering.surface.layering import Reflectances, lobes_of
 from dataset_builder.rendering.surface.lobes import Lobes
@@ -93,8 +95,11 @@ class Surface:
                    sample2: mi.Point2f, active: mi.Bool) -> VertexHit:
         """See `later_hit.VertexHit`; one look at the textures."""
         lobes = self._lobes(si, active, whole=False)
-        return scattered([scattering.evaluate(lobes, si, each) for each in given],
-                         *scattering.sample(lobes, si, sample1, sample2, active))
+        shared, (bs, weight) = _alike(lobes), scattering.sample(lobes, si, sample1, sample2, active)
+        if shared is not lobes:
+            dense = (bs.pdf > 0) & ~mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
+            bs.pdf = dr.select(dense, scattering.evaluate(shared, si, bs.wo)[1], bs.pdf)
+        return scattered([scattering.evaluate(shared, si, each) for each in given], bs, weight)
 
     def light_bounce(self, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample2: mi.Point2f,
                      active: mi.Bool) -> LightBounce:
@@ -118,7 +123,7 @@ class Surface:
         if lobes.glass is not None and there.glass is not None:
             # What lies above smooth glass takes of the light by the direction that it is seen from
             drawn = drawn * dr.select(lobes.glass.weight > 0, there.glass.weight / lobes.glass.weight, 1)
-        return bounced(si, bs, drawn, pdf, *scattering.evaluate(there, seen, si.wi))
+        return bounced(si, bs, drawn, pdf, *scattering.evaluate(_alike(there), seen, si.wi))
 
     def reflectance(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> tuple[mi.Color3f, mi.Color3f, mi.Normal3f]:
         """(D, R, local shading normal) at a surface point."""
@@ -140,6 +145,12 @@ class Surface:
         if "coverage" not in self.features:
             return mi.Float(1)
         return look_up(self.table, self.features, si, active).coverage
+
+    def body(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.UInt32:
+        """Number of the body of glass that the surface bounds; see `nesting`."""
+        if "nested" not in self.features:
+            return mi.UInt32(0)
+        return look_up(self.table, self.features, si, active).body
 
     def emission(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Color3f:
         """Radiance that the surface sends out where it is there, to both sides."""
@@ -197,3 +208,10 @@ class Surface:
     def to_string(self) -> str:
         """One line for logs."""
         return "Surface[]"
+
+
+def _alike(lobes: Lobes) -> Lobes:
+    """The same with densities that both ends of a path can tell, see `glass.alike`."""
+    if lobes.glass is None or len(lobes.glass.indices) == 1:
+        return lobes
+    return replace(lobes, glass=alike(lobes.glass))

@@ -12,11 +12,12 @@ Directions here are in the frame of the shading normal on the viewer's side, so 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import drjit as dr
 import mitsuba as mi
 
+from dataset_builder.rendering.surface.nesting import Sides
 from dataset_builder.rendering.surface.reflectance import MIN_ALPHA
 
 MIN_BEND = 0.01
@@ -45,9 +46,8 @@ class Glass:
     alpha: mi.Float
     spreads: mi.Bool
     """Whether these differ."""
-    lone_channel: mi.Float
-    """The colour channel that a path is left with, as `light_sampling.lone_channel` counts, or 0. Rough glass takes no
-    notice: its density is the mean over all channels, whatever came before."""
+    left: mi.Color3f
+    """What the path has left of each channel, see `channels_left.unpack`: it follows each with that probability."""
 
 
 @dataclass
@@ -68,24 +68,48 @@ class Crossing:
 
 
 def glass_of(*, weight: mi.Float, base: mi.Color3f, roughness: mi.Float, ior: mi.Float, abbe: mi.Float | None,
-             thin: mi.Bool, outside: mi.Bool, lone_channel: mi.Float) -> Glass:
+             thin: mi.Bool, outside: mi.Bool, left: mi.Color3f, sides: Sides | None = None) -> Glass:
     """Glass of a material. A solid is tinted by the root of `base` at each crossing, a pane by all of it: what lies
-    behind either is tinted once. outside: whether the viewer's side is the air."""
+    behind either is tinted once. outside: whether the viewer's side is the air. left: see `Glass`. sides: in place of
+    `outside`, where there may be glass in glass."""
     alpha = dr.square(roughness)
+    if sides is not None:
+        return _between(weight, base, alpha, ior, abbe, thin, left, sides)
     channels = [ior] if abbe is None else [_cauchy(ior, abbe, step) for step in ABBE_STEPS]
     indices = tuple(dr.select(thin, ior, dr.select(outside, index, dr.rcp(index))) for index in channels)
     smooth = (alpha < MIN_ALPHA) | (~thin & (ior - 1 < MIN_BEND))
     return Glass(weight=weight, tint=dr.select(thin, base, dr.sqrt(base)), indices=indices, thin=thin, smooth=smooth,
                  alpha=dr.maximum(alpha, MIN_ALPHA),
                  spreads=mi.Bool(False) if abbe is None else ~thin & (abbe > 0) & (ior > 1),
-                 lone_channel=dr.select(smooth, lone_channel, 0))
+                 left=left)
+
+
+def alike(glass: Glass) -> Glass:
+    """The same with the densities of a path that has all channels left, which both ends of a path can tell."""
+    return replace(glass, left=mi.Color3f(1))
+
+
+def _between(weight: mi.Float, base: mi.Color3f, alpha: mi.Float, ior: mi.Float, abbe: mi.Float | None, thin: mi.Bool,
+             left: mi.Color3f, sides: Sides) -> Glass:
+    """Glass whose other side is what `sides` says: indices are ratios of both, and each tints its crossing."""
+    steps = (0.0,) if abbe is None else ABBE_STEPS
+    own, other = ([index if bends is None else _cauchy(index, bends, step) for step in steps]
+                  for index, bends in ((ior, abbe), (sides.ior, None if abbe is None else sides.abbe)))
+    ratios = [dr.select(sides.into, one / two, two / one) for one, two in zip(own, other, strict=True)]
+    indices = tuple(dr.select(thin, ior, dr.select(sides.same, 1, ratio)) for ratio in ratios)
+    ratio = dr.select(sides.into, ior / sides.ior, sides.ior / ior)
+    smooth = (alpha < MIN_ALPHA) | (~thin & (sides.same | (dr.abs(ratio - 1) < MIN_BEND)))
+    tint = dr.select(sides.same, 1, dr.sqrt(base) * sides.tint)
+    bends = mi.Bool(False) if abbe is None else ((abbe > 0) & (ior > 1)) | ((sides.abbe > 0) & (sides.ior > 1))
+    return Glass(weight=weight, tint=dr.select(thin, base, tint), indices=indices, thin=thin, smooth=smooth,
+                 alpha=dr.maximum(alpha, MIN_ALPHA), spreads=bends & ~thin & ~sides.same, left=left)
 
 
 def evaluate(glass: Glass, wi: mi.Vector3f, wo: mi.Vector3f, reflected: mi.Bool) -> tuple[mi.Color3f, mi.Float]:
     """f cos and density of rough glass; zero where it is smooth. reflected: wo is on the viewer's side."""
     parts = [_facets(glass, wi, wo, reflected, index) for index in glass.indices]
     value = _colour([value for value, _ in parts]) * dr.select(reflected, 1, glass.tint) * glass.weight
-    pdf = sum((each for _, each in parts), mi.Float(0)) / len(parts)
+    pdf = _expected(glass, [each for _, each in parts])
     valid = ~glass.smooth & (mi.Frame3f.cos_theta(wi) > 0) & ((mi.Frame3f.cos_theta(wo) > 0) == reflected)
     return dr.select(valid, value, 0), dr.select(valid, pdf, 0)
 
@@ -97,7 +121,7 @@ def scatter(glass: Glass, wi: mi.Vector3f, sample1: mi.Float, sample2: mi.Point2
     tint / eta^2: radiance scales by the squared ratio of the indices (Veach 1997, section 5.2).
     """
     # Channel and facet
-    index, channel_weight, rest = _channel(glass, sample1)
+    index, p_channel, channel_weight, rest = _channel(glass, sample1)
     normal = dr.select(glass.smooth, mi.Normal3f(0, 0, 1), _ggx(glass).sample(wi, sample2)[0])
 
     # Reflect or transmit
@@ -108,12 +132,8 @@ def scatter(glass: Glass, wi: mi.Vector3f, sample1: mi.Float, sample2: mi.Point2
 
     # Reflection is for all channels, whichever was picked: its probability is their mean, its weight F over that
     fresnels = [_fresnel(glass, mi.Frame3f.cos_theta(wi), each) for each in glass.indices]
-    p_reflect = sum(fresnels, mi.Float(0)) / len(fresnels)
-    weight_reflect, p_channel = _colour(fresnels) / p_reflect, dr.select(glass.spreads, mi.Float(1 / 3), 1)
-    if len(fresnels) > 1:
-        alone = glass.lone_channel > 0
-        weight_reflect, p_reflect = dr.select(alone, 1, weight_reflect), dr.select(alone, fresnel, p_reflect)
-        p_channel = dr.select(alone, 1, p_channel)
+    p_reflect = _expected(glass, fresnels)
+    weight_reflect = _colour(fresnels) / p_reflect
     weight_transmit = channel_weight * glass.tint * dr.select(glass.thin, 1, dr.square(inverse_eta))
     return Crossing(wo=dr.select(reflected, wo_reflected, wo_transmitted), reflected=reflected,
                     null=~reflected & glass.thin & glass.smooth, eta=dr.select(reflected | glass.thin, 1, eta),
@@ -171,17 +191,33 @@ def _facets(glass: Glass, wi: mi.Vector3f, wo: mi.Vector3f, reflected: mi.Bool,
     return dr.select(met, value, 0), dr.select(met, share * ggx.pdf(wi, half) * jacobian, 0)
 
 
-def _channel(glass: Glass, sample: mi.Float) -> tuple[mi.Float, mi.Color3f, mi.Float]:
-    """The index to follow, the weight of each channel, and what is left of the random number. A path that carries one
-    channel already follows that; any other picks one, and makes up for the two that it gives up."""
+def _channel(glass: Glass, sample: mi.Float) -> tuple[mi.Float, mi.Float, mi.Color3f, mi.Float]:
+    """The index to follow, with which probability, the weight of each channel, which makes up for those that are given
+    up, and what is left of the random number."""
     if len(glass.indices) == 1:
-        return glass.indices[0], mi.Color3f(1), sample
-    picked, alone = dr.minimum(mi.UInt32(3 * sample), 2), glass.lone_channel > 0
-    channel = dr.select(alone, mi.UInt32(dr.maximum(glass.lone_channel - 0.5, 0)), picked)
-    index = dr.select(channel == 0, glass.indices[0], dr.select(channel == 1, glass.indices[1], glass.indices[2]))
-    inverse_probability = dr.select(alone, mi.Float(1), 3)
-    weight = mi.Color3f(*(dr.select(channel == each, inverse_probability, 0) for each in range(3)))
-    return index, dr.select(glass.spreads, weight, 1), dr.select(alone, sample, 3 * sample - mi.Float(picked))
+        return glass.indices[0], mi.Float(1), mi.Color3f(1), sample
+    (red, green, blue), total = glass.left, _total(glass)
+    sample = dr.minimum(sample * total, total * (1 - 2**-22))
+    is_red, is_blue = sample < red, sample >= red + green
+    index = dr.select(is_red, glass.indices[0], dr.select(is_blue, glass.indices[2], glass.indices[1]))
+    below = dr.select(is_red, 0, dr.select(is_blue, red + green, red))
+    level = dr.select(is_red, red, dr.select(is_blue, blue, green))
+    picked = mi.Color3f(dr.select(is_red, mi.Float(1), 0), dr.select(is_red | is_blue, mi.Float(0), 1),
+                        dr.select(is_blue, mi.Float(1), 0))
+    weight = dr.select(glass.spreads, picked * (total / level), 1)
+    return index, dr.select(glass.spreads, level / total, 1), weight, (sample - below) / level
+
+
+def _expected(glass: Glass, channels: list[mi.Float]) -> mi.Float:
+    """Mean over the channels that a path may follow."""
+    if len(channels) == 1:
+        return channels[0]
+    return dr.dot(mi.Color3f(*channels), glass.left) / _total(glass)
+
+
+def _total(glass: Glass) -> mi.Float:
+    red, green, blue = glass.left
+    return red + green + blue
 
 
 def _fresnel(glass: Glass, cosine: mi.Float, index: mi.Float) -> mi.Float:

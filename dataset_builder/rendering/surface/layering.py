@@ -15,10 +15,12 @@ import drjit as dr
 import mitsuba as mi
 
 from dataset_builder.rendering.surface import sheen as sheen_lobe
+from dataset_builder.rendering.surface.channels_left import unpack
 from dataset_builder.rendering.surface.glass import glass_of
 from dataset_builder.rendering.surface.gloss import GgxLobe
 from dataset_builder.rendering.surface.lobes import Lobes
-from dataset_builder.rendering.surface.material_table import SurfacePoint
+from dataset_builder.rendering.surface.material_table import SurfacePoint, is_outside
+from dataset_builder.rendering.surface.nesting import left_of
 from dataset_builder.rendering.surface.reflectance import MIN_ALPHA, scattered_again
 
 COAT_F0 = 0.04
@@ -41,6 +43,8 @@ class Reflectances:
 def lobes_of(point: SurfacePoint, features: frozenset[str], si: mi.SurfaceInteraction3f,
              tables: Reflectances) -> Lobes:
     """The lobes that `features` has, weighted."""
+    if point.sides is not None:
+        _leave_out(point, point.sides.same)
     viewer = dr.sign(mi.Frame3f.cos_theta(si.wi))
     lobes = Lobes(diffuse=mi.Color3f(0), normal=_facing(point.normal, viewer, si.wi))
     cosine = dr.abs(dr.dot(si.wi, lobes.normal))
@@ -58,9 +62,25 @@ def lobes_of(point: SurfacePoint, features: frozenset[str], si: mi.SurfaceIntera
         opaque = 1 - share
         lobes.glass = glass_of(weight=share * below, base=point.base, roughness=point.roughness, ior=point.ior,
                                abbe=point.abbe if "dispersion" in features else None, thin=_thin(point.thin, features),
-                               outside=dr.dot(si.to_world(si.wi), si.n) > 0, lone_channel=si.time)
+                               outside=is_outside(si), sides=point.sides,
+                               left=_left(si, point.sides is not None) if "dispersion" in features else mi.Color3f(1))
     _opaque(lobes, point, features, cosine, below, opaque, tables)
     return lobes
+
+
+def _left(si: mi.SurfaceInteraction3f, nested: bool) -> mi.Color3f:
+    """What the path to a surface has left of the channels."""
+    return left_of(si.time) if nested else unpack(si.time)
+
+
+def _leave_out(point: SurfacePoint, same: mi.Bool) -> None:
+    """Make smooth glass of a surface that has one body on both sides: without a change of index, nothing is there."""
+    point.transmission, point.metallic = dr.select(same, 1, point.transmission), dr.select(same, 0, point.metallic)
+    point.normal = dr.select(same, mi.Normal3f(0, 0, 1), point.normal)
+    if point.coat is not None:
+        point.coat = dr.select(same, 0, point.coat)
+    if point.sheen is not None:
+        point.sheen = dr.select(same, 0, point.sheen)
 
 
 def _opaque(lobes: Lobes, point: SurfacePoint, features: frozenset[str], cosine: mi.Float, below: Any, opaque: Any,

@@ -13,6 +13,7 @@ import mitsuba as mi
 
 from dataset_builder.assets.asset import HALF_STEP, Material
 from dataset_builder.rendering.buffers import owned
+from dataset_builder.rendering.surface.nesting import Sides, body_rows, inside_of, sides_of
 from dataset_builder.rendering.surface.texel_reader import TexelReader
 from dataset_builder.rendering.surface.texels import FACTORS, needs, pack
 from dataset_builder.rendering.surface.vertex_colours import VertexColours
@@ -28,6 +29,8 @@ class Textures:
     factors: mi.Float
     extents: mi.UInt32
     texels: mi.Float
+    bodies: mi.Float
+    """See `nesting.body_rows`."""
     needs: frozenset[str] = frozenset()
     """Features that they call for."""
 
@@ -37,7 +40,8 @@ class Textures:
         """Pack and copy; see `texels.pack`. Raises PlanError as that does."""
         arrays = pack(materials, texture_size, sky)
         return cls(factors=owned(mi.Float, arrays.factors), extents=owned(mi.UInt32, arrays.extents),
-                   texels=owned(dr.float16_array_t(mi.Float), arrays.texels), needs=needs(materials))
+                   texels=owned(dr.float16_array_t(mi.Float), arrays.texels),
+                   bodies=owned(mi.Float, body_rows(arrays.bodies)), needs=needs(materials))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,6 +79,10 @@ class SurfacePoint:
     thin: mi.Float | None = None
     """1 for panes, else 0."""
     abbe: mi.Float | None = None
+    body: mi.UInt32 | None = None
+    """Number of the body of glass, 0 for none that knows others."""
+    sides: Sides | None = None
+    """What is on its other side."""
     emission: mi.Color3f | None = None
     """Radiance."""
     coverage: mi.Float | None = None
@@ -107,6 +115,9 @@ def look_up(table: MaterialTable, features: frozenset[str], si: mi.SurfaceIntera
     if features & {"glass", "thin"}:
         glass = quad(3)
         point.transmission, point.ior, point.thin, point.abbe = glass.x, glass.y, glass.z, glass.w
+    if "nested" in features:
+        point.body = mi.UInt32(quad(5).y)
+        point.sides = sides_of(table.textures.bodies, point.body, inside_of(si.time), is_outside(si))
     if features & {"emission", "coverage"}:
         own = quad(4)
         point.emission = mi.Color3f(own.x, own.y, own.z) if "emission" in features else None
@@ -114,6 +125,11 @@ def look_up(table: MaterialTable, features: frozenset[str], si: mi.SurfaceIntera
     if texels is not None and "maps" in features:
         _multiply_more(point, texels)
     return point
+
+
+def is_outside(si: mi.SurfaceInteraction3f) -> mi.Bool:
+    """Whether the viewer is on the outer side of a body."""
+    return dr.dot(si.to_world(si.wi), si.n) > 0
 
 
 def _coverage(alpha: mi.Float, cutoff: mi.Float) -> mi.Float:

@@ -25,6 +25,7 @@ from dataset_builder.assets.asset import (
     range_of,
     sends,
 )
+from dataset_builder.assets.glass_bodies import GlassBody, fill_of, glass_bodies
 from dataset_builder.errors import PlanError, Problem
 from dataset_builder.rendering.surface.texel_means import averaged
 
@@ -37,7 +38,8 @@ PLANES: tuple[dict[str, int], ...] = (
 
 FACTORS = 24
 """Row layout: base colour (3), roughness | metallic, specular, coat, coat roughness | sheen (3), sheen roughness |
-transmission, index of refraction, thin, Abbe number | emission (3), alpha | cutoff or -1, unused (3)."""
+transmission, index of refraction, thin, Abbe number | emission (3), alpha | cutoff or -1, number of the body of glass
+or 0, unused (2)."""
 
 MIRROR, CLAMP, ALONG_V, NEAREST, MORE = 1, 2, 2, 16, 32
 """Bits that say how a texture is read: at its ends along u, the same `ALONG_V` places higher, between its texels, and
@@ -60,6 +62,8 @@ class MaterialArrays:
     """(M, 4) uint32: first texel, width, height, how to read them. A plane of texels follows the one before."""
     texels: np.ndarray
     """(T, CHANNELS) float16."""
+    bodies: tuple[GlassBody, ...] = ()
+    """Of glass, numbered from 1."""
 
 
 _known_blocks: WeakKeyDictionary[Texture, dict[tuple[int, int], np.ndarray]] = WeakKeyDictionary()
@@ -90,7 +94,9 @@ def pack(materials: Sequence[Material], texture_size: int | Sequence[int] = 4096
         extents.append((start, block.shape[2], block.shape[1], _reading(material.texture)))
     if first > MAX_TEXELS:
         raise PlanError(f"textures: expected at most {MAX_TEXELS} texels in a scene, got {first}; lower texture_size")
-    return MaterialArrays(factors=np.array([_row(m, sky) for m in materials], dtype=np.float32).reshape(-1, FACTORS),
+    bodies = glass_bodies(materials)
+    rows = [_row(m, sky, bodies) for m in materials]
+    return MaterialArrays(factors=np.array(rows, dtype=np.float32).reshape(-1, FACTORS), bodies=bodies,
                           extents=np.array(extents, dtype=np.uint32).reshape(-1, 4),
                           texels=np.concatenate([block.reshape(-1, CHANNELS) for _, block in blocks.values()]))
 
@@ -136,16 +142,18 @@ def _needs(m: Material) -> set[str]:
     opaque = range_of(m, "transmission")[0] < 1
     calls = {"textures": m.texture is not None, "specular": m.metallic > 0 or (m.specular > 0 and opaque),
              "coat": range_of(m, "coat")[1] > 0, "sheen": range_of(m, "sheen")[1] > 0, "glass": is_solid(m),
-             "thin": is_pane(m), "dispersion": disperses(m), "maps": is_mapped(m), "emission": sends(m),
+             "thin": is_pane(m), "dispersion": disperses(m), "nested": fill_of(m) is not None,
+             "maps": is_mapped(m), "emission": sends(m),
              "coverage": coverage_range(m)[0] < 1}
     return {feature for feature, called in calls.items() if called}
 
 
-def _row(m: Material, sky: float) -> tuple[float, ...]:
+def _row(m: Material, sky: float, bodies: Sequence[GlassBody]) -> tuple[float, ...]:
+    body = fill_of(m)
     cutoff = -1.0 if m.alpha_cutoff is None else cutoff_in_half(m.alpha_cutoff)
     return (*m.base_color, m.roughness, m.metallic, m.specular, m.coat, m.coat_roughness, *m.sheen, m.sheen_roughness,
             m.transmission, m.ior, float(m.thin), m.abbe, *(sky * part for part in m.emission), m.alpha,
-            cutoff, 0.0, 0.0, 0.0)
+            cutoff, 0.0 if body is None else 1.0 + bodies.index(body), 0.0, 0.0)
 
 
 def _reading(texture: Texture | None) -> int:
@@ -204,6 +212,8 @@ def _factors(m: Material) -> list[tuple[str, str, object, bool]]:
             *((name, "shares in [0, 1]", value, all(0 <= v <= 1 for v in value)) for name, value in colours.items()),
             ("emission", "finite values >= 0", m.emission, all(0 <= v < np.inf for v in m.emission)),
             ("alpha_cutoff", "a finite value >= 0", cutoff, cutoff is None or 0 <= cutoff < np.inf),
+            ("priority", "a whole number >= 0, and above 0 only where nothing is cut out (alpha 1)", m.priority,
+             m.priority == 0 or (m.priority > 0 and m.priority == int(m.priority) and coverage_range(m)[0] == 1)),
             ("ior", "a finite index of refraction >= 1", m.ior, 1 <= m.ior < np.inf),
             ("abbe", "a finite Abbe number >= 0", m.abbe, 0 <= m.abbe < np.inf)]
 

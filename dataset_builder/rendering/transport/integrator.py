@@ -22,14 +22,15 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
+from dataset_builder.rendering.surface.channels_left import pack
 from dataset_builder.rendering.surface.first_hit import FirstHit, emission, first_hit, mixture_pdf
+from dataset_builder.rendering.surface.nesting import beyond
 from dataset_builder.rendering.transport.fog import Fog
 from dataset_builder.rendering.transport.light_sampling import (
     EVERYTHING,
     World,
     balance,
     in_air,
-    lone_channel,
     sample_emitter,
 )
 from dataset_builder.rendering.transport.path_tracer import PathStart, incident_radiance
@@ -143,11 +144,14 @@ def scattered(world: World, si: mi.SurfaceInteraction3f, hit: FirstHit,
         prior_throughput = dr.select(delta | transmitted, 1, prior_throughput)
         if world.thin:
             depth = dr.select(delta & hit.null, mi.UInt32(0), depth)
-    # Where the same path serves S, all of its colours count
-    channel = dr.select(delta, lone_channel(weight_image), 0) if world.dispersion else mi.Float(0)
+    channels, direction, inside = mi.Float(0), si.to_world(hit.wo), mi.UInt32(0)
+    if world.dispersion:
+        channels = pack((weight_image if world.image else 0) + (weight_shading if world.shading else 0))
+    if world.nested:
+        inside = beyond(si.bsdf(), si, mi.UInt32(0), direction, si.is_valid())
     return weight_image, weight_shading, PathStart(
-        point=si, direction=si.to_world(hit.wo), pdf=pdf, delta=delta, depth=depth, prior_throughput=prior_throughput,
-        lone_channel=channel)
+        point=si, direction=direction, pdf=pdf, delta=delta, depth=depth, prior_throughput=prior_throughput,
+        channels=channels, inside=inside)
 
 
 def _air(world: World, fog: Fog, sampler: mi.Sampler, rest: mi.Sampler, ray: mi.Ray3f, end: mi.Float,
@@ -172,7 +176,7 @@ def _air(world: World, fog: Fog, sampler: mi.Sampler, rest: mi.Sampler, ray: mi.
     # Sample a direction
     direction, pdf = fog.sample_phase(ray.d, sampler.next_2d(active_next))
     start = PathStart(point=point, direction=direction, pdf=pdf, delta=mi.Bool(False), depth=mi.UInt32(1),
-                      prior_throughput=fog.albedo * opacity, lone_channel=mi.Float(0))
+                      prior_throughput=fog.albedo * opacity, channels=mi.Float(0), inside=mi.UInt32(0))
     L_i = incident_radiance(world, rest, start, active_next)
     return opacity * (fog.albedo * (direct + L_i) - surface)
 

@@ -17,6 +17,7 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
+from dataset_builder.rendering.surface.channels_left import kept, pack, unpack
 from dataset_builder.rendering.surface.first_hit import emission, first_hit, mixture_pdf
 from dataset_builder.rendering.surface.later_hit import vertex_hit
 from dataset_builder.rendering.transport.integrator import Radiometry, choice_of_lobe, scattered
@@ -27,8 +28,6 @@ from dataset_builder.rendering.transport.light_sampling import (
     World,
     balance,
     emitter_pdf,
-    lone_channel,
-    of_channel,
     same_side,
     sample_emitter,
 )
@@ -146,13 +145,13 @@ def _second(world: World, light: LightSide, free: mi.Sampler, group: mi.UInt32, 
     """(radiance that arrives from up to the second hit, where the path goes on, whether it does)."""
     ray = start.point.spawn_ray(start.direction)
     if world.dispersion:
-        ray.time = start.lone_channel
+        ray.time = start.channels
     found, later, on, passed = _at_second(world, light, free, group, start, ray, h0, trust1, trust2, active)
     if world.straight:
         while passed:
             ray = mi.Ray3f(later.origin, later.direction)
             if world.dispersion:
-                ray.time = lone_channel(later.weight)
+                ray.time = pack(later.weight * unpack(start.channels))
             more, then, on_then, passed_then = _at_second(world, light, free, group, start, ray, h0, trust1, trust2,
                                                           passed)
             found += dr.select(passed, later.weight * more, 0)
@@ -213,7 +212,7 @@ def _at_second(world: World, light: LightSide, free: mi.Sampler, group: mi.UInt3
     on = active_next & extends & ~hit.passed & (dr.max(hit.weight) != 0) & (free.next_1d(active_next) < survival)
     weight = dr.select(hit.passed, hit.weight, hit.weight * dr.rcp(survival))
     if world.dispersion:
-        weight *= of_channel(start.lone_channel)
+        weight *= kept(start.channels)
     later = Later(origin=onward.o, direction=onward.d, point=si.p, pdf=hit.pdf, delta=hit.delta, depth=start.depth + 1,
                   weight=weight, links=h0 + h1, trust=trust2, worth=worth)
     return found, later, on, passed

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
+from dataset_builder.rendering.surface.channels_left import kept, pack
 from dataset_builder.rendering.surface.first_hit import emission
 from dataset_builder.rendering.surface.later_hit import vertex_hit
 from dataset_builder.rendering.transport.lamps import Lamps
@@ -19,8 +20,6 @@ from dataset_builder.rendering.transport.lane_numbers import LaneNumbers
 from dataset_builder.rendering.transport.light_sampling import (
     World,
     emitter_pdf,
-    lone_channel,
-    of_channel,
     same_side,
     sample_emitter,
 )
@@ -58,15 +57,15 @@ class Later:
 def rest(world: World, lamps: Lamps, left: Callable[[mi.Float], mi.Float], sampler: mi.Sampler | LaneNumbers,
          start: Later) -> mi.Color3f:
     """Radiance that arrives at the second hit from the start's direction; every lane has one."""
-    scene, max_depth, trust, worth = world.scene, world.max_depth, start.trust, start.worth
+    scene, max_depth, trust, worth, before = world.scene, world.max_depth, start.trust, start.worth, start.weight
 
     # Loop state
     ray = mi.Ray3f(start.origin, start.direction)   # Current ray
     L = mi.Color3f(0)                               # Radiance found so far
     throughput = mi.Color3f(1)                      # Product of f cos / p since the start
     if world.dispersion:
-        ray.time = lone_channel(start.weight)
-        throughput = of_channel(ray.time)
+        ray.time = pack(before)
+        throughput = kept(ray.time)
     eta = mi.Float(1)                               # Product of relative indices of refraction since the start
     depth = mi.UInt32(start.depth)                  # Edges of the path, without the current ray
     active = mi.Bool(True)                          # Active lanes
@@ -112,7 +111,7 @@ def rest(world: World, lamps: Lamps, left: Callable[[mi.Float], mi.Float], sampl
         eta *= hit.eta
         ray = si.spawn_ray(direction)
         if world.dispersion:
-            ray.time = lone_channel(throughput)
+            ray.time = pack(throughput * before)
 
         # What the next vertex needs to know of this one, which a passed pane or gap is not
         passed = hit.passed

@@ -13,9 +13,10 @@ import mitsuba as mi
 import numpy as np
 
 from dataset_builder.rendering.buffers import owned
+from dataset_builder.rendering.surface.channels_left import pack
 from dataset_builder.rendering.surface.later_hit import light_bounce
 from dataset_builder.rendering.transport.lamps import Beginning, Lamps, emit
-from dataset_builder.rendering.transport.light_sampling import World, lone_channel
+from dataset_builder.rendering.transport.light_sampling import World
 from dataset_builder.seeding import derive_seed
 
 MAX_SURVIVAL = 0.95
@@ -163,7 +164,7 @@ def _bounce(world: World, state: LightPath, sampler: mi.Sampler,
     """(vertex, whether there is one, the path from there on, whether it goes on)."""
     ray, begin = mi.Ray3f(state.o, state.d), state.begin
     if world.dispersion:
-        ray.time = lone_channel(state.flux)
+        ray.time = pack(state.flux)
     found = world.scene.ray_intersect_preliminary(ray, coherent=False, active=active)
     si = found.compute_surface_interaction(ray, mi.RayFlags.All, active)
     back, cos_back = -ray.d, dr.abs(dr.dot(si.n, ray.d))

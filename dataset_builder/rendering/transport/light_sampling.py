@@ -45,6 +45,8 @@ class World:
         """Whether surfaces send out light of their own."""
         self.dispersion = "dispersion" in features
         """Whether glass spreads colours."""
+        self.nested = "nested" in features
+        """Whether bodies of glass may lie in each other."""
         self.dome_probability = mi.Float(0) if portals is None else _probability(scene, scene.environment())
         """With which a light sample is one of the dome, where there are portals."""
         self.wanted = wanted
@@ -190,20 +192,6 @@ def straight_on(scene: mi.Scene, point: mi.Interaction3f, end: mi.Point3f, passe
         ray = towards(si, end)
         active = met & (dr.max(transmittance) != 0)
     return transmittance
-
-
-def lone_channel(throughput: mi.Color3f) -> mi.Float:
-    """1 + the only colour channel that a path's throughput has left, or 0 where there are more; dispersive glass
-    follows that channel on from there. Rays hold it as their time, which scenes that do not move have no use for."""
-    red, green, blue = (throughput[channel] != 0 for channel in range(3))
-    found = dr.select(red & ~green & ~blue, mi.Float(1), 0)
-    found = dr.select(green & ~red & ~blue, 2, found)
-    return dr.select(blue & ~red & ~green, 3, found)
-
-
-def of_channel(channel: mi.Float) -> mi.Color3f:
-    """1 in the channel that `lone_channel` found, 0 in the others; 1 in all where it found none."""
-    return mi.Color3f(*(dr.select((channel == 0) | (channel == 1 + each), mi.Float(1), 0) for each in range(3)))
 
 
 def balance(pdf: mi.Float, other: mi.Float) -> mi.Float:

@@ -15,19 +15,22 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
+from dataset_builder.rendering.surface.channels_left import kept, pack, unpack
 from dataset_builder.rendering.surface.first_hit import emission
+from dataset_builder.rendering.surface.nesting import beyond, inside_of, time_of
 from dataset_builder.rendering.transport.light_sampling import (
     FreeFlight,
     World,
     balance,
     emitter_pdf,
-    lone_channel,
-    of_channel,
     sample_emitter,
     sample_free_flight,
 )
 
 MAX_SURVIVAL = 0.95
+FOG_SURVIVAL = 0.998
+"""The same times the albedo of fog where that is more: light goes through hundreds of its events, and what outlives
+95% of each a hundred times would weigh as much as 170 paths."""
 
 
 @dataclass
@@ -44,8 +47,10 @@ class PathStart:
     """Edges of the path so far, this ray included if it ends somewhere."""
     prior_throughput: mi.Float
     """Weight that the result gets; Russian roulette goes by it."""
-    lone_channel: mi.Float
-    """See `light_sampling.lone_channel`."""
+    channels: mi.Float
+    """What is left of them, see `channels_left.pack`."""
+    inside: mi.UInt32
+    """Bodies of glass that the ray sets out in, see `nesting`."""
 
 
 @dataclass
@@ -72,13 +77,18 @@ class PathVertex:
 def incident_radiance(world: World, sampler: mi.Sampler, start: PathStart, active: mi.Bool) -> mi.Color3f:
     """L_i: radiance that arrives at the start's point from its direction."""
     scene, max_depth, rr_depth, prior_throughput = world.scene, world.max_depth, world.rr_depth, start.prior_throughput
+    before = start.channels
+
+    most = mi.Float(MAX_SURVIVAL) if world.fog is None else dr.maximum(MAX_SURVIVAL, FOG_SURVIVAL * world.fog.albedo)
 
     # Loop state
     ray = start.point.spawn_ray(start.direction)   # Current ray, in units of the local frame
     L = mi.Color3f(0)                              # Radiance found so far, in units of the lights
     throughput = mi.Color3f(1)                     # Path throughput: product of f cos / p since the start
     if world.dispersion:
-        ray.time, throughput = start.lone_channel, of_channel(start.lone_channel)
+        ray.time, throughput = before, kept(before)
+    if world.nested:
+        ray.time = time_of(unpack(before) if world.dispersion else None, start.inside)
     eta = mi.Float(1)                              # Product of relative indices of refraction since the start
     depth = mi.UInt32(start.depth)                 # Edges of the path, the current ray included
     active = mi.Bool(active)                       # Active lanes
@@ -116,9 +126,8 @@ def incident_radiance(world: World, sampler: mi.Sampler, start: PathStart, activ
         active_next &= may_extend | vertex.passed
         throughput *= dr.select(active_next, vertex.weight, 0)
         eta = eta * vertex.eta if world.glass else eta
-        ray = flight.point.spawn_ray(vertex.direction)
-        if world.dispersion:
-            ray.time = lone_channel(throughput)
+        left = throughput * unpack(before) if world.dispersion else None
+        ray = _onward(world, si, bsdf, flight, vertex.direction, left, at_vertex)
 
         # What the next vertex needs to know of this one, which a passed pane or gap is not
         prev_point = dr.select(vertex.passed, prev_point, mi.Interaction3f(flight.point))
@@ -127,11 +136,24 @@ def incident_radiance(world: World, sampler: mi.Sampler, start: PathStart, activ
         depth += dr.select(vertex.passed, mi.UInt32(0), mi.UInt32(1))
 
         # Russian roulette, without the scaling by 1 / eta^2 that leaving glass undoes (Veach 1997, sections 5.2, 10.4)
-        survival = dr.minimum(prior_throughput * dr.max(throughput) * (eta * eta), MAX_SURVIVAL)
+        survival = dr.minimum(prior_throughput * dr.max(throughput) * (eta * eta), most)
         roulette = depth >= rr_depth
         active = active_next & (dr.max(throughput) != 0) & (~roulette | (sampler.next_1d(active_next) < survival))
         throughput = dr.select(roulette, throughput * dr.rcp(survival), throughput)
     return L
+
+
+def _onward(world: World, si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr, flight: FreeFlight, direction: mi.Vector3f,
+            left: mi.Color3f | None, at_vertex: mi.Bool) -> mi.Ray3f:
+    """The ray that leaves a vertex; its time holds what glass has to know of the path. left: of the channels, where
+    glass disperses."""
+    ray = flight.point.spawn_ray(direction)
+    if world.nested:
+        inside = beyond(bsdf, si, inside_of(flight.point.time), direction, at_vertex & ~flight.collided)
+        ray.time = time_of(left, inside)
+    elif left is not None:
+        ray.time = pack(left)
+    return ray
 
 
 def _vertex(world: World, sampler: mi.Sampler, ray: mi.Ray3f, si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr,

@@ -12,6 +12,9 @@ from typing import Any
 import numpy as np
 
 from dataset_builder.errors import count_of
+from dataset_builder.label.denoised_words import told_bias
+from dataset_builder.label.example_label import Denoised
+from dataset_builder.label.mean_told import mean_told
 from dataset_builder.layers import LAYERS, RADIANCE
 
 HALF_MAX = 65504.0
@@ -37,8 +40,10 @@ def example_payload(example: Mapping[str, Any], *, key: str = "", title: str = "
     height, width = next(iter(images.values())).shape[:2]
     record = label.get("record", {})
     denoised = {layer["layer"]: trust(layer) for layer in record.get("denoised", ())}
+    means = {layer["name"]: mean_told(layer) for layer in record.get("layers", ())}
     planned = label.get("plan", {}).get("render", {}).get("denoise", ())
     layers = [{**layer_facts(name), "error": errors.get(name), **half_floats(images[name]),
+               "mean": means.get(name, ""),
                "denoised": denoised.get(name, "denoised; not measured" if name in planned else "")}
               for name in sorted(images, key=order.__getitem__)]
     shown = key or str(label.get("key", ""))
@@ -78,9 +83,12 @@ def half_floats(pixels: np.ndarray) -> dict[str, Any]:
 
 def trust(denoised: Mapping[str, Any]) -> str:
     """How far a denoised layer may be trusted, in words. denoised: what a record says of the layer."""
-    better = f"squared error {denoised['relmse_raw']:.3g} before, {denoised['relmse_denoised']:.3g} after"
-    return (f"denoised: bias {denoised['bias']:+.2%} ± {denoised['bias_error']:.2%}, of a pixel "
-            f"{denoised['pixel_bias']:.1%}; {better}, of {count_of(denoised['examples'], 'example')}")
+    item = Denoised.model_validate(denoised)
+    if item.known == "unknown":
+        return "denoised: bias unknown, the object was black in this layer wherever it was measured"
+    better = f"squared error {item.relmse_raw:.3g} before, {item.relmse_denoised:.3g} after"
+    bias, error, pixel = told_bias(item)
+    return f"denoised: bias {bias} ± {error}, of a pixel {pixel}; {better}, of {count_of(item.examples, 'example')}"
 
 
 def _plain(value: Any) -> Any:

@@ -27,6 +27,7 @@ from dataset_builder.planning.scene.assets_of_plan import asset_of
 from dataset_builder.rendering.examples import Rendered
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.studies.accuracy.curves import Advice, Point, curve
+from dataset_builder.studies.accuracy.laws import KNOWN
 from dataset_builder.studies.accuracy.rows import AccuracyRow, layers_in, of
 from dataset_builder.studies.accuracy.workbench import REFERENCE_DEPTH, Bench, compare, kept
 from dataset_builder.studies.image_errors import relative_variance
@@ -36,9 +37,6 @@ from dataset_builder.studies.sampled import reseeded
 DEPTH, EDGES, TEXTURES = "depth", "edge-length", "texture-size"
 EDGE_LAYER = "s_prime"
 TEXTURED = {"d": "object", "i_t": "object"}
-KNOWN = 0.2
-"""Share of the noise of both pictures that taking it out may leave: it is known from a few batches per pixel."""
-
 NEAR = 0.5
 """Share of a layer's noise that another error may have: both together are then an eighth more than the noise alone."""
 

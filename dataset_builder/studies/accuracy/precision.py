@@ -147,11 +147,19 @@ def half_errors(rows: Sequence[AccuracyRow]) -> dict[str, float]:
     return found
 
 
+def dtype_of(rows: Sequence[AccuracyRow], spec: DatasetSpec) -> str:
+    """Half where its error is small enough, the spec's own where nothing was measured."""
+    errors = half_errors(rows)
+    if not codec_means(rows):
+        return spec.storage.dtype
+    return "float16" if errors and max(errors.values()) <= HALF_SHARE * spec.render.bias else "float32"
+
+
 def _storage(advice: Advice, rows: Sequence[AccuracyRow], spec: DatasetSpec) -> None:
     means, errors = codec_means(rows), half_errors(rows)
     if not means:
         return
-    dtype = "float16" if errors and max(errors.values()) <= HALF_SHARE * spec.render.bias else "float32"
+    dtype = dtype_of(rows, spec)
     smallest = min((setting for setting in means if setting.startswith(dtype)), key=lambda name: means[name]["bytes"])
     shown = ", ".join(_figures(name, means[name]) for name in dict.fromkeys(
         (f"float32 {WRITTEN}", f"float16 {WRITTEN}", smallest)) if name in means)

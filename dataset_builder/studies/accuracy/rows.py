@@ -16,6 +16,9 @@ DENOISED, ADAPTIVE_DENOISED = "uniform-denoised", "adaptive-denoised"
 QUESTIONS = (UNIFORM, ADAPTIVE, DENOISED, ADAPTIVE_DENOISED)
 """Questions 1 to 3, by the way of sampling."""
 
+OTHERS = "other-examples"
+"""The question of how examples differ: many, each once, without a reference."""
+
 WHOLE = "all"
 """The layer of a row that is about all layers of an example together."""
 
@@ -30,8 +33,12 @@ class AccuracyRow:
     """The setting as a number: spp, error asked for, depth, metres, texels, samples."""
     example: str
     layer: str
+    replicate: float = 0.0
+    """Number of an independent run, of those that are repeated with other samples."""
     seconds: float = NONE
     """Of the pass that makes the layer, or of what the question is about."""
+    cpu_seconds: float = NONE
+    """The same on all cores together, which other processes do not lengthen."""
     spp: float = NONE
     """Mean over the pass's pixels, with least and most."""
     spp_min: float = NONE

@@ -9,6 +9,7 @@ import numpy as np
 from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.rendering.examples import Rendered
+from dataset_builder.spec.render import RenderSpec
 from dataset_builder.studies.accuracy.rows import AccuracyRow
 from dataset_builder.studies.image_errors import flip, psnr, relative_mse, relative_variance
 from dataset_builder.studies.renders import References, Warm, reached_by, seconds_of, timed, work_of
@@ -34,6 +35,11 @@ class Budget:
     """What is denoised of the uniform curve."""
     denoised_goals: tuple[float, ...]
     """What is denoised of adaptive sampling."""
+    runs: int
+    """Runs of every way to sample, each with its own samples, taken in turns."""
+    others: int
+    """Examples that tell how examples differ."""
+    others_spp: int
     depths: tuple[int, ...]
     depth_spp: int
     replicates: int
@@ -52,18 +58,32 @@ class Budget:
 
 BUDGETS = {
     "full": Budget(
-        reference_spp=4096, uniform=(4, 8, 16, 32, 64, 128, 256, 512, 1024), first=16, goals=(0.2, 0.1, 0.05, 0.025),
-        cap=4096, denoised_spp=(4, 16, 64, 256), denoised_goals=(0.2, 0.1, 0.05), depths=(2, 3, 4, 6, 8, 12, 16),
-        depth_spp=64, replicates=4, edges=(4.0, 2.0, 1.0, 0.5, 0.25), textures=(8, 16, 32, 64, 128, 256, 512),
-        passes=256, codec_repeats=5, counts=(1_000, 10_000, 100_000, 1_000_000)),
+        reference_spp=4096, uniform=(4, 16, 64, 256, 1024), first=16, goals=(0.2, 0.1, 0.05), cap=4096,
+        denoised_spp=(4, 16, 64, 256), denoised_goals=(0.2, 0.1), runs=3, others=24, others_spp=32,
+        depths=(2, 3, 4, 6, 8, 12, 16), depth_spp=64, replicates=4, edges=(4.0, 2.0, 1.0, 0.5, 0.25),
+        textures=(8, 16, 32, 64, 128, 256, 512), passes=256, codec_repeats=5,
+        counts=(1_000, 10_000, 100_000, 1_000_000)),
+    "medium": Budget(
+        reference_spp=2048, uniform=(4, 16, 64, 256), first=16, goals=(0.2, 0.1), cap=1024, denoised_spp=(4, 16, 64),
+        denoised_goals=(0.2,), runs=3, others=16, others_spp=16, depths=(2, 4, 8, 12, 16), depth_spp=32, replicates=3,
+        edges=(4.0, 2.0, 1.0, 0.5), textures=(16, 64, 128, 256), passes=64, codec_repeats=3,
+        counts=(1_000, 10_000, 100_000, 1_000_000)),
     "small": Budget(
-        reference_spp=1024, uniform=(4, 16, 64), first=16, goals=(0.4, 0.2), cap=256, denoised_spp=(16,),
-        denoised_goals=(0.4,), depths=(2, 4, 8), depth_spp=16, replicates=2, edges=(4.0, 2.0, 1.0), textures=(8, 64),
-        passes=16, codec_repeats=1, counts=(100, 1_000, 10_000)),
+        reference_spp=1024, uniform=(4, 16, 64), first=16, goals=(0.4, 0.2), cap=256, denoised_spp=(4, 16),
+        denoised_goals=(0.4,), runs=2, others=3, others_spp=16, depths=(2, 4, 8), depth_spp=16, replicates=2,
+        edges=(4.0, 2.0, 1.0), textures=(8, 64), passes=16, codec_repeats=1, counts=(100, 1_000, 10_000)),
 }
 
 PLAIN = ("render.accuracy={}", "render.denoise={}", "storage.standard_errors=false")
 """Fixed spp, nothing denoised: what every setting starts from."""
+
+
+def spp_override(render: RenderSpec, wanted: Mapping[str, float]) -> str:
+    """The override for samples per pixel by pass, in whole batches; the spec's own of the others."""
+    chosen = {name: list(render.spp.parts(name)) for name in ("first_hit", "source", "target", "rough")}
+    chosen |= {name: [math.ceil(spp / render.batches) * render.batches] for name, spp in wanted.items()}
+    return "render.spp={" + ", ".join(f"{name}: {parts if len(parts) > 1 else parts[0]}"
+                                      for name, parts in chosen.items()) + "}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,9 +108,7 @@ class Bench:
     def spp(self, spp: int) -> str:
         """The override for `spp`, or the next multiple of batches, in every pass with light; the light-free ones keep
         theirs, so that the object's pixels stay the same."""
-        own = self.spec.dataset.render
-        spp = math.ceil(spp / own.batches) * own.batches
-        return f"render.spp={{first_hit: {own.spp.first_hit}, source: {spp}, target: {spp}, rough: {spp}}}"
+        return spp_override(self.spec.dataset.render, dict.fromkeys(("source", "target", "rough"), spp))
 
     def timed(self, setting: str, plan: ExamplePlan, repeats: int | None = None) -> Rendered:
         """One example, timed with its kernels compiled before."""
@@ -117,7 +135,8 @@ def compare(question: str, setting: str, value: float, found: Rendered, referenc
     measured = relative_mse(image, truth, keep)
     noise = relative_variance(reference[f"{layer}_se"], truth, keep) if f"{layer}_se" in reference else 0.0
     return AccuracyRow(question=question, setting=setting, value=value, example=found.plan.key, layer=layer,
-                       seconds=seconds_of(layer, found), relmse=max(measured - noise, 0.0), relmse_measured=measured,
+                       seconds=seconds_of(layer, found), cpu_seconds=seconds_of(layer, found, found.cpu_seconds),
+                       relmse=max(measured - noise, 0.0), relmse_measured=measured,
                        relmse_reference=noise, floor=noise, psnr=psnr(image, truth, keep),
                        flip=flip(image, truth, keep), reached=reached_by(layer, found.record),
                        **work_of(layer, found.record))

@@ -85,8 +85,8 @@ def _light_free(plan: ExamplePlan) -> ExamplePlan:
 
 
 def _judged(layer: str) -> bool:
-    """Errors judge others, and identifiers have no mean."""
-    return not layer.endswith("_se") and layer != "instance"
+    """Errors and halves judge others, and identifiers have no mean."""
+    return LAYERS[layer].of in ("", layer.removesuffix("_raw")) and layer != "instance"
 
 
 def _difference(layer: str, planned: Rendered, everything: Rendered, again: Rendered,

@@ -108,10 +108,11 @@ def material(size: Size) -> CaseMeasured:
 
 
 @hard_case(name="refused/beyond-half", bound=0.0, figure=TAKEN,
-           expectation="a value beyond 65504 is not stored as half: gate and encoder both refuse it",
+           expectation="a value beyond 65504 is not stored as half: gate and encoder both refuse it, and the gate a "
+                       "layer of 1e-8, which would be 0",
            failure="Inf in a file, or a highlight that was clipped")
 def beyond_half(size: Size) -> CaseMeasured:
-    """The next float32 above, and a million."""
+    """The next float32 above, and a million; and what is too dim."""
     attempts: dict[str, Callable[[], object]] = {}
     silent = []
     for value in (65520.0, 1e6):
@@ -119,6 +120,8 @@ def beyond_half(size: Size) -> CaseMeasured:
         attempts[f"{value:g}"] = partial(encode, layer, layer="i_t", key=KEY, dtype="float16")
         silent += [] if storable({"i_t": layer}, "float16") else [f"storable: expected to tell {value:g}"]
     found = taken(attempts, says="65504")
+    dim = np.full((2, 2, 3), 1e-8, np.float32)
+    silent += [] if storable({"i_t": dim}, "float16") else ["storable: expected to tell 1e-08, which becomes 0"]
     return CaseMeasured(figure=found.figure + len(silent), wrong=(*found.wrong, *silent))
 
 

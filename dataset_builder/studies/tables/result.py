@@ -9,7 +9,7 @@ it. With one seed the interval does not include the spread between trainings. Al
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from math import hypot, nan, sqrt
+from math import hypot, isnan, nan, sqrt
 from pathlib import Path
 from statistics import fmean, stdev
 from typing import Any, Literal
@@ -24,7 +24,8 @@ from dataset_builder.studies.tables.table_kinds import NO_WEIGHTS
 Better = Literal["low", "high"]
 Verdict = Literal["as printed", "against", "not told apart"]
 TABLE_COLUMNS = ("row", "title", "note", "seeds", "examples", "objects", "steps", "parameters", "seconds_per_step",
-                 *(f"{metric.name}{end}" for metric in METRICS for end in ("", "_error", "_sd_over_seeds", "_paper")))
+                 *(f"{metric.name}{end}" for metric in METRICS for end in (
+                     "", "_error", "_sd_over_seeds", "_paper", "_corrected", "_corrected_error", "_ceiling")))
 PAIR_COLUMNS = ("group", "metric", "better_in_paper", "worse_in_paper", "printed_gain", "gain", "gain_error",
                 "half_width", "verdict", "altered")
 
@@ -137,9 +138,14 @@ class RowResult:
         off = [NO_WEIGHTS if text.startswith("fr ") else text for text in self.facts.get("off", [])]
         return "; ".join([*([self.row.note] if self.row.note else []), *off])
 
-    def mean(self, metric: str) -> ClusteredMean:
-        """Mean of a metric, with its error."""
-        return over_seeds([values(rows, metric) for rows in self.scores], objects(self.scores[0]))
+    def mean(self, metric: str, part: str = "metrics") -> ClusteredMean:
+        """Mean of a metric, with its error. part: of `ScoreRow`, as it was measured, corrected, or of the ceiling."""
+        return over_seeds([values(rows, metric, part) for rows in self.scores], objects(self.scores[0]))
+
+    @property
+    def noise_known(self) -> bool:
+        """Whether the noise of the truth is known."""
+        return not isnan(self.mean("psnr", "ceiling").mean)
 
     def spread(self, metric: str) -> float:
         """Standard deviation of the mean over seeds; NaN for one seed."""
@@ -152,9 +158,9 @@ class RowResult:
                            for mine, theirs in _beside(self.scores, other.scores)], objects(self.scores[0]))
 
 
-def values(rows: Sequence[ScoreRow], metric: str) -> list[float]:
+def values(rows: Sequence[ScoreRow], metric: str, part: str = "metrics") -> list[float]:
     """A metric of every row."""
-    return [getattr(row.metrics, metric) for row in rows]
+    return [getattr(getattr(row, part), metric) for row in rows]
 
 
 def objects(rows: Sequence[ScoreRow]) -> list[str]:
@@ -220,7 +226,9 @@ def _row_line(result: RowResult) -> list[object]:
                            result.facts.get("parameters", ""), result.facts.get("seconds_per_step", "")]
     for metric in METRICS:
         cells += [means[metric.name].mean, means[metric.name].error, result.spread(metric.name),
-                  result.row.printed.of(metric.name) if result.row.printed else ""]
+                  result.row.printed.of(metric.name) if result.row.printed else "",
+                  (corrected := result.mean(metric.name, "corrected")).mean, corrected.error,
+                  result.mean(metric.name, "ceiling").mean]
     return cells
 
 

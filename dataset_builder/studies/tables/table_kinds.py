@@ -1,4 +1,5 @@
-"""The tables: methods (table 1), objectives (2), formulations (3), the weights of the losses, and stability.
+"""The tables: methods (table 1), objectives (2), formulations (3), the weights of the losses, losses that expect noise,
+and stability.
 
 All methods see the same examples in the same order. Sizes and optimisers are each method's own: a baseline has the
 width of its public code, and as many levels as the crop allows up to those of its public code. The other tables have
@@ -71,6 +72,7 @@ FORMULATIONS = {
 """Title, formulation and shading; the last row is that of both halves."""
 
 LAMBDAS = {"fr": "λ1 (FR)", "dssim": "λ2 (DSSIM)", "lab": "λ3 (Lab)"}
+NOISES = {"plain": "noise ignored", "weighted": "weighted by standard errors", "two_samples": "two samples"}
 FACTORS = (0.0, 0.2, 5.0)
 """Times the paper's weight; 1 is the row that all sweeps share."""
 NO_WEIGHTS = "FR off: no weights"
@@ -138,6 +140,14 @@ def formulations(base: TrainingSpec) -> Table:
               Group(title="learning S'_r or not", rows=tuple(paper.SHADINGS)))
     return Table(name="formulations", number="Table 3", question="Which formula transfers light best?", rows=rows,
                  groups=groups, reference="full", absent={})
+
+
+def losses_of_noise(base: TrainingSpec) -> Table:
+    """What the objective makes of the truth's noise: nothing, or what the shards know of it."""
+    rows = tuple(TableRow(name=name, title=title, spec=changed(base, objective={"noise": name}))
+                 for name, title in NOISES.items())
+    return Table(name="noise", number="Losses that expect noise", rows=rows, groups=(), reference="plain", absent={},
+                 question="Does it pay to tell the losses of the truth's noise?")
 
 
 def weights(base: TrainingSpec, *, vgg: bool) -> Table:

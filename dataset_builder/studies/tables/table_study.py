@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from dataset_builder.digest import digest
-from dataset_builder.lightnet.data.lighting_dataset import LightingDataset, require, splits_of
+from dataset_builder.lightnet.data.lighting_dataset import require, splits_of
 from dataset_builder.lightnet.methods.checkpoint import load_trained
 from dataset_builder.lightnet.methods.vgg import check_file
-from dataset_builder.lightnet.results.evaluate import Contender, ScoreRow, contender, evaluate, trivial
+from dataset_builder.lightnet.results.evaluate import Contender, ScoreRow, contender, evaluate, measured, trivial
 from dataset_builder.lightnet.settings import DataSpec, TrainingSpec
 from dataset_builder.lightnet.training.events import Event
 from dataset_builder.lightnet.training.fit import LAST, TrainingJob
@@ -147,7 +147,7 @@ def _identity(study: TableStudy, row: TableRow, job: TrainingJob) -> str:
 
 def _measure(study: TableStudy, row: TableRow, job: TrainingJob, data: DataSpec) -> tuple[ScoreRow, ...]:
     """Every held-out example. The last weights, not the best ones: those were chosen by what is measured here."""
-    held_out = LightingDataset(study.dataset, data.held_out, job.spec.data)
+    held_out = measured(study.dataset, data.held_out, job.spec.data)
     return tuple(evaluate([_contender(row, job)], held_out, range(len(held_out))))
 
 

@@ -99,6 +99,21 @@ def test_normals_are_scaled_across(tmp_path: Path, scale: float) -> None:
     np.testing.assert_allclose(texture_of(found).normal, [[tilt / np.linalg.norm(tilt)]], atol=1e-6)
 
 
+@pytest.mark.parametrize("texel", [(0, 0, 0), (127, 127, 127), (128, 128, 128), (128, 128, 0)])
+def test_texels_that_are_no_normals_point_straight_out_and_are_named(tmp_path: Path, texel: Any) -> None:
+    """Taken for vectors, black and grey would tilt a surface by 55 degrees."""
+    why = "nowhere or into the surface (black or grey)"
+    material = {"normalTexture": {"index": 0, "scale": 2}, **BASE}
+    found = read(tmp_path, material, [png(np.full((2, 2, 3), texel, np.uint8))])
+    assert texture_of(found).normal is None and found.left_out == (f"normalTexture, whose texels all point {why}",)
+    found = read(tmp_path, material, [png(np.uint8([[texel, (204, 128, 204)], [(128, 128, 255), (255, 128, 128)]]))])
+    assert found.left_out == (f"normalTexture in 1 of 4 texels, which point {why}: straight out instead",)
+    normal = texture_of(found).normal
+    assert normal is not None
+    np.testing.assert_allclose(normal[0, 0], (0, 0, 1), atol=1e-6)
+    np.testing.assert_allclose(normal[1], [(0, 0, 1), (1, 0, 0)], atol=0.02)     # Along the surface is a direction
+
+
 def test_emission_with_its_strength(tmp_path: Path) -> None:
     extension = {"extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 4}}}
     material = {"emissiveFactor": [0.5, 0.25, 0], "emissiveTexture": {"index": 0}, **extension}
@@ -194,7 +209,7 @@ def test_samplers_that_differ_are_named(tmp_path: Path) -> None:
     material = made.add("materials", **BASE, normalTexture={"index": 1})
     made.draw(made.primitive(TEXCOORD_0=QUAD_UVS, material=material))
     found = made.model(tmp_path).materials[0]
-    assert found.left_out == ("the sampler of normalTexture, which differs from the other maps'",)
+    assert found.left_out[0] == "the sampler of normalTexture, which differs from the other maps'"
     assert texture_of(found).wrap == ("repeat", "repeat")
 
 

@@ -214,6 +214,17 @@ def test_normal_maps_however_they_are_called(tmp_path, key):
     np.testing.assert_allclose(scaled[0, 1], (0.2**0.5, 0, 0.8**0.5), atol=0.01)
 
 
+def test_black_and_grey_are_no_normals(tmp_path):
+    image(tmp_path, "black.png", [[(0, 0, 0), (128, 128, 128)]])
+    found = mtl(tmp_path, "norm black.png")
+    assert found.material.texture is None
+    assert found.left_out == ("norm, whose texels all point nowhere or into the surface (black or grey)",)
+    image(tmp_path, "n.png", [[(0, 0, 0), *NORMALS[0]]])
+    found = mtl(tmp_path, "norm n.png")
+    np.testing.assert_allclose(found.material.texture.normal[0, 0], (0, 0, 1), atol=0.01)
+    assert found.left_out[0].startswith("norm in 1 of 3 texels, which point nowhere")
+
+
 def test_maps_are_scaled_shifted_and_clamped(tmp_path):
     image(tmp_path)
     found = mtl(tmp_path, "map_Kd -s 2 3 1 -o 0.25 -0.5 -clamp on w.png")

@@ -77,6 +77,17 @@ def test_channels_and_normals(tmp_path):
     assert file.left_out == (TRANSPARENT, "displacement", "occlusion")
 
 
+@pytest.mark.parametrize("colour", [(0, 0, 0), (127, 127, 127)])
+def test_a_black_or_grey_map_of_normals_is_named(tmp_path, colour):
+    write_image(tmp_path, "n.png", colour)
+    vectors = 'token inputs:sourceColorSpace = "raw"\nfloat4 inputs:scale = (2, 2, 2, 1)\n' \
+              "float4 inputs:bias = (-1, -1, -1, 0)"
+    file, _ = made(tmp_path, "normal3f inputs:normal.connect = </paint/n.outputs:rgb>",
+                   nodes=texture("n", "n.png", more=vectors))
+    assert file.material.texture is None
+    assert file.left_out == ("normal map, whose texels all point nowhere or into the surface (black or grey)",)
+
+
 @pytest.mark.parametrize(("wraps", "expected"), [
     (("repeat", "mirror"), ("repeat", "mirror")), (("clamp", "black"), ("clamp", "clamp")),
     (("useMetadata", "repeat"), ("repeat", "repeat"))])

@@ -63,7 +63,7 @@ def decide(monkeypatch: pytest.MonkeyPatch, room_of: Callable[..., RoomPlan]) ->
         furniture = tuple(placed(3 + k, **figures) for k, figures in enumerate(others))
         plan = room_of().model_copy(update=room or {})
         return plan_effects(
-            spec=RenderSpec.model_validate(spec), room=plan, shell=BoxShell(plan), diagonal=8.3,
+            spec=RenderSpec.model_validate(spec), room=plan, shell=BoxShell(plan), camera=plans.example_plan().camera,
             target=placed(1, **(target or MATTE)), furniture=furniture,
             source_light=IlluminationPlan(lights=(lamp("dome"),), open=opened),
             target_light=IlluminationPlan(lights=lights, open=()), fog=FogPlan(extinction=fog, albedo=0.9),
@@ -278,8 +278,8 @@ def real(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_shipped_dataset_of_effects_has_them_all() -> None:
     planner = Planner(load_dataset(SPECS / "3df-lighting-effects.yaml"))
     made = [planner.example(ref) for ref in planner.examples]
-    # Colours of vertices and further maps come with mesh files alone
-    expected = set(get_args(Feature)) - {"colours", "maps"}
+    # Colours of vertices, further maps and what is in a bottle come with mesh files alone
+    expected = set(get_args(Feature)) - {"colours", "maps", "nested"}
     assert {feature for plan in made for feature in plan.effects.features} == expected
     for plan in made:
         glazed = plan.room.glazing and plan.room.windows > 0

@@ -156,12 +156,6 @@ def test_light_comes_round_corners() -> None:
     assert open_air.why.startswith(f"{PATHS} of {PATHS}")
 
 
-def test_the_air_is_as_long_as_the_box_about_everything() -> None:
-    stage = arrangement([box((0, 0, -0.1), (3, 4, 0))], (1.0, 1.0, 0.0))
-    assert stage.diagonal((1.0, 1.0, 0.5)) == pytest.approx(np.sqrt(9 + 16 + 1.0))
-    assert stage.diagonal((1.0, 1.0, 11.9)) == pytest.approx(13.0)
-
-
 def test_a_procedural_room_stays_a_box(room_of: Callable[..., RoomPlan]) -> None:
     assert shell_of(room_of(), walled(5, 4, 2.5), ()) == BoxShell(room_of())
 

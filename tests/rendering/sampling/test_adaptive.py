@@ -110,9 +110,9 @@ def test_rare_bright_paths_are_not_lost(error):
 def test_the_test_of_bias_can_fail(monkeypatch):
     """Halves that go by what they found themselves are wrong, and the same test notices."""
     extra = adaptive._extra
-    monkeypatch.setattr(adaptive, "_extra", lambda goal, own, other, smallest: extra(
-        goal, own, moderated(own, PIXELS, WIDTH), smallest))
-    assert abs(deviation_of_fireflies(0.1)) > 2 * 4.4
+    monkeypatch.setattr(adaptive, "_extra", lambda goal, own, other, smallest, **doubt: extra(
+        goal, own, moderated(own, PIXELS, WIDTH), smallest, **doubt))
+    assert abs(deviation_of_fireflies(0.1)) > 1.5 * 4.4
 
 
 def test_most_pixels_reach_the_error_asked_for():

@@ -33,6 +33,28 @@ def test_one_batch_claims_nothing():
     assert np.isinf(of_batches(np.ones((1, 1, 2)), spp=4).error).all()
 
 
+def test_the_first_half_and_the_largest_contribution_by_hand():
+    """Batches -1, 3, 2, 2 of four samples each, then 8, 0 of two: a half is independent of the other, a peak is 16."""
+    a = of_batches(np.array([[[-1.0], [3.0], [2.0], [2.0]]]), spp=16)
+    assert a.half[0, 0] == 1.0 and a.peak[0, 0] == 12.0
+    b = of_batches(np.array([[[8.0], [0.0]]]), spp=4)
+    both = pooled([a, b])
+    assert both.half[0, 0] == pytest.approx((16 * 1 + 4 * 8) / 20) and both.peak[0, 0] == 16.0
+    halves = averaged([a, b])
+    # Half of the mean is b's, and half of that its first batch's 8: 2 of the mean, 40 of twenty samples
+    assert halves.half[0, 0] == a.mean[0, 0] and halves.peak[0, 0] == pytest.approx(40)
+    alone = of_batches(np.array([[[5.0]]]), spp=2)
+    assert alone.half[0, 0] == 5.0 and alone.peak[0, 0] == 10.0
+    exact = Estimate.exact(np.array([[-2.0]])).padded(2)
+    assert exact.half.tolist() == [[-2.0, 0.0]] and exact.peak.tolist() == [[2.0, 0.0]]
+
+
+def test_entries_keep_the_largest_contribution():
+    entries = of_batches(np.array([[[1.0], [2.0]], [[4.0], [0.0]], [[1.0], [1.0]]]), spp=8)
+    found = gathered(entries, np.array([0, 0, 2]), 3)
+    assert found.peak[:, 0].tolist() == [16.0, 0.0, 4.0] and found.half[:, 0].tolist() == [2.5, 0.0, 1.0]
+
+
 def test_rounds_weigh_by_their_samples():
     a, b = (of_batches(np.array([[[x - 1], [x + 1.0]]]), spp=n) for x, n in ((1.0, 10), (4.0, 30)))
     both = pooled([a, b])

@@ -1,11 +1,14 @@
 """Glass obeys Snell, Fresnel, reciprocity and the conservation of energy, and its sampling its density."""
 
+from dataclasses import replace
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
 
 from dataset_builder.assets.asset import Material
+from dataset_builder.rendering.surface.channels_left import pack
 from dataset_builder.rendering.surface.first_hit import transparency
 from tests.rendering.surface.surface_bench import (
     SAMPLES,
@@ -90,18 +93,33 @@ def test_weights_average_to_the_integral_of_the_values(name, cosine):
     assert np.all(np.abs(mean - integral) < 5 * (error + noise) + 1e-4), (mean, integral)
 
 
+@pytest.mark.parametrize("roughness", (0.0, 0.4))
 @pytest.mark.parametrize("cosine", (0.7, -0.9))
-def test_rough_glass_has_one_density_whatever_channels_are_left(cosine):
-    """The mean over channels: a path that is left with blue brings on average what any path brings in blue."""
-    strong = surface_of(Material(name="strong", base_color=(1, 1, 1), roughness=0.4, transmission=1.0, ior=1.6,
+@pytest.mark.parametrize("left", ((0, 0, 1), (1, 0.2, 0.6)))
+def test_what_channels_are_left_moves_no_mean(roughness, cosine, left):
+    """A path that is left with some channels brings on average what any path brings in them."""
+    strong = surface_of(Material(name="strong", base_color=(1, 1, 1), roughness=roughness, transmission=1.0, ior=1.6,
                                  abbe=3.0))
     found = []
-    for channel in (0, 3):
+    for seed, code in enumerate((mi.Float(0), pack(mi.Color3f(*left)))):
         si = interaction(cosine, SAMPLES)
-        si.time = dr.opaque(mi.Float, channel)
-        found.append(mean_and_error(sampled(strong, si, seed=5 + channel)[1][2]))
+        si.time = dr.opaque(mi.Float, code[0])
+        found.append(mean_and_error(sampled(strong, si, seed=5 + seed)[1]))
     (mean, error), (alone, noise) = found
-    assert abs(mean - alone) < 4 * np.hypot(error, noise)
+    kept = np.array(left) > 0
+    assert np.all((np.abs(mean - alone) < 4.5 * np.hypot(error, noise) + 1e-6)[kept])
+
+
+def test_a_path_with_one_channel_left_has_that_channels_density():
+    surface, channel = surface_of(PRISM), 2
+    si = interaction(0.7, SAMPLES)
+    si.time = dr.opaque(mi.Float, pack(mi.Color3f(0, 0, 1))[0])
+    bs, weight = sampled(surface, si)
+    single = surface_of(replace(PRISM, ior=float(channel_indices(1.6, 20.0)[channel]), abbe=0.0))
+    value, density = single.eval_pdf(mi.BSDFContext(), si, bs.wo, mi.Bool(True))
+    met = np.array(bs.pdf) > 0
+    assert met.mean() > 0.6 and np.allclose(np.array(bs.pdf)[met], np.array(density)[met], rtol=2e-3)
+    assert np.allclose(weight[channel, met], np.array(value)[channel, met] / np.array(density)[met], rtol=5e-3)
 
 
 @pytest.mark.parametrize("name", ROUGH)

@@ -59,7 +59,7 @@ def test_an_example_with_its_label() -> None:
     assert [(layer["name"], layer["error"]) for layer in payload["layers"]] == [
         ("i_t", 0.05), ("mask", None), ("s", None)]
     assert [layer["denoised"] for layer in payload["layers"]] == [
-        "denoised: bias -0.20% ± 0.10%, of a pixel 4.0%; squared error 0.1 before, 0.02 after, of 8 examples", "",
+        "denoised: bias -0.20% ± 0.10%, of a pixel 4.00%; squared error 0.1 before, 0.02 after, of 8 examples", "",
         "denoised; not measured"]
     # NaN of a label becomes null, or a page would not be JSON
     assert payload["label"]["record"]["layers"][1]["relative_error"] is None

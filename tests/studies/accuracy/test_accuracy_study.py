@@ -8,10 +8,12 @@ from pathlib import Path
 import pytest
 
 from dataset_builder.cli.main import main
-from dataset_builder.report.accuracy_figures import sampling_figure
+from dataset_builder.report.accuracy_answers import summary_lines
+from dataset_builder.report.accuracy_laws import law_figure
 from dataset_builder.spec.load import load_dataset
 from dataset_builder.studies.accuracy import accuracy_study
-from dataset_builder.studies.accuracy.curves import Advice, curve
+from dataset_builder.studies.accuracy.conclusions import Conclusions, read_conclusions
+from dataset_builder.studies.accuracy.curves import curve
 from dataset_builder.studies.accuracy.rows import (
     COLUMNS,
     WHOLE,
@@ -26,7 +28,9 @@ from dataset_builder.studies.sampled import StudySpec
 from tests.small_specs import write_spec
 
 TINY = ("--set", "image={width: 16, height: 16}", "--set", "rough.edge_length=0.3", "--backend", "llvm")
-FIGURES = {"uniform", "adaptive", "uniform-denoised", "depth", "edge-length", "texture-size", "codecs", "accumulation"}
+ASKED = ("--error", "i_t=0.7", "s_prime=0.5", "--count", "12000", "--gpu-speed", "50")
+FIGURES = {"laws", "spread", "adaptive", "uniform-denoised", "depth", "edge-length", "texture-size", "codecs",
+           "accumulation"}
 
 
 @pytest.fixture(scope="module")
@@ -40,8 +44,14 @@ def out(spec: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of a finished study."""
     folder = tmp_path_factory.mktemp("study")
     assert main(["study", "accuracy", str(spec), *TINY, "--examples", "1", "--budget", "small", "--layers", "i_t",
-                 "s_prime", "--out", str(folder)]) == 0
+                 "s_prime", *ASKED, "--out", str(folder)]) == 0
     return folder
+
+
+@pytest.fixture(scope="module")
+def found(out: Path, spec: Path, rows: list[AccuracyRow]) -> Conclusions:
+    """What it concludes, from its files."""
+    return read_conclusions(rows, spec, out)
 
 
 @pytest.fixture(scope="module")
@@ -67,15 +77,16 @@ def test_an_interrupted_study_goes_on(out: Path, spec: Path, rows: list[Accuracy
     (tmp_path / "study.json").write_bytes((out / "study.json").read_bytes())
     write_table([row for row in rows if accuracy_study.GROUPS[row.question] in ("sampling", "path depth")],
                 tmp_path / "results.csv")
-    words = ["study", "accuracy", str(spec), *TINY, "--examples", "1", "--budget", "small", "--out", str(tmp_path)]
+    words = ["study", "accuracy", str(spec), *TINY, *ASKED[3:], "--examples", "1", "--budget", "small", "--out",
+             str(tmp_path)]
     assert main([*words, "--layers", "i_t", "s_prime"]) == 0
-    assert measured == ["edge length", "texture size", "storage", "accumulation"]
+    assert measured == ["edge length", "texture size", "storage", "accumulation", *["other examples"] * 3]
     assert capsys.readouterr().out.count("kept from an earlier run") == 2
     assert (tmp_path / "results.csv").read_text() == (out / "results.csv").read_text()
     # Other layers are another study: nothing is kept, and nothing of the old one is left in its table
     measured.clear()
     assert main([*words, "--layers", "i_t"]) == 0
-    assert measured == list(accuracy_study.MEASURES) and "kept" not in capsys.readouterr().out
+    assert set(measured) == set(accuracy_study.MEASURES) and "kept" not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("content", [None, "", "question\nnone\n", "question,setting\nuniform,4 spp\n"])
@@ -95,17 +106,35 @@ def test_rows_about_something_else_go(tmp_path: Path) -> None:
     assert not table.exists() and "b" in (tmp_path / "study.json").read_text()
 
 
-def test_a_star_recommends_no_denoising(rows: list[AccuracyRow]) -> None:
-    def labels(*questions: str) -> list[str]:
-        figure = sampling_figure(rows, advice, questions, "")
-        return [text for axes in figure.axes for text in axes.get_legend_handles_labels()[1]]
+def test_the_answer_is_that_of_the_files(out: Path, found: Conclusions) -> None:
+    assert found.advice.lines() == (out / "recommended.txt").read_text()
+    assert found.asked.errors == {"i_t": 0.7, "s_prime": 0.5} and found.asked.examples == 12_000
+    page = (out / "report.html").read_text()
+    assert found.answer is not None and f"{found.answer.gigabytes:.3g} GB" in page
+    lines = "\n".join(summary_lines(found))
+    assert "12,000 examples" in lines and "50 times as fast as a core" in lines and "nothing was measured" in lines
+    assert lines.count("(recommended)") == 1 and "never recommended" in lines
 
-    point = curve(rows, "uniform", "i_t")[1]
-    names = ("uniform", "uniform-denoised", "adaptive-denoised")
-    advice = Advice(marked={(question, layer): point for question in names for layer in ("i_t", "s_prime")})
-    assert "recommended: 16 spp" in labels("uniform") and "knee: 16 spp" not in labels("uniform")
-    smooth = labels("uniform", *names[1:])
-    assert "knee: 16 spp" in smooth and "recommended: 16 spp" not in smooth
+
+def test_hours_are_those_of_the_passes(rows: list[AccuracyRow], found: Conclusions) -> None:
+    """What the dataset takes at the samples that others were measured at is what they took, within a factor of two."""
+    own = [row for row in rows if row.question == "other-examples"]
+    assert len({row.example for row in own}) == 3 and min(row.cpu_seconds for row in own) > 0
+    each = sum(row.cpu_seconds for row in own) / 3
+    told = 3600 * found.answers.fixed({"source": 16, "target": 16, "rough": 16}).core_hours / 12_000
+    assert each / 2 < told < 2 * each
+
+
+def test_laws_are_drawn_with_what_was_asked(found: Conclusions) -> None:
+    labels = [text for axes in law_figure(found).axes for text in axes.get_legend_handles_labels()[1]]
+    assert sum(text.startswith("asked: ") for text in labels) == 2 and labels.count("00000000") == 2
+
+
+@pytest.mark.parametrize("word", ["i_t", "i_t=", "=0.1", "i_t=2", "i_t=-1", "i_t=x"])
+def test_errors_that_are_none(spec: Path, word: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["study", "accuracy", str(spec), "--error", word])
+    assert "expected" in capsys.readouterr().err
 
 
 def test_recommended_options_are_taken_as_they_are(out: Path, spec: Path) -> None:
@@ -117,6 +146,7 @@ def test_recommended_options_are_taken_as_they_are(out: Path, spec: Path) -> Non
 def test_more_samples_are_better_and_the_reference_is_best(rows: list[AccuracyRow]) -> None:
     for layer in ("i_t", "s_prime"):
         points = curve(rows, "uniform", layer)
+        assert {row.replicate for row in of(rows, "uniform", layer)} == {0, 1}
         assert [point.value for point in points] == [4, 16, 64]
         assert points[0].error > points[1].error > points[2].error
         own = of(rows, "uniform", layer)
@@ -126,7 +156,7 @@ def test_more_samples_are_better_and_the_reference_is_best(rows: list[AccuracyRo
 
 def test_a_tighter_goal_takes_more_paths_for_less_error(rows: list[AccuracyRow]) -> None:
     for layer in ("i_t", "s_prime"):
-        loose, tight = of(rows, "adaptive", layer)
+        loose, tight = (row for row in of(rows, "adaptive", layer) if row.replicate == 0)
         assert loose.value > tight.value and loose.paths < tight.paths <= 256 * 16 * 16
         assert min(loose.reached, tight.reached) > 0 and loose.relmse > tight.relmse
 

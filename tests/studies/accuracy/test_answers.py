@@ -1,0 +1,96 @@
+"""Answers worked out by hand from laws that are known, and settings that do not follow the noise of timings."""
+
+import math
+
+import pytest
+
+from dataset_builder.studies.accuracy.answers import ERROR, Answers, Asked
+from dataset_builder.studies.accuracy.sampling_advice import RESAMPLED, answer_of, changed_share
+from tests.studies.accuracy.made_rows import jittered, study, work
+
+NOISES = (0.25, 0.5, 1.0, 1.0, 2.0, 4.0)
+
+
+def answers(rows: list | None = None, examples: int | None = None) -> Answers:
+    """Of made rows."""
+    return Answers(study(NOISES) if rows is None else rows, work(), "cpu_seconds", first=16, batches=4,
+                   dtype="float16", examples=examples)
+
+
+def test_examples_that_differ_ask_for_more_samples() -> None:
+    found = answers()
+    spread = found.spread["i_t"]
+    assert spread.values == pytest.approx(NOISES) and spread.median == pytest.approx(1)
+    # Logarithms of 2: -2, -1, 0, 0, 1, 2, deviation sqrt(2); t(0.95, 5) = 2.0150
+    limit = 2 ** (2.0150 * math.sqrt(2) * math.sqrt(7 / 6))
+    assert spread.limit == pytest.approx(limit, rel=1e-3)
+    answer = found.uniform({"i_t": 0.1, "s_prime": 0.2})
+    assert answer is not None
+    assert answer.spp == {"target": 4 * math.ceil(limit * 25), "rough": 4 * math.ceil(limit * 25 / 4)}
+    assert answer.errors["i_t"][1] <= 0.1 and answer.errors["i_t"][0] == pytest.approx(0.1 / math.sqrt(limit), rel=0.02)
+
+
+def test_goals_take_what_each_example_needs() -> None:
+    answer = answers().goals({"i_t": 0.1})
+    assert answer is not None and answer.goals == {"i_t": 0.2}
+    # 100 samples for a noise of 1, and never fewer than the first round
+    assert answer.spp["target"] == pytest.approx(sum(max(100 * noise, 16) for noise in NOISES) / 6, rel=1e-3)
+    assert answer.cap >= 2 * 100 * max(NOISES) and math.log2(answer.cap).is_integer()
+
+
+def test_the_cheaper_way_is_chosen_by_samples() -> None:
+    assert getattr(answers().of_errors(Asked()), "way", "") == "adaptive"
+    assert getattr(answers(study((1.0,) * 4)).of_errors(Asked()), "way", "") == "adaptive"
+    rows = [row for row in study(NOISES) if row.question != "adaptive"]
+    assert getattr(answers(rows).of_errors(Asked()), "way", "") == "uniform"
+
+
+def test_hours_and_bytes_by_hand() -> None:
+    # Per example: 1 s besides, three passes of 0.05 s, two of 100 spp at 1/100 s, source as it is, 64 spp
+    answer = answers().fixed({"target": 100, "rough": 100})
+    assert answer.core_hours * 3600 == pytest.approx(100 * (1 + 3 * 0.05 + 2.64), rel=0.02)
+    assert answer.gigabytes == 1 and answer.within >= 0
+    many = answers(examples=12_000).fixed({"target": 100, "rough": 100})
+    assert many.core_hours == pytest.approx(120 * answer.core_hours) and many.gigabytes == pytest.approx(120)
+
+
+def test_hours_buy_the_least_error_of_a_series_in_the_ratios_asked() -> None:
+    found, asked = answers(), Asked(errors={"i_t": 0.05, "s_prime": 0.1}, hours=1.0)
+    answer = found.of_hours(asked, workers=2)
+    assert answer is not None and answer.core_hours / 2 <= 1
+    errors = {layer: limit for layer, (_, limit) in answer.errors.items()}
+    assert errors["s_prime"] == pytest.approx(2 * errors["i_t"])
+    better = found.of_errors(asked, 0.7 * errors["i_t"] / 0.05)
+    assert better is not None and better.core_hours / 2 > 1
+    assert found.of_hours(Asked(hours=1e-3), workers=2) is None
+
+
+def test_what_no_samples_reach_has_no_answer() -> None:
+    rows = [row if row.question != "uniform" else
+            type(row)(**{**vars(row), "relmse": row.relmse + 0.04, "relmse_measured": row.relmse_measured + 0.04})
+            for row in study(NOISES)]
+    found = answers(rows)
+    assert found.floor("i_t") == pytest.approx(0.04, rel=1e-3)
+    assert found.uniform({"i_t": 0.1}) is None and found.uniform({"i_t": 0.3}) is not None
+
+
+def test_what_is_not_asked_is_a_tenth() -> None:
+    assert Asked(errors={"i_t": 0.05}).error_of("s_prime") == ERROR == 0.1
+
+
+def test_settings_for_an_error_do_not_follow_the_noise_of_timings() -> None:
+    """The advice by knees changed in 229 of 300 resamplings of the timings of a real study."""
+    assert changed_share(study(NOISES), answers, Asked(errors={"i_t": 0.05}), workers=2) == 0 and RESAMPLED >= 100
+
+
+def test_settings_for_hours_follow_it_only_at_a_step() -> None:
+    shares = [changed_share(study(NOISES), answers, Asked(hours=hours), workers=2, times=20)
+              for hours in (0.2, 0.5, 1.1, 2.0, 4.0)]
+    assert sorted(shares)[2] == 0 and sum(shares) / 5 <= 0.1
+
+
+def test_twice_the_seconds_are_twice_the_hours_and_the_same_settings() -> None:
+    plain, slow = (answer_of(answers(jittered(study(NOISES), deviation, 3)), Asked(), 2) for deviation in (0.0, 0.05))
+    assert plain is not None and slow is not None
+    assert (plain.spp, plain.goals, plain.way) == (slow.spp, slow.goals, slow.way)
+    assert slow.core_hours == pytest.approx(plain.core_hours, rel=0.1) and slow.core_hours != plain.core_hours
