@@ -107,7 +107,7 @@ class Planner:
         seen, root = spec.split_of(ref.pair.split).source, self.loaded.path.parent
         field = field_plan(spec, seen if seen.image else None, ref.pair, arrangement.target.object, root)
         source = (in_world(field.light, arrangement.target.yaw, spec.source.open) if field.light.lights else
-                  source_light(spec.source, partial(rng, spec.seed, *self._lit(ref).path, "source"), root))
+                  source_light(spec.source, partial(rng, spec.seed, *self._lit(ref).path, "source"), root, arrangement))
         return ViewPlan(arrangement=arrangement, view=view, source=source, field=field)
 
     def _camera(self, ref: ViewRef, placed: Arrangement) -> tuple[Arrangement, PlannedCamera]:

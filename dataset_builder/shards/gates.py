@@ -92,9 +92,10 @@ def sampling_error(first_hit: int, target: int) -> float:
     """Standard error, per unit of deviation inside a pixel, of d in the first-hit pass less d in the target pass.
 
     The passes draw their own camera rays, so that edges and textures fall differently into each: the variance of a
-    difference of independent means is sd(d)^2 (1/n + 1/m).
+    difference of independent means is sd(d)^2 (1/n + 1/m). sd(d) is known from the n samples of the first: their mean
+    square about their own mean is (n - 1) / n of it (Bessel's correction).
     """
-    return math.sqrt(1 / first_hit + 1 / target)
+    return math.sqrt((1 / first_hit + 1 / target) * first_hit / max(first_hit - 1, 1))
 
 
 def combined_error(*, d: np.ndarray, s: np.ndarray, d_se: np.ndarray, i_t_se: np.ndarray, s_se: np.ndarray,

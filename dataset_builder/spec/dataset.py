@@ -13,7 +13,7 @@ from dataset_builder.spec.licences import Licence
 from dataset_builder.spec.light import LightCount, SourceSpec, TargetSpec
 from dataset_builder.spec.model import Model, broken
 from dataset_builder.spec.numbers import MOST_EXAMPLES, Count, Interval, Share, branches, interval
-from dataset_builder.spec.render import ImageSpec, RenderSpec
+from dataset_builder.spec.render import ImageSpec, RenderSpec, require_spread
 from dataset_builder.spec.rough import Level, RoughSpec
 
 Shareable = Literal["objects", "scenes"]
@@ -195,6 +195,11 @@ class DatasetSpec(Model):
         if (total := sum(counts)) > MOST_EXAMPLES:
             raise broken(f"expected at most {MOST_EXAMPLES} examples of all splits together, got {total}",
                          path=("splits",))
+        return self
+
+    @model_validator(mode="after")
+    def _albedo_has_a_spread(self) -> "DatasetSpec":
+        require_spread(self.render.spp, self.layers)
         return self
 
     @model_validator(mode="after")

@@ -54,7 +54,11 @@ class SunSpec(Model):
     elevation: within(low=0, high=90) = 60.0  # type: ignore[valid-type]
     """Degrees above the horizon."""
     azimuth: AnyNumber = 0.0
-    """Degrees about the vertical."""
+    """Degrees about the vertical of where it stands: 0 is -y, 90 is +x, 180 is +y, as seen from above
+    counter-clockwise. With `through`, from where that window faces: 0 is straight before it."""
+    through: Annotated[str, Field(pattern=r"^((window|opening)_[1-9]\d?|top)?$")] = ""
+    """Window that it is to shine in through, by the name that `plan` prints: `window_1` is in the +y wall of a room.
+    Planning refuses a view where nothing gets in. Empty: it stands where it stands."""
     irradiance: within(low=0) = 1.0  # type: ignore[valid-type]
     """Irradiance on a surface facing the sun; a dome of radiance 1 gives pi."""
 
@@ -73,6 +77,13 @@ class SourceSpec(Model):
     """Rotation of the environment about the vertical, in degrees."""
     open: tuple[Literal["ceiling", "walls"], ...] = ("ceiling", "walls")
     """Parts of the room that are removed in the source pass."""
+
+    @model_validator(mode="after")
+    def _window_is_there(self) -> "SourceSpec":
+        if self.sun is not None and self.sun.through and "walls" in self.open:
+            raise broken("expected no `through` where the walls are removed, since windows go with them",
+                         path=("sun", "through"))
+        return self
 
 
 class TargetSpec(Model):

@@ -1,5 +1,6 @@
 """Size of the images and how their pixels are computed, as written."""
 
+from collections.abc import Iterable
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
@@ -50,7 +51,8 @@ class SppSpec(Model):
     appending to the list keeps the samples of an earlier build."""
 
     first_hit: Spp = 64
-    """Light-free layers, of both meshes."""
+    """Light-free layers, of both meshes. The gate radiance_split goes by how `d` varies among them: with fewer than 16
+    it rejects some examples by bad luck, and 1 is refused where `i_t`, `s`, `spec` or `air` is asked for."""
     source: Spp = 64
     """`i_s`."""
     target: Spp = 64
@@ -73,6 +75,14 @@ class SppSpec(Model):
     def total(self, render_pass: str) -> int:
         """Samples per pixel of a pass."""
         return sum(self.parts(render_pass))
+
+
+def require_spread(spp: SppSpec, layers: Iterable[str]) -> None:
+    """Raise where the gate radiance_split is asked about d, of which one sample says nothing."""
+    if spp.total("first_hit") == 1 and any(LAYERS[name].render_pass == "target" for name in layers):
+        raise broken("expected at least 2, since the gate radiance_split goes by how d varies within a pixel, which "
+                     "one sample does not show, got 1 (take 16 or more: with fewer it rejects some examples by bad "
+                     "luck)", path=("render", "spp", "first_hit"))
 
 
 class GoalSpec(Model):

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dataset_builder.assets.procedural.rooms import window_holes
+from dataset_builder.assets.procedural.rooms import SIDES, window_holes
 from dataset_builder.label.scene_plan import LightPlan, PortalPlan, RoomPlan
 from dataset_builder.light_kinds import LIGHT_KINDS
 from dataset_builder.planning.scene.footprints import WALL_GAP, Box, Footprint, Pose, footprint, standing
@@ -15,6 +15,8 @@ WALLS = ((0.0, 1.0, 0.0), (-1.0, 0.0, 90.0), (1.0, 0.0, -90.0), (0.0, -1.0, 180.
 """Outward x and y of a wall, and the yaw of furniture whose back is to it."""
 WINDOW_SIDES = np.array([(0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, -1.0, 0.0)])
 """(4, 3) outward normals of the walls, in the order in which they get windows."""
+GRAZING = 1e-9
+"""Cosine up to which a sun is taken to shine along a wall: what rounding leaves of a right angle."""
 AXES = (np.array([1.0, 0.0]), np.array([0.0, 1.0]))
 
 
@@ -93,12 +95,19 @@ class BoxShell:
         if not self.room.windows:
             return Reach(kept=False, why="cannot enter a room with a ceiling and no windows")
         sides = WINDOW_SIDES[:self.room.windows]
-        shone_at = int((sides @ np.asarray(light.direction) < 0).sum())
-        open_to = len(sides) if LIGHT_KINDS[light.kind].all_round else shone_at
+        shone_at = (sides @ np.asarray(light.direction) < -GRAZING) | LIGHT_KINDS[light.kind].all_round
+        said = [name for name, shone in zip(self._windows.values(), shone_at, strict=True) if shone]
         panes = "glazed " if self.room.glazing else ""
-        if not open_to:
-            return Reach(kept=False, why=f"does not shine on a wall with one of the {len(sides)} {panes}windows")
-        return Reach(kept=True, why=f"enters through {open_to} {panes}window{'s' if open_to > 1 else ''}")
+        if not said:
+            return Reach(kept=False, why=f"does not shine on a wall with one of the {len(sides)} {panes}windows: "
+                         f"{', '.join(self._windows.values())}")
+        return Reach(kept=True, why=f"enters through {len(said)} {panes}window{'s' if len(said) > 1 else ''}: "
+                     f"{', '.join(said)}")
+
+    @property
+    def _windows(self) -> dict[str, str]:
+        """Windows by name, and in words with their walls."""
+        return {f"window_{k}": f"window_{k} ({side})" for k, (side, _) in enumerate(SIDES[:self.room.windows], start=1)}
 
     def openings(self, opened: Sequence[str], near: np.ndarray) -> Openings:
         """The windows, where walls end outside, and the whole of a ceiling that is not there."""
@@ -106,13 +115,17 @@ class BoxShell:
             return Openings(portals=(), why="the walls are removed")
         holes = window_holes(width=self.room.width, depth=self.room.depth, height=self.room.height,
                              windows=self.room.windows, skirting=self.room.skirting)
-        said = [f"{self.room.windows} window{'s' if self.room.windows > 1 else ''}"] * bool(holes)
+        named = self._windows
+        said = [f"{len(named)} window{'s' if len(named) > 1 else ''}: {', '.join(named.values())}"] * bool(holes)
+        names = [*named]
         if not self.room.ceiling or "ceiling" in opened:
             low, high = self.extent
             # Seen from inside, so that right x up points down
             holes.append(np.array([(high[0], low[1], high[2]), (low[0] - high[0], 0, 0), (0, high[1] - low[1], 0)]))
             said.append("the open top")
-        return Openings(portals=tuple(map(_portal, holes)), why=" and ".join(said) or "there is no opening")
+            names.append("top")
+        return Openings(portals=tuple(map(_portal, holes)), why=" and ".join(said) or "there is no opening",
+                        names=tuple(names))
 
 
 def _portal(hole: np.ndarray) -> PortalPlan:

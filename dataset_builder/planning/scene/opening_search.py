@@ -76,7 +76,16 @@ def openings_of(building: Sequence[Geometry], lines: Lines, others: Lines) -> Op
     if missed.mean() > MISSED:
         return Openings(portals=(), why=f"{missed.sum()} of {len(missed)} paths out of the scene pass through none of "
                         f"{said} found")
-    return Openings(portals=tuple(_portal(rectangle, turn) for rectangle in found), why=said)
+    portals = tuple(_portal(rectangle, turn) for rectangle in found)
+    names = tuple(f"opening_{k}" for k in range(1, len(portals) + 1))
+    placed = ", ".join(f"{name} at {_middle(portal)}" for name, portal in zip(names, portals, strict=True))
+    return Openings(portals=portals, why=f"{said}: {placed}", names=names)
+
+
+def _middle(portal: PortalPlan) -> str:
+    """Where the middle of a rectangle is, in words."""
+    at = np.asarray(portal.corner) + (np.asarray(portal.right) + np.asarray(portal.up)) / 2
+    return f"({', '.join(f'{value:.1f}' for value in at)})"
 
 
 def _search(corners: np.ndarray, lines: Lines) -> list[_Rectangle]:

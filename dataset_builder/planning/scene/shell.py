@@ -38,6 +38,8 @@ class Openings:
     """Rectangles that cover all of it; none where rectangles do not."""
     why: str
     """Where they are, or why there are none."""
+    names: tuple[str, ...] = ()
+    """One of each."""
 
 
 class Shell(Protocol):

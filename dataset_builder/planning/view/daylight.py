@@ -1,7 +1,7 @@
 """Light from outside: a uniform sky or an image of one, a sun, and how much of them reaches the object."""
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, partial
 from math import pi
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from dataset_builder.label.scene_plan import LightPlan, Vector
 from dataset_builder.planning.scene.arrangement import Arrangement
 from dataset_builder.planning.view.cameras import towards, vector
 from dataset_builder.planning.view.emission import sky_directions
+from dataset_builder.planning.view.sun_window import faced, require_entry
 from dataset_builder.planning.view.visibility import Sight
 from dataset_builder.spec.light import SourceSpec, SunSpec, TargetSpec
 from dataset_builder.spec.numbers import draw
@@ -35,22 +36,32 @@ def dome(radiance: float, *, image: str = "", image_sha256: str = "", turn: floa
                      temperature=0.0, weight=pi * radiance, image=image, image_sha256=image_sha256, turn=turn)
 
 
-def sun(spec: SunSpec, stream: Stream) -> LightPlan:
-    """A sun, drawn; its irradiance may be 0."""
+def sun(spec: SunSpec, stream: Stream, key: str, arrangement: Arrangement | None) -> LightPlan:
+    """A sun, drawn; its irradiance may be 0. Raises PlanError where it is aimed at an opening that it cannot shine
+    through, or that no arrangement is there to have."""
     irradiance = draw(spec.irradiance, stream("irradiance"))
-    upward = towards(draw(spec.azimuth, stream("azimuth")), draw(spec.elevation, stream("elevation")))
+    azimuth, elevation = draw(spec.azimuth, stream("azimuth")), draw(spec.elevation, stream("elevation"))
+    if spec.through and irradiance:
+        if arrangement is None:
+            raise PlanError([Problem(where="", path=f"{key}.sun.through", rule="expected no such key where the object "
+                                     "is seen through a field, whose light knows no room", hint="leave it out")])
+        azimuth += faced(arrangement, spec.through, key)
+        require_entry(arrangement, spec.through, azimuth, elevation, key)
+    upward = towards(azimuth, elevation)
     return LightPlan(kind="sun", position=ORIGIN, direction=vector(-upward), size=0.0, cutoff=0.0,
                      radiance=(irradiance,) * 3, temperature=0.0, weight=irradiance)
 
 
-def outside(spec: SourceSpec | TargetSpec, stream: Stream, root: Path, key: str) -> list[LightPlan]:
+def outside(spec: SourceSpec | TargetSpec, stream: Stream, root: Path, key: str,
+            arrangement: Arrangement | None = None) -> list[LightPlan]:
     """What shines from outside: dome and sun, drawn, those that are not 0. root: folder of the dataset file; key: the
-    part of the spec. Raises PlanError where the image of the sky cannot be read."""
+    part of the spec; arrangement: what has the windows. Raises PlanError where the image of the sky cannot be read, or
+    a sun cannot shine through the window that it is aimed at."""
     lights = list[LightPlan]()
     if (value := draw(spec.dome, stream("dome"))) > 0:
         shown = image_of(root, spec.environment, f"{key}.environment") if spec.environment else {}
         lights.append(dome(value, turn=draw(spec.turn, stream("turn")) if shown else 0.0, **shown))
-    if spec.sun is not None and any((found := sun(spec.sun, lambda name: stream("sun", name))).radiance):
+    if spec.sun is not None and any((found := sun(spec.sun, partial(stream, "sun"), key, arrangement)).radiance):
         lights.append(found)
     return lights
 

@@ -24,13 +24,15 @@ from dataset_builder.spec.numbers import draw
 __all__ = ["sky_share", "source_light", "target_light", "unit_irradiance"]
 
 
-def source_light(spec: SourceSpec, stream: Stream, root: Path = Path()) -> IlluminationPlan:
+def source_light(spec: SourceSpec, stream: Stream, root: Path = Path(),
+                 arrangement: Arrangement | None = None) -> IlluminationPlan:
     """The source illumination: dome and optional sun, with what blocks them left out of the pass. root: folder of the
-    dataset file.
+    dataset file. arrangement: what has the windows.
 
-    Raises PlanError where both are drawn as 0, or where the image of the sky cannot be read.
+    Raises PlanError where both are drawn as 0, where the image of the sky cannot be read, or where a sun cannot shine
+    through its window.
     """
-    lights = outside(spec, stream, root, "source")
+    lights = outside(spec, stream, root, "source", arrangement)
     if not lights:
         raise PlanError([Problem(where="", path="source", rule="expected a dome or a sun above 0, got neither",
                                  hint="set source.dome")])
@@ -119,7 +121,8 @@ def target_light(view: LitView, spec: TargetSpec, stream: Stream, where: str, ro
     outside counts where it gets in, and is weighed by that. Raises PlanError where no draw is right, a lamp cannot be
     where it is put, no light is drawn, or an image cannot be read.
     """
-    drawn = [weighed_outside(view, light) for light in outside(spec, stream, root, "target")] if alone is None else []
+    drawn = [weighed_outside(view, light) for light in outside(
+        spec, stream, root, "target", view.arrangement)] if alone is None else []
     found, merged = one_dome([*(SceneLight(name=f"the dataset's {light.kind}", light=light) for light in drawn), *own])
     others = [each.light for each in found]
     if isinstance(spec.lights, tuple):

@@ -213,7 +213,7 @@ def _factors(m: Material) -> list[tuple[str, str, object, bool]]:
             ("emission", "finite values >= 0", m.emission, all(0 <= v < np.inf for v in m.emission)),
             ("alpha_cutoff", "a finite value >= 0", cutoff, cutoff is None or 0 <= cutoff < np.inf),
             ("priority", "a whole number >= 0, and above 0 only where nothing is cut out (alpha 1)", m.priority,
-             m.priority == 0 or (m.priority > 0 and m.priority == int(m.priority) and coverage_range(m)[0] == 1)),
+             m.priority == 0 or (m.priority > 0 and m.priority % 1 == 0 and coverage_range(m)[0] == 1)),
             ("ior", "a finite index of refraction >= 1", m.ior, 1 <= m.ior < np.inf),
             ("abbe", "a finite Abbe number >= 0", m.abbe, 0 <= m.abbe < np.inf)]
 

@@ -26,10 +26,11 @@ def said(decisions: list[Decision]) -> str:
 def test_a_dome_behind_windows_is_sampled_through_them() -> None:
     portals, decisions = daylight("target", [weighing("dome", 0.1)], BoxShell(ROOM), (), NEAR)
     assert portals == BoxShell(ROOM).openings((), np.zeros(3)).portals and len(portals) == 2
-    assert said(decisions) == "through openings: sampled through 2 windows"
+    assert said(decisions) == "through openings: sampled through 2 windows: window_1 (+y), window_2 (-x)"
     open_top = BoxShell(ROOM.model_copy(update={"ceiling": False, "windows": 1}))
     portals, decisions = daylight("target", [weighing("dome", 0.1)], open_top, (), NEAR)
-    assert len(portals) == 2 and said(decisions) == "through openings: sampled through 1 window and the open top"
+    assert len(portals) == 2
+    assert said(decisions) == "through openings: sampled through 1 window: window_1 (+y) and the open top"
 
 
 def test_where_nothing_is_to_be_gained_it_is_sampled_all_round() -> None:

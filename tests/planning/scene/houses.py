@@ -62,3 +62,16 @@ def two_rooms() -> list[Geometry]:
 def two_storeys() -> list[Geometry]:
     """Two rooms of 5 by 4 metres above each other and a roof, floors at 0 and 2.7."""
     return walled(5, 4, 2.6, roof=False) + walled(5, 4, 2.4, at=(0, 0, 2.7))
+
+
+def windowed() -> list[Geometry]:
+    """A room whose wall at y = 4 has a hole of 2 x 1.1 metres."""
+    parts = [part for part in walled(5, 4, 2.5) if part[0].min(axis=0)[1] < 3.9]
+    return [*parts, box((0, 4, 0), (1.5, 4.1, 2.5)), box((3.5, 4, 0), (5, 4.1, 2.5)),
+            box((1.5, 4, 0), (3.5, 4.1, 0.9)), box((1.5, 4, 2), (3.5, 4.1, 2.5))]
+
+
+def turned(house: Sequence[Geometry], degrees: float) -> list[Geometry]:
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return [(positions @ np.array([(c, s, 0), (-s, c, 0), (0, 0, 1)]), faces, number)
+            for positions, faces, number in house]

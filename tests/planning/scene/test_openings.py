@@ -12,7 +12,7 @@ from dataset_builder.planning.scene.box_shell import BoxShell
 from dataset_builder.planning.scene.shell import Geometry
 from dataset_builder.planning.scene.ways_out import ways_out
 from dataset_builder.seeding import rng
-from tests.planning.scene.houses import box, shell, two_rooms, walled
+from tests.planning.scene.houses import box, shell, turned, two_rooms, walled, windowed
 
 HERE = np.array([2.5, 2.0, 0.0])
 ROOM = RoomPlan(name="room", seed="1", width=4.4, depth=3.6, height=2.5, ceiling=True, windows=2, skirting=0.08)
@@ -35,19 +35,6 @@ def through(portals: Sequence[PortalPlan], origins: np.ndarray, directions: np.n
 
 def areas(portals: Sequence[PortalPlan]) -> list[float]:
     return [float(np.linalg.norm(portal.right) * np.linalg.norm(portal.up)) for portal in portals]
-
-
-def windowed() -> list[Geometry]:
-    """A room whose wall at y = 4 has a hole of 2 x 1.1 metres."""
-    parts = [part for part in walled(5, 4, 2.5) if part[0].min(axis=0)[1] < 3.9]
-    return [*parts, box((0, 4, 0), (1.5, 4.1, 2.5)), box((3.5, 4, 0), (5, 4.1, 2.5)),
-            box((1.5, 4, 0), (3.5, 4.1, 0.9)), box((1.5, 4, 2), (3.5, 4.1, 2.5))]
-
-
-def turned(house: Sequence[Geometry], degrees: float) -> list[Geometry]:
-    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-    return [(positions @ np.array([(c, s, 0), (-s, c, 0), (0, 0, 1)]), faces, number)
-            for positions, faces, number in house]
 
 
 @pytest.mark.parametrize("windows", range(5))
@@ -84,7 +71,8 @@ def test_a_window_of_a_house_of_triangles_is_found(degrees: float, things: list[
     turn = turned([(HERE[None], np.zeros((0, 3)), 0)], degrees)[0][0][0]
     space = shell(turned(windowed(), degrees), turned(things, degrees))
     found = space.openings((), turn)
-    assert found.why == "1 opening" and len(found.portals) == 1
+    assert found.why.startswith("1 opening: opening_1 at (") and found.names == ("opening_1",)
+    assert len(found.portals) == 1
     corner, right, up = (np.array(side) for side in found.portals[0].model_dump().values())
     back = turned([(np.array([corner, corner + right + up]), np.zeros((0, 3)), 0)], -degrees)[0][0]
     assert np.allclose(np.sort(back, axis=0), WINDOW, atol=0.1)
@@ -127,7 +115,8 @@ def test_gaps_of_a_paling_are_one_opening_on_each_side() -> None:
         house += [box((low, -0.1, 0), (high, 0, 2.5)), box((low, 4, 0), (high, 4.1, 2.5)),
                   box((-0.1, low, 0), (0, high, 2.5)), box((4, low, 0), (4.1, high, 2.5))]
     found = shell(house).openings((), np.array([2.0, 2.0, 0.0]))
-    assert found.why == "4 openings" and all(9 < area < 14 for area in areas(found.portals))
+    assert found.why.startswith("4 openings: ") and len(found.names) == 4
+    assert all(9 < area < 14 for area in areas(found.portals))
 
 
 def test_a_dozen_windows_are_too_many() -> None:

@@ -85,7 +85,17 @@ def test_rows_hold_every_factor():
     assert np.allclose(pack([glowing], sky=2.0).factors[0, 16:], [0.2, 0.4, 6, 0.4, 0.5 * (1 - 2**-11), 0, 0, 0])
 
 
-@pytest.mark.parametrize("factor", CHECKED)
+def test_a_priority_numbers_the_bodies_of_glass_and_is_checked():
+    glass = Material(name="wax", base_color=(1, 1, 1), transmission=1.0)
+    rows = pack([replace(glass, priority=3), glass, replace(glass, priority=2, ior=1.3)]).factors
+    assert rows[:, 21].tolist() == [2, 0, 1]
+    for broken in ({"priority": np.nan}, {"priority": np.inf}, {"priority": -1}, {"priority": 1.5},
+                   {"priority": 1, "alpha": 0.5}):
+        with pytest.raises(PlanError, match="'wax': priority: expected a whole number >= 0"):
+            pack([replace(glass, **broken)])
+
+
+@pytest.mark.parametrize("factor", [name for name in CHECKED if name != "priority"])
 def test_every_factor_moves_its_row_and_is_checked(factor):
     plain = Material(name="wax", base_color=(0.5, 0.5, 0.5))
     value = getattr(plain, factor)
