@@ -90,7 +90,8 @@ def test_a_path_that_is_left_with_one_channel_keeps_to_it() -> None:
         lane = dr.arange(mi.UInt32, lanes) % 4
         channels = pack(mi.Color3f(*(dr.select((lane == 0) | (lane == 1 + each), mi.Float(1), 0) for each in range(3))))
         start = PathStart(point=point, direction=dr.normalize(mi.Vector3f(0, 4, -1)), pdf=mi.Float(1),
-                          delta=mi.Bool(True), depth=mi.UInt32(1), prior_throughput=mi.Float(1), channels=channels)
+                          delta=mi.Bool(True), depth=mi.UInt32(1), prior_throughput=mi.Float(1), channels=channels,
+                          inside=mi.UInt32(0))
         found = np.array(incident_radiance(world, sampler, start, mi.Bool(True))).T.reshape(-1, 4, 3)
     lit = found.mean(axis=0) > 0
     assert lit.tolist() == [[True] * 3, [True, False, False], [False, True, False], [False, False, True]]
