@@ -107,8 +107,8 @@ def test_only_what_is_outside_stays_out(kind: LightKind) -> None:
 def test_caustics_of_what_no_path_meets_are_left_out(kind: LightKind) -> None:
     glass = Material(name="glass", base_color=(1, 1, 1), roughness=0.0, transmission=1.0)
     use = MaterialUse(owner="vase", part="furniture", material=glass, scattered=0.0, smoothest=0.0, roughest=0.0)
-    lit = PassLight(name="target", lights=(light(kind.name),), materials=(use,), fog=FogPlan(), depth=12,
-                    target_area=1.0)
+    lit = PassLight(name="target", lights=(light(kind.name, size=0.05, length=0.2),), materials=(use,), fog=FogPlan(),
+                    depth=12, target_area=1.0)
     assert [each.choice for each in told([(lit, "camera")])] == ["noisy" if kind.extended else "left out"]
 
 

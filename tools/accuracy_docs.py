@@ -9,6 +9,7 @@ import sys
 from hashlib import sha256
 from io import BytesIO
 from pathlib import Path
+from textwrap import fill
 
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
@@ -40,8 +41,8 @@ SHOWN = {"laws": "Error against samples per pixel, with the law of every example
          "uniform-denoised": "Error against seconds, denoised", "depth": "Bias against path depth",
          "texture-size": "Error of d and i_t against texture size",
          "codecs": "Bytes, write and read times of lossless codecs"}
-COLOURS = 64
-"""That a figure keeps."""
+COLOURS, WIDTH = 64, 130
+"""Colours that a figure keeps, characters of a line."""
 MARK = re.compile(r"(<!-- made: ([\w-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
@@ -87,17 +88,16 @@ def made(page: str, found: Conclusions) -> str:
 
 def all_parts(found: Conclusions) -> dict[str, str]:
     """Text by mark."""
-    said = found.advice.sentences
+    said, (head, laws) = found.advice.sentences, law_table(found)
     return {
         "about": _about(found),
-        "answer": "\n\n".join([asked_sentence(found), _table(answer_table(found)), gpu_sentence(found),
-                               " ".join(trust_sentences(found))]),
-        "spread": "\n\n".join([_table(spread_table(found)), _figure("spread")]),
-        "laws": "\n\n".join([_figure("laws"), _table(law_table(found))]),
-        "sampling": "\n\n".join([said[ADAPTIVE], _figure("adaptive"), said[DENOISED], _figure("uniform-denoised")]),
-        "bounds": "\n\n".join([said[DEPTH], _figure("depth"), said.get(EDGES, ""), said[TEXTURES],
-                               _figure("texture-size")]),
-        "precision": "\n\n".join([said[CODECS], _figure("codecs"), said[ACCUMULATION]]),
+        "answer": _parts(asked_sentence(found), _table(answer_table(found)), gpu_sentence(found),
+                         " ".join(trust_sentences(found))),
+        "spread": _parts(_table(spread_table(found)), _figure("spread")),
+        "laws": _parts(_figure("laws"), _table((head, [row for row in laws if row[0] in (UNIFORM, DENOISED)]))),
+        "sampling": _parts(said[ADAPTIVE], _figure("adaptive"), said[DENOISED], _figure("uniform-denoised")),
+        "bounds": _parts(said[DEPTH], _figure("depth"), said.get(EDGES, ""), said[TEXTURES], _figure("texture-size")),
+        "precision": _parts(said[CODECS], _figure("codecs"), said[ACCUMULATION]),
         "settings": f"```text\n{found.advice.lines()}```",
     }
 
@@ -105,9 +105,19 @@ def all_parts(found: Conclusions) -> dict[str, str]:
 def _about(found: Conclusions) -> str:
     setup, image = found.setup, found.spec.image
     examples = {row.example for row in found.rows if row.question == UNIFORM}
-    return (f"Measured on {setup.day}, {setup.machine}, {setup.workers} cores, {image.width}x{image.height} pixels: "
-            f"{len(examples)} examples with references of {setup.reference_spp} spp and depth 64, and others once. All "
-            f"rows are in [{TABLE}](images/accuracy/{TABLE}).")
+    return _wrapped(
+        f"Measured on {setup.day}, {setup.machine}, {setup.workers} cores, {image.width}x{image.height} pixels: "
+        f"{len(examples)} examples with references of {setup.reference_spp} spp and depth 64, and others once. All "
+        f"rows are in [{TABLE}](images/accuracy/{TABLE}).")
+
+
+def _parts(*parts: str) -> str:
+    """Paragraphs, figures and tables."""
+    return "\n\n".join(part if part.startswith(("|", "!")) else _wrapped(part) for part in parts if part)
+
+
+def _wrapped(text: str) -> str:
+    return fill(text, WIDTH, break_long_words=False, break_on_hyphens=False)
 
 
 def _table(table: Table) -> str:

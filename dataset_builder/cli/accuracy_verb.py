@@ -45,7 +45,7 @@ def run(options: argparse.Namespace) -> int:
     from dataset_builder.report.training_lines import Paces
     from dataset_builder.studies.accuracy.accuracy_study import GROUPS, MEASURES, AccuracyStudy, conclude
     from dataset_builder.studies.accuracy.accuracy_study import run as measured
-    from dataset_builder.studies.accuracy.answers import Asked
+    from dataset_builder.studies.accuracy.answers import AskedAccuracy
     from dataset_builder.studies.accuracy.rows import OTHERS, AccuracyRow
     from dataset_builder.studies.sampled import StudySpec, chosen_layers
 
@@ -65,7 +65,7 @@ def run(options: argparse.Namespace) -> int:
         print(f"{step.number}/{step.steps} example {step.example}, {step.group}: {len(step.rows)} rows, "
               + ("kept from an earlier run" if step.kept else f"{step.seconds:.1f} s{left}"), flush=True)
         rows += step.rows
-    found = conclude(study, rows, Asked(errors=errors, hours=options.hours, examples=options.count,
+    found = conclude(study, rows, AskedAccuracy(errors=errors, hours=options.hours, examples=options.count,
                                         within=options.within, gpu_speed=options.gpu_speed))
     write_page(study, found)
     for question, sentence in found.advice.sentences.items():

@@ -26,7 +26,8 @@ def add(verbs: common.Verbs) -> None:
                       "what an error costs in samples, hours and bytes, with settings for what is asked")
     accuracy_verb.add_options(accuracy)
     effects = _study(kinds, "effects", _effects,
-                     "compare examples as planned with all effects simulated; exit code 1 if they differ")
+                     "compare examples as planned with all effects simulated; exit code 1 if they differ or that "
+                     "is not resolved")
     effects.add_argument("--examples", type=common.positive, default=6, help="examples to measure on (default: 6)")
     noise = _study(kinds, "noise", _noise,
                    "LighTNet at several noise levels of a dataset, trained on all of them and on each")
@@ -95,14 +96,15 @@ def _effects(options: argparse.Namespace) -> int:
         found.append(compared)
         left = paces.after("both", perf_counter() - begun, study.examples - len(found))
         begun = perf_counter()
-        wrong = [one.layer for one in compared.differences if not one.holds]
+        said = [f"{name}: {', '.join(own)}" for kind, name in (
+            ("differs", "beyond the stated error"), ("not resolved", "not resolved"))
+            if (own := [one.layer for one in compared.differences if one.verdict == kind])]
         print(f"example {compared.example}: simulating everything takes {compared.ratio:.2f} times as long; "
-              + (f"beyond the stated error: {', '.join(wrong)}" if wrong else "all layers within the stated error")
-              + left, flush=True)
+              f"{'; '.join(said) or 'all layers within the stated error'}{left}", flush=True)
         write_tables(found, study.out)
     write_page(study, found, choose(options.backend).summary)
     print(f"{verdict(found)}\nreport: {study.out / 'report.html'}")
-    return 0 if all(one.holds for compared in found for one in compared.differences) else 1
+    return 0 if all(one.verdict == "same" for compared in found for one in compared.differences) else 1
 
 
 def _noise(options: argparse.Namespace) -> int:

@@ -229,6 +229,7 @@ def _accuracy(shared: ViewPasses, plan: ExamplePlan, name: str, extent: str) -> 
         means.append(layer_mean(result.raw, channels, inside, together=joined, image=image))
         figures |= {f"{prefix}relative_error": root_mean_square(errors), f"{prefix}relative_error_95": quantile(errors),
                     f"{prefix}mean_error": means[-1].error}
-    whole = layer_mean(result.raw, image, _inside(shared, plan, name, extent))
-    return LayerAccuracy(name=name, stopped=result.stopped.get(name, "spp"), **figures, tail=means[0].tail,
-                         top_share=means[0].top_share, mean_known=least_known(means[0], whole))
+    own = means[0]
+    whole = layer_mean(result.raw, image, _inside(shared, plan, name, extent)) if own.error else own
+    return LayerAccuracy(name=name, stopped=result.stopped.get(name, "spp"), **figures, tail=own.tail,
+                         top_share=own.top_share, mean_known=least_known(own, whole))

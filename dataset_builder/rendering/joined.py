@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from math import log2
 
 import drjit as dr
 import mitsuba as mi
@@ -14,6 +13,7 @@ import numpy as np
 from dataset_builder.geometry.pinhole import Pinhole
 from dataset_builder.label.scene_plan import IlluminationPlan
 from dataset_builder.light_kinds import LIGHT_KINDS
+from dataset_builder.planning.effects.caustic_error import paths_for
 from dataset_builder.rendering.sampling.estimate import Elsewhere, Groups, Integrand, Samplers, Shared
 from dataset_builder.rendering.scene.open_scene import OpenScene
 from dataset_builder.rendering.transport.joined_paths import LightSide, trace_joined
@@ -25,16 +25,6 @@ from dataset_builder.rendering.transport.links import table_of
 from dataset_builder.rendering.transport.side_by_side import beside
 from dataset_builder.rendering.view_sensor import ViewSensor, primary_ray
 from dataset_builder.seeding import derive_seed
-
-SAMPLES_PER_PATH = {False: 24, True: 8}
-"""Camera samples of a group for each of its light paths, without caustics and with them."""
-FEWEST, MOST = 5, 9
-"""Light paths of a group, as powers of four: full grids of strata, and few sizes."""
-
-
-def paths_for(samples: int, caustics: bool) -> int:
-    """Light paths of a group: few, but none used so much that its noise shows."""
-    return int(4 ** np.clip(round(log2(max(samples, 1) / SAMPLES_PER_PATH[caustics]) / 2), FEWEST, MOST))
 
 
 @dataclass(frozen=True, kw_only=True)

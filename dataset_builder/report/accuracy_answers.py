@@ -8,7 +8,8 @@ from dataset_builder.report.console import duration
 from dataset_builder.report.page_parts import markdown_table
 from dataset_builder.studies.accuracy.answers import HOUR, Answer
 from dataset_builder.studies.accuracy.conclusions import Conclusions
-from dataset_builder.studies.accuracy.other_examples import Spread
+from dataset_builder.studies.accuracy.laws import GOALS
+from dataset_builder.studies.accuracy.other_examples import NoiseSpread
 from dataset_builder.studies.accuracy.rows import ADAPTIVE, DENOISED, UNIFORM
 from dataset_builder.studies.accuracy.sampling_advice import JITTER, RESAMPLED
 from dataset_builder.studies.accuracy.straight_line import Line
@@ -20,10 +21,13 @@ WAYS = {UNIFORM: "uniform spp", ADAPTIVE: "goals", DENOISED: "denoised"}
 
 
 def law_table(found: Conclusions) -> Table:
-    """The law of every layer and example, with 95% intervals."""
+    """The law of every layer and example, with 95% intervals. Goals have no time of their own: one layer's rounds are
+    too few."""
     return LAW_HEAD, [
-        [law.question, law.layer, law.example, _with(law.error.slope, law.error.slope_within), _bound(law.error),
-         _bound(law.time), _with(1e3 * law.time.slope, 1e3 * law.time.slope_within),
+        [law.question, law.layer, law.example, _with(law.error.slope, law.error.slope_within),
+         "" if law.question in GOALS else _bound(law.error),
+         *(("", "") if law.question in GOALS else (_bound(law.time), _with(1e3 * law.time.slope,
+                                                                           1e3 * law.time.slope_within))),
          f"{law.error.spread:.0%}, {law.time.spread:.0%}"] for law in found.answers.laws]
 
 
@@ -47,7 +51,7 @@ def spread_table(found: Conclusions) -> Table:
         for layer, spread in found.answers.spread.items()]
 
 
-def _median(spread: Spread) -> str:
+def _median(spread: NoiseSpread) -> str:
     low, high = spread.within
     return f"{spread.median:.3g}" + (f" ({low:.2g} to {high:.2g})" if math.isfinite(high) else "")
 
@@ -122,14 +126,16 @@ def gpu_sentence(found: Conclusions) -> str:
 def trust_sentences(found: Conclusions) -> list[str]:
     """How far timings can be trusted, with a warning where they cannot."""
     wall, worked = found.scatters
+    measured = max(len(spread.values) for spread in found.answers.spread.values())
     said = [f"Runs of one setting scatter by {wall:.0%} in wall time and {worked:.0%} in CPU time (standard "
             f"deviation); hours are from {'wall' if found.setup.gpu else 'CPU'} time.",
-            f"With timings off by {JITTER:.0%} the settings change in {found.changed:.0%} of {RESAMPLED} resamplings."]
+            f"With timings off by {JITTER:.0%} the settings change in {found.changed:.0%} of {RESAMPLED} resamplings."
+            + (" The hours lie at a step: the next error up is as good an answer." if found.changed else "")]
     if found.answer and found.answer.within > found.asked.within:
         said.append(f"WARNING: the hours are known to ± {found.answer.within:.0%}, asked was "
                     f"± {found.asked.within:.0%}: "
                     + ("the machine is too restless; run the study when it is idle."
-                       if (wall if found.setup.gpu else worked) > found.asked.within / 2
+                       if (wall if found.setup.gpu else worked) / math.sqrt(measured) > found.asked.within / 4
                        else "examples differ too much; measure more (--budget full)."))
     return said
 

@@ -23,7 +23,7 @@ from dataset_builder.studies.accuracy.rows import (
 
 STYLES = {UNIFORM: (COLOURS[0], "o"), ADAPTIVE: (COLOURS[1], "s"), DENOISED: (COLOURS[2], "^"),
           ADAPTIVE_DENOISED: (COLOURS[3], "D")}
-ERROR, SECONDS = "relative error, sqrt(relMSE)", "seconds per example"
+ERROR, SECONDS = "relative error, sqrt(relMSE)", "seconds per example, of all cores together"
 
 
 def accuracy_figures(rows: Sequence[AccuracyRow], advice: Advice, bias: float) -> dict[str, bytes]:

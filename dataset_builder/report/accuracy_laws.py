@@ -20,8 +20,10 @@ def law_figure(found: Conclusions) -> Figure:
         for number, law in enumerate(of_layer(found.answers.laws, UNIFORM, layer)):
             _law(one, law, [row for row in of(found.rows, UNIFORM, layer) if row.example == law.example],
                  COLOURS[number % len(COLOURS)])
-        error = found.answer.errors[layer][1] if found.answer else found.errors[layer]
-        one.axhline(error, color="black", linestyle="--", linewidth=1, label=f"asked: {error:.2g}")
+        bought = found.answer.errors[layer][1] if found.answer and found.asked.hours else None
+        error = bought or found.errors[layer]
+        one.axhline(error, color="black", linestyle="--", linewidth=1,
+                    label=f"{'bought' if bought else 'asked'}: {error:.2g}")
         dressed(one, layer, "samples per pixel, n", ERROR)
     return figure
 
@@ -33,7 +35,7 @@ def _law(axes: Axes, law: Law, rows: Sequence[AccuracyRow], colour: str) -> None
     axes.plot([row.spp for row in bounds], [(row.relmse + row.floor) ** 0.5 for row in bounds], marker="v",
               markersize=5, linestyle="none", color=colour, markerfacecolor="white",
               label="upper bound" if bounds else None)
-    across = np.geomspace(law.least, 4 * law.most, 40)
+    across = np.geomspace(law.least / 4, 4 * law.most, 40)
     axes.plot(across, [law.error.at(1 / spp) ** 0.5 for spp in across], color=colour, linewidth=1.4, label=law.example)
 
 
@@ -46,7 +48,6 @@ def spread_figure(found: Conclusions) -> Figure:
         axes.step((noise + floor) ** 0.5, shares, where="mid", color=colour, label=layer)
         axes.plot([(spread.limit + floor) ** 0.5], [0.95], marker="|", markersize=12, color=colour,
                   label=f"{layer}: 95% are below")
-    axes.set(title="at one sample per pixel; at n samples by sqrt(n) less", xlabel=ERROR, ylabel="share of examples",
-             xscale="log", ylim=(0, 1))
-    axes.legend(fontsize=8)
+    dressed(axes, "at one sample per pixel; at n samples by sqrt(n) less", ERROR, "share of examples")
+    axes.set(yscale="linear", ylim=(0, 1))
     return figure

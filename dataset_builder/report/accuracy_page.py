@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from dataset_builder.report.accuracy_answers import (
     Table,
@@ -37,7 +38,7 @@ SHOWN = ("setting", "layer", "seconds", "spp", "error", "PSNR, dB", "FLIP")
 
 def write_page(study: AccuracyStudy, found: Conclusions) -> None:
     """Write `figures/*.png` and `report.html` in the study's folder. Raises OutputError."""
-    rows, advice = found.rows, found.advice
+    rows, advice = counted(found), found.advice
     figures = all_figures(found)
     sections = [*_answers(found, figures), *(_section(question, text, rows, advice, figures[question])
                                              for question, text in QUESTIONS.items() if question in figures)]
@@ -46,9 +47,15 @@ def write_page(study: AccuracyStudy, found: Conclusions) -> None:
 
 
 def all_figures(found: Conclusions) -> dict[str, bytes]:
-    """PNG of every figure by name."""
+    """PNG of every figure by name; seconds are those that count."""
     return {"laws": png(law_figure(found)), "spread": png(spread_figure(found)),
-            **accuracy_figures(found.rows, found.advice, found.spec.render.bias)}
+            **accuracy_figures(counted(found), found.advice, found.spec.render.bias)}
+
+
+def counted(found: Conclusions) -> list[AccuracyRow]:
+    """The rows with the seconds that count, CPU seconds but on a GPU, wherever they were measured."""
+    return [replace(row, seconds=time) if math.isfinite(time := getattr(row, found.setup.clock)) else row
+            for row in found.rows]
 
 
 def _answers(found: Conclusions, figures: Mapping[str, bytes]) -> list[Section]:
@@ -60,7 +67,7 @@ def _answers(found: Conclusions, figures: Mapping[str, bytes]) -> list[Section]:
             section("How do examples differ?", "Noise of one sample per pixel over the examples of the dataset, which "
                     "tells what error they have at any other number.", spread_table(found), "spread"),
             section("By which law?", "error² = a / n + b and seconds = c + d n, n samples per pixel (for goals error² "
-                    "= a g² + b in the goal g), ± half a 95% interval; b and c whose interval holds 0 are bounds.",
+                    "= a g² in the goal g), ± half a 95% interval; b and c whose interval holds 0 are bounds.",
                     law_table(found), "laws")]
 
 
@@ -75,7 +82,7 @@ def _lead(found: Conclusions) -> list[str]:
         "hollow and an upper bound. Error is sqrt(relMSE), relMSE = mean((x - r)^2 / (r^2 + 0.01 m^2)), m the mean of "
         "the layer, over the object's pixels or the frame, as the dataset asks for the layer. PSNR is taken after the "
         "tone mapping of the previews, FLIP is HDR-FLIP. Means over examples are geometric. Seconds are those of the "
-        "pass that makes the layer, without compiling kernels.",
+        "pass that makes the layer on all cores together, without compiling kernels.",
     ]
 
 

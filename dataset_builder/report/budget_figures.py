@@ -39,8 +39,11 @@ def _over_hours(axes: Axes, found: BudgetResults) -> None:
         _points(axes, found, own, [apart * one.arm.seconds / HOUR for one in own],
                 color=COLOURS[grid.index(spp) % len(COLOURS)], denoised=denoised,
                 label=f"{spp} spp{', denoised' if denoised else ''}")
-    axes.set(title="against hours of rendering", xlabel="hours of one core, or of a GPU", ylabel="PSNR of I_t, dB",
-             xscale="log")
+    seconds = {one.arm.budget: one.arm.seconds for one in found.arms}
+    axes.set(title="against hours of rendering", xlabel="budget, in hours of one core or of a GPU", xscale="log",
+             ylabel="PSNR of I_t, dB", xticks=[seconds[budget] / HOUR for budget in found.budgets])
+    axes.set_xticklabels([f"x{budget:g}: {seconds[budget] / HOUR:.3g} h" for budget in found.budgets])
+    axes.minorticks_off()
     axes.legend(fontsize=7, ncols=2)
 
 

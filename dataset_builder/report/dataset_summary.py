@@ -49,21 +49,18 @@ def _splits(dataset: Dataset, labels: list[ExampleLabel]) -> Table:
 
 
 def _layers(dataset: Dataset, labels: list[ExampleLabel]) -> Table:
-    table = Table("layer", "extent", "type", "least", "mean", "largest", "relative error", "mean error", title="layers")
+    table = Table("layer", "extent", "type", "least", "mean", "largest", "relative error", title="layers")
     errors: dict[str, list[float]] = {}
-    means: dict[str, list[float]] = {}
     for label in labels:
         for entry in label.record.layers:
             errors.setdefault(entry.name, []).append(entry.relative_error)
-            means.setdefault(entry.name, []).append(entry.mean_error)
     unknown = unknown_means(entry for label in labels for entry in label.record.layers)
     for layer in dataset.manifest.layers:
         values = [label.layers[layer.name] for label in labels]
         error = f"{np.median(errors[layer.name]):.1%}" if layer.name in errors else ""
-        mean = f"{np.median(means[layer.name]):.2%}" if any(means.get(layer.name, ())) else ""
         table.add_row(layer.name, layer.extent, layer.dtype, f"{min(value.min for value in values):.3g}",
                       f"{np.mean([value.mean for value in values]):.3g}",
-                      f"{max(value.max for value in values):.3g}", error, mean)
+                      f"{max(value.max for value in values):.3g}", error)
     if unknown:
         table.caption = means_told(unknown)
     return table

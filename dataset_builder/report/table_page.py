@@ -40,8 +40,9 @@ def table_figure(table: Table, results: Sequence[RowResult], settings: str) -> F
         _means(one, results, metric)
         one.set(title=heading(metric), yticks=range(len(results)), yticklabels=[])
         one.invert_yaxis()
+        one.locator_params(axis="x", nbins=5)
     axes[0].set_yticklabels([result.row.title + (" ‡" if result.altered else "") for result in results])
-    axes[-1].legend(fontsize=8)
+    axes[-1].legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.12))
     if any(result.altered for result in results):
         axes[0].set_xlabel("‡ run with losses off, see the table", fontsize=8, loc="left")
     return figure

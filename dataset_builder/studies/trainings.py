@@ -4,6 +4,7 @@ import json
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import fields
+from math import nan
 from pathlib import Path
 from typing import Any
 
@@ -135,6 +136,7 @@ def read_scores(path: Path) -> tuple[ScoreRow, ...]:
 
 
 def _score_row(line: dict[str, str]) -> ScoreRow:
-    found: dict[str, Any] = {part: Metrics(**{name: float(line[name + end] or "nan") for name in FIGURES})
-             for part, end in PARTS.items()}
+    # The same NaN everywhere, so that rows without such figures are equal
+    found: dict[str, Any] = {part: Metrics(**{name: float(text) if (text := line[name + end]) else nan
+                                              for name in FIGURES}) for part, end in PARTS.items()}
     return ScoreRow(**{name: read(line[name]) for name, read in KINDS.items()}, **found)

@@ -55,7 +55,7 @@ def test_all_parts_run_in_order(dataset: Path, tmp_path: Path) -> None:
     found = {one.part: one for one in news if isinstance(one, Done)}
     assert all(found[part].holds for part in ("files", "consistency", "loader"))
     assert not [name for name in refused(found["training"]) if name.startswith("beats_")]
-    assert len(found["training"].found.checks) == 6 and len(found["training"].found.rows) == 4 * 6
+    assert len(found["training"].found.checks) == 7 and len(found["training"].found.rows) == 4 * 6
     assert len(found["consistency"].found.facts) == 26 and all(one.seconds > 0 for one in found.values())
 
 

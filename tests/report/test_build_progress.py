@@ -110,12 +110,13 @@ def test_a_log_names_the_first_example_of_a_gate_once() -> None:
 
 
 def test_a_terminal_shows_refusals_and_noise_below_the_bars() -> None:
-    made = replace(outcome(0), seconds={"target": 1.0}, noise={"i_t": ("cap", 0.031)})
+    made = replace(outcome(0), seconds={"target": 1.0}, noise={"i_t": ("cap", 0.031)}, unknown=("i_t",))
     refused = replace(outcome(1), rejected=Rejected(key="00000001", view="train/000000", gate="coverage",
                                                     reason="got \x1b[2J"))
     text = followed([Event(wanted=2), Event(outcomes=(made, refused)), Event()], [])
     assert "rejected 1 by coverage, first 00000001: got \\x1b[2J" in text
     assert "noise i_t 3.1%" in text and "sampling stopped by cap 100%" in text
+    assert "means not known: i_t of 1 example" in text
 
 
 def test_rates_have_digits_that_say_something() -> None:

@@ -21,14 +21,14 @@ from dataset_builder.lightnet.methods import vgg
 from dataset_builder.lightnet.methods.method import Loss
 from dataset_builder.lightnet.settings import ObjectiveSpec
 
-Term = Callable[["Compared"], torch.Tensor]
+Term = Callable[["PicturePair"], torch.Tensor]
 """A (B, C, H, W) picture >= 0, whose mean over the object is the term."""
 FLOOR = 0.05
 """Error of display values that counts as much as noise does: what no network gets right anyhow."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Compared:
+class PicturePair:
     """Two pictures (B, 3, H, W), tone-mapped, 0 outside, and (B, 1, H, W) inside."""
 
     found: torch.Tensor
@@ -38,17 +38,17 @@ class Compared:
     """(B, 3, H, W) variance of what is wanted, where it is to be taken off."""
 
 
-def l1(pair: Compared) -> torch.Tensor:
+def l1(pair: PicturePair) -> torch.Tensor:
     """Absolute difference."""
     return (pair.found - pair.wanted).abs()
 
 
-def dssim(pair: Compared) -> torch.Tensor:
+def dssim(pair: PicturePair) -> torch.Tensor:
     """(1 - SSIM) / 2, 0 to 1. Windows that reach over the silhouette see the 0 that both sides have there."""
     return (1 - ssim_map(pair.found, pair.wanted, pair.noise)) / 2
 
 
-def angle(pair: Compared) -> torch.Tensor:
+def angle(pair: PicturePair) -> torch.Tensor:
     """Angle between Lab vectors in radians; black pixels as `colour.lab_angle` counts them."""
     return lab_angle(lab(pair.found), lab(pair.wanted), pair.inside)
 
@@ -97,10 +97,10 @@ class LightObjective(nn.Module):
     def _terms(self, batch: Batch, prediction: Prediction) -> dict[str, torch.Tensor]:
         inside = batch.inputs.inside
         found, truth = (tone_map(inside_only(image, inside)) for image in (prediction.i_t, batch.truth.i_t))
-        pair = Compared(found=found, wanted=truth, inside=inside)
+        pair = PicturePair(found=found, wanted=truth, inside=inside)
         if self.noise == "two_samples":
             pair = two_samples(pair, batch)
-        weight = inverse_variance(batch) if self.noise == "weighted" else 1.0
+        weight = inverse_variance(batch) if self.noise == "weighted" else None
         terms = {}
         if "dr" in self.weights and (prediction.d is not None or prediction.r is not None):
             terms["dr"] = reflectances(batch, prediction)
@@ -108,11 +108,11 @@ class LightObjective(nn.Module):
             terms["fr"] = (self.trunk(found) - self.trunk(pair.wanted)).abs().mean()
         for name, term in IMAGE_TERMS.items():
             if name in self.weights:
-                terms[name] = mean_inside(term(pair) * weight, inside)
+                terms[name] = mean_inside(term(pair) if weight is None else term(pair) * weight, inside)
         return terms
 
 
-def two_samples(pair: Compared, batch: Batch) -> Compared:
+def two_samples(pair: PicturePair, batch: Batch) -> PicturePair:
     """What is wanted without the bias of the display curve, and its variance, of the two halves of the samples.
 
     The curve g bends, so that noise makes g(I_t) too dark. Halves have twice the variance and so twice that bias:

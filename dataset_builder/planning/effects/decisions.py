@@ -26,7 +26,7 @@ from dataset_builder.planning.effects.daylight_choice import daylight
 from dataset_builder.planning.effects.features import scene_features
 from dataset_builder.planning.effects.light_left import MAX_DEPTH, LightLeft, light_left
 from dataset_builder.planning.effects.materials_used import MaterialUse, SceneUse, scene_use
-from dataset_builder.planning.effects.pass_extents import extent_of_pass, light_free, runs
+from dataset_builder.planning.effects.pass_extents import extent_of_pass, light_free, most_spp, runs
 from dataset_builder.planning.effects.reach import bends, path_depth, reaching, said
 from dataset_builder.planning.effects.transport_choice import PassLight, choose, choose_for_everything
 from dataset_builder.planning.scene.shell import Shell
@@ -145,7 +145,9 @@ def _plan_pass(scene: _Scene, name: str) -> _Planned:
     kept, on_lights = _lights(scene, name)
     depth, on_depth = _depth(scene, name, kept)
     light = PassLight(name=name, lights=tuple(scene.light[name].lights[index] for index in kept),
-                      materials=_standing(scene, name), fog=scene.fog, depth=depth, target_area=scene.target_area)
+                      materials=_standing(scene, name), fog=scene.fog, depth=depth, target_area=scene.target_area,
+                      place=scene.near, pixels=scene.render.width * scene.render.height,
+                      spp=most_spp(scene.render, name), batches=scene.render.batches)
     transport, on_transport = choose(light, scene.spec.transport)
     portals, on_daylight = _daylight(scene, name, kept)
     entry = _entry(name, extent, lights=kept, max_depth=depth, transport=transport, portals=portals,

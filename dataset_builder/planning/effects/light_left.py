@@ -37,7 +37,7 @@ MAX_DEPTH = 512
 """Edges of the longest paths that are planned."""
 SIGMAS, DOUBT = 3.09, 1e-3
 """Standard errors that a normal number exceeds with this probability."""
-PATHS, GLASS_PATHS, MOST_PATHS = 5.0, 20.0, 8192
+PATHS, GLASS_PATHS, MOST_PATHS = 5.0, 10.0, 8192
 """Paths of each kind per 1 / bias, without solid glass and with it, where a few carry much; at most."""
 RAW = ("s", "s_prime")
 """Layers of raw lighting."""

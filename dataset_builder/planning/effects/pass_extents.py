@@ -72,3 +72,9 @@ def light_free(render: RenderPlan) -> list[Decision]:
     reasons += [f"once per light and noise level: {', '.join(rough)}"] * bool(rough)
     return [Decision(effect="light-free layers", choice=f"{len(free)} of {len(render.layers)}",
                      reason="; ".join(reasons) or "all requested layers need light")]
+
+
+def most_spp(render: RenderPlan, name: str) -> int:
+    """Samples of a pixel of a pass, or the largest cap of a goal."""
+    caps = [goal.cap for goal in render.goals if LAYERS[goal.layer].render_pass == name]
+    return max([sum(render.parts(name)), *caps])

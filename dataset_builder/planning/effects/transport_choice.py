@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from dataset_builder.assets.asset import ripples
 from dataset_builder.assets.glass_bodies import fill_of
 from dataset_builder.label.example_plan import Decision, Transport
-from dataset_builder.label.scene_plan import FogPlan, LightPlan
+from dataset_builder.label.scene_plan import FogPlan, LightPlan, Vector
 from dataset_builder.light_kinds import LIGHT_KINDS
 from dataset_builder.planning.effects.features import names
 from dataset_builder.planning.effects.materials_used import MaterialUse
@@ -38,6 +38,14 @@ class PassLight:
     """Longest path in edges."""
     target_area: float
     """Surface of the target, square metres."""
+    place: Vector = (0.0, 0.0, 0.0)
+    """Where the target stands, metres."""
+    pixels: int = 128 * 128
+    """Of the frame."""
+    spp: int = 64
+    """Samples per pixel; the most, where sampling goes on to a goal."""
+    batches: int = 4
+    """That these are taken in, each with light paths of its own."""
 
     @property
     def lamps(self) -> tuple[LightPlan, ...]:

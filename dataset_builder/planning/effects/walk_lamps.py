@@ -128,7 +128,7 @@ def _ball() -> np.ndarray:
     """(T, 3, 3) corners of a polyhedron in the unit sphere, outward."""
     from scipy.spatial import ConvexHull
 
-    points = sphere_lattice(4 * SIDES)
+    points = sphere_lattice(8 * SIDES)
     corners = points[ConvexHull(points).simplices]
     outward = np.einsum("ij,ij->i", np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]),
                         corners.mean(axis=1)) > 0

@@ -41,9 +41,10 @@ def example_payload(example: Mapping[str, Any], *, key: str = "", title: str = "
     record = label.get("record", {})
     denoised = {layer["layer"]: trust(layer) for layer in record.get("denoised", ())}
     means = {layer["name"]: mean_told(layer) for layer in record.get("layers", ())}
+    doubtful = {layer["name"] for layer in record.get("layers", ()) if layer.get("mean_known", "known") != "known"}
     planned = label.get("plan", {}).get("render", {}).get("denoise", ())
     layers = [{**layer_facts(name), "error": errors.get(name), **half_floats(images[name]),
-               "mean": means.get(name, ""),
+               "mean": means.get(name, ""), "doubtful": name in doubtful,
                "denoised": denoised.get(name, "denoised; not measured" if name in planned else "")}
               for name in sorted(images, key=order.__getitem__)]
     shown = key or str(label.get("key", ""))

@@ -9,7 +9,7 @@ from dataset_builder.files import write_atomic
 from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.rendering.backend import activate
 from dataset_builder.studies.accuracy import bounds, other_examples, precision, sampling
-from dataset_builder.studies.accuracy.answers import Asked
+from dataset_builder.studies.accuracy.answers import AskedAccuracy
 from dataset_builder.studies.accuracy.conclusions import Conclusions, Setup, write_about
 from dataset_builder.studies.accuracy.dataset_work import dataset_work
 from dataset_builder.studies.accuracy.rows import (
@@ -110,7 +110,7 @@ def bench_of(study: AccuracyStudy) -> Bench:
                  repeats=REPEATS if study.budget == "full" else 1)
 
 
-def conclude(study: AccuracyStudy, rows: Sequence[AccuracyRow], asked: Asked) -> Conclusions:
+def conclude(study: AccuracyStudy, rows: Sequence[AccuracyRow], asked: AskedAccuracy) -> Conclusions:
     """What all rows say about what was asked; the settings are written to `recommended.txt`, one option of the command
     line per line, and what they follow from besides the table to `answer.json`. Raises OutputError."""
     work, budget = dataset_work(study.spec), BUDGETS[study.budget]

@@ -1,19 +1,20 @@
 """From laws to answers: the samples that an error asked for takes, or the error that hours buy, with hours and bytes.
 
-Settings for an asked error follow from errors and from counts of samples alone; times only price them, so that a
-restless machine changes the hours and never the settings. Hours are turned into an error of a coarse series.
+Samples and goals for an asked error follow from errors and counts of samples alone; times price them, and choose
+between goals and one number for all by a clear margin, so that a restless machine changes the hours and not the
+settings. Hours are turned into an error of a coarse series.
 """
 
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from statistics import fmean
+from statistics import fmean, median
 
 from dataset_builder.layers import LAYERS, sampled_as
 from dataset_builder.studies.accuracy.dataset_work import DatasetWork
 from dataset_builder.studies.accuracy.laws import Law, equal_error, laws, of_layer
-from dataset_builder.studies.accuracy.other_examples import Spread, fixed_of, pace_of, rest_of, spread_of
-from dataset_builder.studies.accuracy.rows import ADAPTIVE, DENOISED, UNIFORM, AccuracyRow
+from dataset_builder.studies.accuracy.other_examples import NoiseSpread, fixed_of, pace_of, rest_of, spread_of
+from dataset_builder.studies.accuracy.rows import ADAPTIVE, DENOISED, UNIFORM, AccuracyRow, of
 from dataset_builder.studies.image_errors import geometric_mean
 
 ERROR = 0.1
@@ -21,11 +22,13 @@ ERROR = 0.1
 SERIES = (1.0, 1.25, 1.6, 2.0, 2.5, 3.15, 4.0, 5.0, 6.3, 8.0)
 """What errors that hours buy are rounded to, times a power of ten: R10 of ISO 3."""
 DECADES = range(-4, 1)
+CLEAR = 0.8
+"""Hours of goals, over those of one number of samples for all, up to which goals are advised."""
 HOUR, GB = 3600.0, 1e9
 
 
 @dataclass(frozen=True, kw_only=True)
-class Asked:
+class AskedAccuracy:
     """What the user wants to know."""
 
     errors: Mapping[str, float] = field(default_factory=dict)
@@ -57,7 +60,6 @@ class Answer:
     """By layer, for `render.accuracy`; none without goals."""
     cap: int
     """Most spp, with goals."""
-    paths: float
     core_hours: float
     """Of one core, or one GPU, from beginning to end."""
     within: float
@@ -74,10 +76,12 @@ class Answers:
         self._scale = (examples or work.examples) / work.examples
         self.laws = laws(rows, clock)
         self.layers = list(dict.fromkeys(law.layer for law in self.laws if law.question == UNIFORM))
-        self.spread: dict[str, Spread] = {layer: spread_of(rows, self.laws, layer) for layer in self.layers}
-        ratios = {layer: equal_error(rows, of_one(self.laws, layer), ADAPTIVE, clock) for layer in self.layers}
+        self.spread: dict[str, NoiseSpread] = {layer: spread_of(rows, self.laws, layer) for layer in self.layers}
+        ratios = {layer: equal_error(tightest(rows, layer), of_one(self.laws, layer), ADAPTIVE, clock)
+                  for layer in self.layers}
         self._gain = {layer: geometric_mean(one.paths for one in own) for layer, own in ratios.items()}
-        self._slower = {layer: geometric_mean(one.seconds / one.paths for one in own) for layer, own in ratios.items()}
+        self._rounds = {layer: _rounds(tightest(rows, layer), self.laws, layer, clock) for layer in self.layers}
+        self._longer = {layer: _longer(self.laws, layer) for layer in self.layers}
         self._pace = {layer: pace_of(rows, self.laws, layer, clock) for layer in self.layers}
         self._fixed = {layer: fixed_of(self.laws, layer) for layer in self.layers}
         rest = rest_of(rows, clock)
@@ -106,7 +110,8 @@ class Answers:
         return self._priced(UNIFORM, errors, spp)
 
     def goals(self, errors: Mapping[str, float]) -> Answer | None:
-        """A goal for every layer, at which every example ends; None where no goal was measured or gets there."""
+        """A goal for every layer, at which every example ends; None where none was measured, gets there,
+        or may be asked for: they are at most 1."""
         asked, spp, cap = dict[str, float](), dict[str, list[float]](), float(self.first)
         for layer, error in errors.items():
             slope = geometric_mean(law.error.slope for law in of_layer(self.laws, ADAPTIVE, layer))
@@ -114,6 +119,8 @@ class Answers:
             if not (left > 0 and slope > 0 and math.isfinite(self._gain[layer])):
                 return None
             asked[layer] = float(f"{math.sqrt(left / slope):.2g}")
+            if asked[layer] > 1:
+                return None
             needed = [max(self._gain[layer] * noise / left, self.first) for noise in self.spread[layer].values]
             spp.setdefault(sampled_as(LAYERS[layer].render_pass), []).append(fmean(needed))
             cap = max(cap, 2 * self._gain[layer] * self.spread[layer].limit / left)
@@ -133,13 +140,13 @@ class Answers:
         spp = self._by_pass(shares.__getitem__, errors)
         return self._priced(DENOISED, {layer: (math.nan, error) for layer, error in errors.items()}, spp)
 
-    def of_errors(self, asked: Asked, times: float = 1.0) -> Answer | None:
-        """Goals where they take fewer samples than one number for all, else that number. times: the errors."""
+    def of_errors(self, asked: AskedAccuracy, times: float = 1.0) -> Answer | None:
+        """Goals where they take clearly fewer hours than one number for all, else that number. times: the errors."""
         errors = {layer: times * asked.error_of(layer) for layer in self.layers}
-        found = [answer for answer in (self.goals(errors), self.uniform(errors)) if answer]
-        return min(found, key=lambda answer: answer.paths, default=None)
+        goals, one = self.goals(errors), self.uniform(errors)
+        return goals if goals and not (one and goals.core_hours > CLEAR * one.core_hours) else one
 
-    def of_hours(self, asked: Asked, workers: int) -> Answer | None:
+    def of_hours(self, asked: AskedAccuracy, workers: int) -> Answer | None:
         """The least errors that the hours buy, in the ratios asked for; None where they buy none below 100%."""
         for error in (digit * 10.0**decade for decade in DECADES for digit in SERIES):
             answer = self.of_errors(asked, error / max(map(asked.error_of, self.layers)))
@@ -159,19 +166,19 @@ class Answers:
 
     def _priced(self, way: str, errors: Mapping[str, tuple[float, float]], spp: Mapping[str, float],
                 goals: Mapping[str, float] | None = None, cap: float = 1.0) -> Answer:
-        work, seconds, doubt, paths = self._work, self._base(), 0.0, 0.0
+        work, seconds, doubt = self._work, self._base(), 0.0
         paces = [pace for pace, _ in self._pace.values()]
         typical = geometric_mean(paces) if paces else work.rates["path"]
         for name in work.spp:
             layer = next((layer for layer in self.layers if LAYERS[layer].render_pass == name), None)
             samples = spp.get(sampled_as(name), work.spp[name]) * work.pixels[name]
             pace, error = self._pace[layer] if layer else (typical, typical)
-            slower = self._slower[layer] if layer and goals else 1.0
-            seconds += samples * pace * slower + work.runs[name] * (self._fixed[layer] if layer
-                                                                    else work.rates["launch"])
-            doubt, paths = math.hypot(doubt, samples * error * slower), paths + samples
+            longer = self._longer[layer] if layer and way == DENOISED else 1.0
+            once = self._fixed[layer] + (self._rounds[layer] if goals else 0.0) if layer else work.rates["launch"]
+            seconds += longer * (samples * pace + work.runs[name] * once)
+            doubt = math.hypot(doubt, longer * samples * error)
         return Answer(way=way, errors=errors, spp=spp, goals=goals or {}, cap=2 ** math.ceil(math.log2(cap)),
-                      paths=paths * self._scale, core_hours=self._scale * seconds / HOUR,
+                      core_hours=self._scale * seconds / HOUR,
                       within=2 * math.hypot(doubt / seconds, work.error),
                       gigabytes=self._scale * work.bytes[self._dtype] / GB)
 
@@ -179,6 +186,29 @@ class Answers:
         """Core-seconds besides the passes under study."""
         work = self._work
         return work.views * self._rest + work.examples * work.rates["example"] + work.fields
+
+
+def tightest(rows: Sequence[AccuracyRow], layer: str) -> list[AccuracyRow]:
+    """Rows of a layer's tightest goal: looser ones end while what rounds cost besides samples still counts for much."""
+    own = of(rows, ADAPTIVE, layer)
+    return [row for row in own if row.value == min(other.value for other in own)]
+
+
+def _rounds(rows: Sequence[AccuracyRow], found: Sequence[Law], layer: str, clock: str) -> float:
+    """Seconds that the rounds of goals take besides their samples, the mean over examples: paths cost what they do
+    without goals."""
+    extra = [median(getattr(row, clock) - law.time.at(row.spp) for row in own)
+             for law in of_layer(found, UNIFORM, layer)
+             if (own := [row for row in rows if row.example == law.example])]
+    return max(fmean(extra), 0.0) if extra else math.nan
+
+
+def _longer(found: Sequence[Law], layer: str) -> float:
+    """Time of denoised pictures over that of others with the same samples, the most that were measured of both."""
+    plain = {law.example: law for law in of_layer(found, UNIFORM, layer)}
+    return geometric_mean(law.time.at(spp) / plain[law.example].time.at(spp)
+                          for law in of_layer(found, DENOISED, layer) if law.example in plain
+                          for spp in (min(law.most, plain[law.example].most),))
 
 
 def of_one(found: Sequence[Law], layer: str) -> list[Law]:

@@ -9,13 +9,13 @@ by pixel. With sigma 0 they are the limit surface and nothing else. Samples of b
 the noise of both is known and taken out: what is left is the difference of the surfaces.
 
 Pictures of two texture sizes follow the same random numbers, so that their difference is that of the textures; it has
-no noise in D and next to none in I_t.
+no noise in D. In I_t paths part where roulette asks the albedo, and what their noise may explain is an upper bound.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import sqrt
-from time import perf_counter
+from time import perf_counter, process_time
 
 import numpy as np
 
@@ -31,7 +31,7 @@ from dataset_builder.studies.accuracy.laws import KNOWN
 from dataset_builder.studies.accuracy.rows import AccuracyRow, layers_in, of
 from dataset_builder.studies.accuracy.workbench import REFERENCE_DEPTH, Bench, compare, kept
 from dataset_builder.studies.image_errors import relative_variance
-from dataset_builder.studies.renders import seconds_of, work_of
+from dataset_builder.studies.renders import reached_by, seconds_of, work_of
 from dataset_builder.studies.sampled import reseeded
 
 DEPTH, EDGES, TEXTURES = "depth", "edge-length", "texture-size"
@@ -59,6 +59,7 @@ def _depth_row(layer: str, depth: int, runs: list[Rendered], truth: list[Rendere
     bias, error = mean_and_error([_bias(run, deep.layers, layer) for run, deep in zip(runs, truth, strict=True)])
     return AccuracyRow(question=DEPTH, setting=f"depth {depth}", value=depth, example=runs[0].plan.key, layer=layer,
                        seconds=min(seconds_of(layer, run) for run in runs), bias=bias, bias_se=error,
+                       cpu_seconds=min(seconds_of(layer, run, run.cpu_seconds) for run in runs),
                        **work_of(layer, runs[0].record))
 
 
@@ -100,7 +101,7 @@ def measure_edges(bench: Bench, ref: ExampleRef) -> Iterator[AccuracyRow]:
         return
     for factor in factors:
         plan = _edge_plan(bench, ref, length := own * factor)
-        seconds, triangles = mesh_cost(plan, bench)
+        seconds, worked, triangles = mesh_cost(plan, bench)
         found = bench.timed(EDGES, plan)
         row = compare(EDGES, named(factor), length, found, reference, EDGE_LAYER)
         keep = kept(found, reference, EDGE_LAYER)
@@ -108,7 +109,7 @@ def measure_edges(bench: Bench, ref: ExampleRef) -> Iterator[AccuracyRow]:
         noise = row.relmse_reference + own_noise
         yield replace(row, relmse=max(row.relmse_measured - noise, 0.0), relmse_reference=noise,
                       floor=KNOWN * noise, triangles=triangles, seconds=row.seconds + seconds, reached=float("nan"),
-                      bias=_bias(found, reference, EDGE_LAYER))
+                      cpu_seconds=row.cpu_seconds + worked, bias=_bias(found, reference, EDGE_LAYER))
 
 
 def named(factor: float) -> str:
@@ -123,13 +124,13 @@ def _edge_plan(bench: Bench, ref: ExampleRef, length: float) -> ExamplePlan:
                       f"rough.edge_length={length!r}", "storage.standard_errors=true", layers={EDGE_LAYER: "object"})
 
 
-def mesh_cost(plan: ExamplePlan, bench: Bench) -> tuple[float, int]:
-    """Seconds to make the subdivided mesh of a plan, and its triangles."""
+def mesh_cost(plan: ExamplePlan, bench: Bench) -> tuple[float, float, int]:
+    """Wall and CPU seconds to make the subdivided mesh of a plan, and its triangles."""
     asset, rough = asset_of(plan.target.object, bench.spec.mesh_root), plan.rough
-    start = perf_counter()
+    start, worked = perf_counter(), process_time()
     base = base_of(asset.mesh, edge_length=rough.edge_length, rounds=rough.rounds, crease_angle=rough.crease_angle,
                    coarsen=rough.coarsen, triangles=rough.triangles)
-    return perf_counter() - start, len(base.mesh.faces)
+    return perf_counter() - start, process_time() - worked, len(base.mesh.faces)
 
 
 def measure_textures(bench: Bench, ref: ExampleRef) -> Iterator[AccuracyRow]:
@@ -140,7 +141,9 @@ def measure_textures(bench: Bench, ref: ExampleRef) -> Iterator[AccuracyRow]:
         plan = bench.plan(ref, bench.spp(bench.budget.passes), f"render.texture_size={size}", layers=TEXTURED)
         found = bench.timed(TEXTURES, plan)
         for row in bench.compared(TEXTURES, f"{size} texels", size, found, full.layers, TEXTURED):
-            yield replace(row, bias=_bias(found, full.layers, row.layer), seconds=seconds_of(row.layer, found))
+            noise = sum(reached_by(row.layer, one.record) ** 2 for one in (found, full))
+            yield replace(row, bias=_bias(found, full.layers, row.layer), relmse=max(row.relmse - noise, 0.0),
+                          relmse_reference=noise, floor=min(noise, row.relmse))
 
 
 def advise(advice: Advice, rows: Sequence[AccuracyRow], spec: DatasetSpec) -> None:

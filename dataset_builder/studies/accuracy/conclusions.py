@@ -14,7 +14,7 @@ from dataset_builder.rendering.backend import choose, default_workers, on_gpu
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.load import load_dataset
 from dataset_builder.studies.accuracy import bounds, precision, sampling_advice
-from dataset_builder.studies.accuracy.answers import Answer, Answers, Asked
+from dataset_builder.studies.accuracy.answers import Answer, Answers, AskedAccuracy
 from dataset_builder.studies.accuracy.curves import Advice
 from dataset_builder.studies.accuracy.dataset_work import DatasetWork
 from dataset_builder.studies.accuracy.laws import scatter
@@ -62,14 +62,14 @@ class Conclusions:
     spec: DatasetSpec
     work: DatasetWork
     setup: Setup
-    asked: Asked
+    asked: AskedAccuracy
     answers: Answers
     answer: Answer | None
     advice: Advice
 
     @classmethod
     def of(cls, rows: Sequence[AccuracyRow], spec: DatasetSpec, work: DatasetWork, setup: Setup,
-           asked: Asked) -> "Conclusions":
+           asked: AskedAccuracy) -> "Conclusions":
         """From a table."""
         advice, stored = Advice(), Advice()
         precision.advise(stored, rows, spec)
@@ -100,7 +100,7 @@ class Conclusions:
         return scatter(self.rows, "seconds"), scatter(self.rows, "cpu_seconds")
 
 
-def write_about(folder: Path, work: DatasetWork, setup: Setup, asked: Asked) -> None:
+def write_about(folder: Path, work: DatasetWork, setup: Setup, asked: AskedAccuracy) -> None:
     """Write what conclusions need besides the table. Raises OutputError."""
     write_atomic(folder / ABOUT, canonical_json({"asked": asdict(asked), "setup": asdict(setup),
                                                  "work": asdict(work)}))
@@ -111,10 +111,11 @@ def read_conclusions(rows: Sequence[AccuracyRow], spec: Path, folder: Path) -> C
     folder."""
     about = json.loads((folder / ABOUT).read_bytes())
     dataset = load_dataset(spec, about["setup"]["overrides"]).dataset
-    return Conclusions.of(rows, dataset, DatasetWork(**about["work"]), Setup(**about["setup"]), Asked(**about["asked"]))
+    return Conclusions.of(rows, dataset, DatasetWork(**about["work"]), Setup(**about["setup"]),
+                          AskedAccuracy(**about["asked"]))
 
 
 def _answers(rows: Sequence[AccuracyRow], spec: DatasetSpec, work: DatasetWork, setup: Setup,
-             asked: Asked) -> Answers:
+             asked: AskedAccuracy) -> Answers:
     return Answers(rows, work, setup.clock, first=setup.first, batches=spec.render.batches,
                    dtype=precision.dtype_of(rows, spec), examples=asked.examples)

@@ -1,8 +1,9 @@
 """What accuracy costs, as laws: error^2 = a / n + b and seconds = c + d n, for every layer of every example.
 
-n is samples per pixel; for goals, error^2 = a g^2 + b in the goal g. b is what more samples do not remove: the bias of
-denoising, paths that are cut, half precision. The reference's own noise is taken out beforehand, but only so well as it
-is known, `KNOWN`: that share of it widens the interval of b, which all points of an example share.
+n is samples per pixel; for goals, error^2 = a g^2 in the goal g, from goals that took more than one round.
+b is what more samples do not remove: the bias of denoising, paths that are cut, half precision. The reference's own
+noise is taken out beforehand, but only so well as it is known, `KNOWN`: that share of it widens the interval of b,
+which all points of an example share.
 """
 
 from collections.abc import Sequence
@@ -19,6 +20,8 @@ from dataset_builder.studies.image_errors import geometric_mean
 KNOWN = 0.2
 """Share of the noise of a picture that taking it out may leave: it is known from a few batches per pixel."""
 GOALS = (ADAPTIVE, ADAPTIVE_DENOISED)
+LEAST = 16
+"""Samples per pixel from which a law is fitted: fewer are one or none to a batch, which cannot be stratified."""
 REACH = 4.0
 """Factor beyond the measured samples up to which a law is compared with others."""
 
@@ -46,10 +49,18 @@ def laws(rows: Sequence[AccuracyRow], clock: str) -> list[Law]:
     for question in QUESTIONS:
         own = [row for row in of(rows, question) if isfinite(row.relmse_measured) and row.spp > 0]
         for layer, example in dict.fromkeys((row.layer, row.example) for row in own):
-            points = [row for row in own if (row.layer, row.example) == (layer, example)]
-            if len({row.value for row in points}) > 1:
+            points = _fitted([row for row in own if (row.layer, row.example) == (layer, example)])
+            if len(points) > 1 and (question in GOALS or len({row.value for row in points}) > 1):
                 found.append(_law(points, clock))
     return found
+
+
+def _fitted(points: Sequence[AccuracyRow]) -> Sequence[AccuracyRow]:
+    """Those that a law is fitted to; all of them where too few would be left."""
+    if points[0].question in GOALS:
+        return [row for row in points if row.spp_max > row.spp_min]
+    many = [row for row in points if row.spp >= LEAST]
+    return many if len({row.value for row in many}) > 1 else points
 
 
 def _law(rows: Sequence[AccuracyRow], clock: str) -> Law:
@@ -58,7 +69,7 @@ def _law(rows: Sequence[AccuracyRow], clock: str) -> Law:
     noise = KNOWN * np.array([row.relmse_reference for row in rows])
     left = np.array([row.relmse_measured - row.relmse_reference for row in rows])
     return Law(question=first.question, layer=first.layer, example=first.example,
-               error=straight_line(across, left, noise, shared=float(noise.max())),
+               error=straight_line(across, left, noise, float(noise.max()), through_zero=first.question in GOALS),
                time=straight_line(spp, np.array([getattr(row, clock) for row in rows])),
                least=float(spp.min()), most=float(spp.max()))
 

@@ -42,14 +42,14 @@ def measure(bench: Bench, ref: ExampleRef) -> Iterator[AccuracyRow]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Spread:
+class NoiseSpread:
     """How the noise of a layer is spread over a dataset: relMSE at one sample per pixel is log-normal."""
 
     median: float
     within: tuple[float, float]
     """95% interval of the median."""
     limit: float
-    """95% of the examples are below this, what is not known of median and spread included."""
+    """95% of the examples are below this, what is not known of median and spread included, and of those measured."""
     deviation: float
     """Of the logarithm."""
     values: tuple[float, ...]
@@ -61,11 +61,12 @@ class Spread:
         return float(np.mean(self.values))
 
 
-def spread_of(rows: Sequence[AccuracyRow], laws: Sequence[Law], layer: str) -> Spread:
+def spread_of(rows: Sequence[AccuracyRow], laws: Sequence[Law], layer: str) -> NoiseSpread:
     """The spread of a layer's noise over examples, from claims of the renderer that are put to scale by references.
 
     The limit is that of the next example of a normal sample: mean + t(0.95, K - 1) s sqrt(1 + 1/K) in logarithms
-    (G. Hahn and W. Meeker, Statistical Intervals, 1991, section 4.7), from the K examples; from one, its own value.
+    (G. Hahn and W. Meeker, Statistical Intervals, 1991, section 4.7), from the K examples, or their 95% quantile where
+    tails are longer than that; from one, its own value.
     """
     scale = interval(_claims(rows, laws, layer))[0]
     seen = [row.reached**2 * row.spp * scale for row in of(rows, OTHERS, layer) if row.reached > 0]
@@ -74,8 +75,9 @@ def spread_of(rows: Sequence[AccuracyRow], laws: Sequence[Law], layer: str) -> S
     middle, low, high = interval(values.tolist())
     count, deviation = len(values), float(np.log(values).std(ddof=1)) if len(values) > 1 else 0.0
     wide = float(stdtrit(count - 1, 0.95)) * deviation * math.sqrt(1 + 1 / count) if count > 1 else 0.0
-    return Spread(median=middle, within=(low, high), limit=middle * math.exp(wide), deviation=deviation,
-                  values=tuple(values.tolist()))
+    limit = max(middle * math.exp(wide), float(np.quantile(values, 0.95)))
+    return NoiseSpread(median=middle, within=(low, high), limit=limit, deviation=deviation,
+                       values=tuple(values.tolist()))
 
 
 def _claims(rows: Sequence[AccuracyRow], laws: Sequence[Law], layer: str) -> list[float]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from dataset_builder.seeding import rng
 from dataset_builder.spec.dataset import DatasetSpec
-from dataset_builder.studies.accuracy.answers import Answer, Answers, Asked
+from dataset_builder.studies.accuracy.answers import Answer, Answers, AskedAccuracy
 from dataset_builder.studies.accuracy.curves import Advice, curve
 from dataset_builder.studies.accuracy.laws import equal_error, interval
 from dataset_builder.studies.accuracy.rows import (
@@ -16,7 +16,6 @@ from dataset_builder.studies.accuracy.rows import (
     ADAPTIVE_DENOISED,
     DENOISED,
     OTHERS,
-    QUESTIONS,
     UNIFORM,
     AccuracyRow,
     layers_in,
@@ -66,19 +65,19 @@ def _ratio(values: Sequence[float], what: str) -> str:
     return f"{middle:.2f} times the {what}" + (f" ({low:.2f} to {high:.2f})" if math.isfinite(high) else "")
 
 
-def answer_of(answers: Answers, asked: Asked, workers: int) -> Answer | None:
+def answer_of(answers: Answers, asked: AskedAccuracy, workers: int) -> Answer | None:
     """The answer to what was asked; None where nothing measured gets there."""
     return answers.of_hours(asked, workers) if asked.hours else answers.of_errors(asked)
 
 
-def changed_share(rows: Sequence[AccuracyRow], again: Callable[[Sequence[AccuracyRow]], Answers], asked: Asked,
+def changed_share(rows: Sequence[AccuracyRow], again: Callable[[Sequence[AccuracyRow]], Answers], asked: AskedAccuracy,
                   workers: int, times: int = RESAMPLED) -> float:
     """Share of resamplings of all timings, each off by a factor exp(0.05 N(0, 1)), in which the settings change."""
     def settings(own: Sequence[AccuracyRow]) -> tuple[object, ...]:
         answer = answer_of(again(own), asked, workers)
         return (answer.way, *sorted(answer.spp.items()), *sorted(answer.goals.items())) if answer else ()
 
-    timed = [row for row in rows if row.question in (*QUESTIONS, OTHERS)]
+    timed = [row for row in rows if row.question in (UNIFORM, ADAPTIVE, OTHERS)]
     found, random = settings(timed), rng(0, "timings")
     changed = 0
     for _ in range(times):

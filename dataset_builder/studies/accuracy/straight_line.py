@@ -46,10 +46,11 @@ class Line:
         return self.slope * x + self.rest
 
 
-def straight_line(x: np.ndarray, y: np.ndarray, error: np.ndarray | float = 0.0, shared: float = 0.0) -> Line:
+def straight_line(x: np.ndarray, y: np.ndarray, error: np.ndarray | float = 0.0, shared: float = 0.0, *,
+                  through_zero: bool = False) -> Line:
     """The line through (N,) points, N >= 2, by least squares whose weights follow the line: every point scatters by a
     share of its height, the same for all, and by `error` (N,) of its own besides; `shared` is the standard error of
-    what all points have in common, which goes into that of the rest.
+    what all points have in common, which goes into that of the rest. through_zero: a line without a rest.
 
     y may be below 0 where an error takes it there. Raises ValueError with fewer than two points.
     """
@@ -61,6 +62,8 @@ def straight_line(x: np.ndarray, y: np.ndarray, error: np.ndarray | float = 0.0,
     for _ in range(ROUNDS):
         weight = 1 / (np.square(spread * height) + own + TINY)
         slope, rest, *variances = _solved(x, y, weight)
+        if through_zero:
+            rest, variances = -1.0, [1 / max(float(weight @ np.square(x)), TINY), 0.0]
         found = _not_negative(x, y, weight, slope, rest)
         height = np.maximum(found[0] * x + found[1], TINY)
         excess = np.maximum(np.square(y - height) - own, 0) / np.square(height)

@@ -64,9 +64,9 @@ BUDGETS = {
         textures=(8, 16, 32, 64, 128, 256, 512), passes=256, codec_repeats=5,
         counts=(1_000, 10_000, 100_000, 1_000_000)),
     "medium": Budget(
-        reference_spp=2048, uniform=(4, 16, 64, 256), first=16, goals=(0.2, 0.1), cap=1024, denoised_spp=(4, 16, 64),
-        denoised_goals=(0.2,), runs=3, others=16, others_spp=16, depths=(2, 4, 8, 12, 16), depth_spp=32, replicates=3,
-        edges=(4.0, 2.0, 1.0, 0.5), textures=(16, 64, 128, 256), passes=64, codec_repeats=3,
+        reference_spp=2048, uniform=(16, 64, 256), first=16, goals=(0.2, 0.1), cap=1024, denoised_spp=(16, 64),
+        denoised_goals=(), runs=3, others=16, others_spp=16, depths=(2, 4, 8, 12, 16), depth_spp=32, replicates=3,
+        edges=(4.0, 2.0, 1.0, 0.5), textures=(64, 128, 256), passes=64, codec_repeats=3,
         counts=(1_000, 10_000, 100_000, 1_000_000)),
     "small": Budget(
         reference_spp=1024, uniform=(4, 16, 64), first=16, goals=(0.4, 0.2), cap=256, denoised_spp=(4, 16),

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dataset_builder.label.example_plan import Decision, ExamplePlan
+from dataset_builder.label.example_plan import Decision
 from dataset_builder.layers import LAYERS
 from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.rendering.backend import activate
@@ -15,15 +15,19 @@ from dataset_builder.rendering.examples import Rendered
 from dataset_builder.studies.comma_separated import write_csv
 from dataset_builder.studies.effects.picture_differences import Difference, clear_difference, noisy_difference
 from dataset_builder.studies.image_errors import geometric_mean
-from dataset_builder.studies.renders import Warm, timed
-from dataset_builder.studies.sampled import StudySpec, rerendered, reseeded
+from dataset_builder.studies.renders import Warm, render
+from dataset_builder.studies.sampled import StudySpec, reseeded
 
 COMMON = ("render.accuracy={}", "render.denoise={}", "storage.standard_errors=true")
 """Equal samples on both sides, and errors to judge by."""
 
 ALL = "render.effects=all"
+REPEATS = 4
+"""Renderings of each side, with samples of their own."""
+DEEPER, DEEP = 4, 128
+"""Times the edges of the longest paths that were planned, and the least number, where everything is simulated."""
 
-DIFFERENCE_COLUMNS = (*(field.name for field in fields(Difference)), "verdict")
+DIFFERENCE_COLUMNS = (*(field.name for field in fields(Difference)), "smallest", "verdict")
 SECONDS_COLUMNS = ("example", "pass", "planned", "everything")
 
 
@@ -69,39 +73,42 @@ def run(study: EffectsStudy) -> Iterator[Compared]:
 def _compare(study: EffectsStudy, ref: ExampleRef, warm: Warm) -> Compared:
     root, allowed = study.spec.mesh_root, study.spec.dataset.render.bias
     plan = study.spec.plan(ref, *COMMON)
-    whole = reseeded(study.spec.plan(ref, *COMMON, ALL), "everything")
+    depth = max(DEEP, DEEPER * max(entry.max_depth for entry in plan.effects.passes))
+    whole = study.spec.plan(ref, *COMMON, ALL, f"render.max_depth={depth}")
+    sides = []
     for name, one in (("planned", plan), ("everything", whole)):
         warm.up(name, one, root)
-    planned, everything, again = timed(plan, root), timed(whole, root), timed(_light_free(plan), root, repeats=1)
-    pairs = [_difference(name, planned, everything, again, allowed) for name, _ in plan.render.layers if _judged(name)]
-    return Compared(example=plan.key, planned=planned.seconds, everything=everything.seconds,
+        sides.append([render(reseeded(one, name, number), root) for number in range(REPEATS)])
+    planned, everything = sides
+    pairs = [_difference(name, planned, everything, allowed) for name, _ in plan.render.layers if _judged(name)]
+    return Compared(example=plan.key, planned=_seconds(planned), everything=_seconds(everything),
                     decisions=plan.effects.decisions, differences=tuple(pairs))
 
 
-def _light_free(plan: ExamplePlan) -> ExamplePlan:
-    """Layers without light alone, from other samples."""
-    layers = tuple((name, extent) for name, extent in plan.render.layers if not LAYERS[name].radiometric)
-    return rerendered(reseeded(plan, "again"), layers=layers)
+def _seconds(repeats: Sequence[Rendered]) -> dict[str, float]:
+    """By pass, the least of several renderings: what else the machine does only ever adds."""
+    return {name: min(one.seconds[name] for one in repeats) for name in repeats[0].seconds}
 
 
 def _judged(layer: str) -> bool:
-    """Errors and halves judge others, and identifiers have no mean."""
-    return LAYERS[layer].of in ("", layer.removesuffix("_raw")) and layer != "instance"
+    """Errors judge others, and identifiers have no mean."""
+    return not layer.endswith("_se") and layer != "instance"
 
 
-def _difference(layer: str, planned: Rendered, everything: Rendered, again: Rendered,
-                allowed: float) -> Difference:
-    keep = np.ones(planned.layers[layer].shape[:2], dtype=bool)
-    if dict(planned.plan.render.layers)[layer] == "object":
-        # On a pixel that only one of them sees the object in, there is nothing to compare
-        keep = (planned.layers["mask"][..., 0] > 0) & (everything.layers["mask"][..., 0] > 0)
-    ours, all_on = (found.layers[layer][keep] for found in (planned, everything))
-    key = planned.plan.key
+def _difference(layer: str, planned: Sequence[Rendered], everything: Sequence[Rendered], allowed: float) -> Difference:
+    plan, both = planned[0].plan, (*planned, *everything)
+    keep = np.ones(planned[0].layers[layer].shape[:2], dtype=bool)
+    if dict(plan.render.layers)[layer] == "object":
+        # On a pixel that one of them does not see the object in, there is nothing to compare
+        keep = np.all([one.layers["mask"][..., 0] > 0 for one in both], axis=0)
+    ours, all_on = ([one.layers[layer][keep] for one in side] for side in (planned, everything))
     if not LAYERS[layer].radiometric:
-        return clear_difference(key, layer, ours, all_on, again.layers[layer][keep], allowed=allowed)
-    variance = sum(found.layers[f"{layer}_se"][keep].astype(np.float64) ** 2 for found in (planned, everything))
-    return noisy_difference(key, layer, ours, all_on, np.asarray(variance), allowed=allowed,
-                            batches=planned.plan.render.batches)
+        return clear_difference(plan.key, layer, ours, all_on, allowed=allowed)
+    variance = sum(one.layers[f"{layer}_se"][keep].astype(np.float64) ** 2 for one in both) / REPEATS**2
+    together = any(side[0].plan.effects.of(LAYERS[layer].render_pass).transport == "joined"
+                   for side in (planned, everything))
+    return noisy_difference(plan.key, layer, ours, all_on, np.asarray(variance), allowed=allowed,
+                            batches=plan.render.batches, together=together)
 
 
 def saving(found: Sequence[Compared]) -> float:
@@ -127,7 +134,7 @@ def write_tables(found: Sequence[Compared], folder: Path) -> None:
     """`differences.csv`, one row per example and layer, and `seconds.csv`, one per example and pass. Raises
     OutputError."""
     write_csv(folder / "differences.csv", DIFFERENCE_COLUMNS, [
-        [*astuple(one), "pass" if one.holds else "fail"] for compared in found for one in compared.differences])
+        [*astuple(one), one.smallest, one.verdict] for compared in found for one in compared.differences])
     write_csv(folder / "seconds.csv", SECONDS_COLUMNS, [
         [one.example, name, one.planned.get(name, 0.0), one.everything.get(name, 0.0)]
         for one in found for name in dict.fromkeys((*one.planned, *one.everything))])

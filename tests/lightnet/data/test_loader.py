@@ -48,7 +48,8 @@ def dataset(folder: Path) -> LightingDataset:
 
 def content(batch: Batch) -> tuple[bytes | tuple[str, ...], ...]:
     """All of a batch, bit by bit."""
-    tensors = [getattr(part, field.name) for part in (batch.inputs, batch.truth) for field in fields(part)]
+    tensors = [tensor for part in (batch.inputs, batch.truth) for field in fields(part)
+               if (tensor := getattr(part, field.name)) is not None]
     return (batch.keys, *(tensor.numpy().tobytes() for tensor in (batch.exposure, *tensors)))
 
 

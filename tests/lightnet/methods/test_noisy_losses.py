@@ -8,7 +8,7 @@ import torch
 from dataset_builder.lightnet.data.batch import Batch, Prediction
 from dataset_builder.lightnet.data.ranges import tone_map
 from dataset_builder.lightnet.measures.metrics import ssim_map
-from dataset_builder.lightnet.methods.losses import Compared, LightObjective, inverse_variance, two_samples
+from dataset_builder.lightnet.methods.losses import LightObjective, PicturePair, inverse_variance, two_samples
 from dataset_builder.lightnet.settings import ObjectiveSpec, TrainingSpec
 from tests.lightnet.random_batch import random_batch
 
@@ -26,8 +26,8 @@ def halved(seed: int, share: float = SHARE) -> Batch:
     return replace(batch, truth=truth)
 
 
-def pair_of(batch: Batch, found: torch.Tensor) -> Compared:
-    return Compared(found=found, wanted=tone_map(batch.truth.i_t), inside=batch.inputs.inside)
+def pair_of(batch: Batch, found: torch.Tensor) -> PicturePair:
+    return PicturePair(found=found, wanted=tone_map(batch.truth.i_t), inside=batch.inputs.inside)
 
 
 def test_two_samples_take_off_the_bias_of_the_display_curve() -> None:

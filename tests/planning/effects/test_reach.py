@@ -10,19 +10,17 @@ from hypothesis import strategies as st
 from dataset_builder.assets.asset import Material, Texture, range_of
 from dataset_builder.label.scene_plan import FogPlan, IlluminationPlan, LightPlan, RoomPlan
 from dataset_builder.light_kinds import LampName
+from dataset_builder.planning.effects.light_left import MAX_DEPTH, LightLeft
 from dataset_builder.planning.effects.materials_used import MaterialUse
 from dataset_builder.planning.effects.reach import (
-    MAX_DEPTH,
     MIN_DEPTH,
-    PANE_CROSSINGS,
-    SOLID_CROSSINGS,
-    crossings,
+    UNKNOWN_DEPTH,
+    bends,
     needed_depth,
     path_depth,
     reach,
     reaching,
     said,
-    with_fog,
 )
 from dataset_builder.planning.scene.box_shell import BoxShell
 
@@ -91,32 +89,48 @@ def test_the_bound_holds_and_no_shorter_path_keeps_it(share: float, bias: float)
     assert depth == 2 or share ** (min(depth, MAX_DEPTH + 1) - 2) > bias
 
 
-@given(share=SHARES, bias=BIASES)
-def test_planned_depths_keep_the_bias_or_say_that_they_are_cut(share: float, bias: float) -> None:
-    found = path_depth("auto", bias, [use(0.0), use(share)], CLEAR, 5.0)
-    assert MIN_DEPTH <= found.depth <= MAX_DEPTH
+def falling(share: float, paths: int = 1000) -> LightLeft:
+    """What is left where every event leaves `share`, known exactly."""
+    left = np.minimum(share ** np.maximum(np.arange(MAX_DEPTH + 1.0) - 1, 0), 1)
+    return LightLeft(paths=paths, share=left, bound=left)
+
+
+@given(share=SHARES, bias=BIASES, glass=st.booleans())
+def test_planned_depths_keep_the_bias_or_say_that_they_are_cut(share: float, bias: float, glass: bool) -> None:
+    materials = [use(0.0), use(share), *([use(0.1, transmission=1.0, roughness=0.0)] if glass else [])]
+    found = path_depth("auto", bias, materials, CLEAR, falling(share))
+    assert MIN_DEPTH <= found.depth <= MAX_DEPTH and found.kept == (found.left_out <= bias)
     assert found.left_out == pytest.approx(share ** (found.depth - 1))
-    assert (found.left_out <= bias) or "cut at 64" in found.reason
+    assert found.kept or "cut at 512" in found.reason
 
 
 def test_worked_by_hand() -> None:
     """0.5^4 = 0.0625, 0.5^5 = 0.03125."""
-    assert path_depth("auto", 0.05, [use(0.5)], CLEAR, 5.0).depth == 6
-    assert path_depth("auto", 0.05, [use(0.01)], CLEAR, 5.0).depth == MIN_DEPTH
-    assert path_depth("auto", 0.05, [use(1.0)], CLEAR, 5.0).depth == MAX_DEPTH
+    nothing = LightLeft(paths=0, share=np.ones(MAX_DEPTH + 1), bound=np.ones(MAX_DEPTH + 1))
+    assert path_depth("auto", 0.05, [use(0.5)], CLEAR, nothing).depth == 6
+    assert path_depth("auto", 0.05, [use(0.01)], CLEAR, nothing).depth == MIN_DEPTH
+    assert path_depth("auto", 0.05, [use(0.9)], CLEAR, falling(0.5)).depth == 6
 
 
-@pytest.mark.parametrize(("glass", "extra"), [
-    ({"transmission": 1.0, "roughness": 0.0}, SOLID_CROSSINGS),
-    ({"transmission": 0.1, "roughness": 0.5}, SOLID_CROSSINGS),
-    ({"transmission": 1.0, "roughness": 0.0, "thin": True}, 0),
-    ({"transmission": 1.0, "roughness": 0.5, "thin": True}, PANE_CROSSINGS),
-    ({"transmission": 1.0, "roughness": 0.0, "metallic": 1.0}, 0)])
-def test_glass_adds_the_edges_that_lead_through_it(glass: dict[str, float], extra: int) -> None:
-    plain = path_depth("auto", 0.01, [use(0.6)], CLEAR, 5.0)
-    found = path_depth("auto", 0.01, [use(0.6), use(0.1, **glass)], CLEAR, 5.0)
-    assert found.depth == plain.depth + extra and found.left_out == plain.left_out
-    assert ("through glass" in found.reason) == bool(extra)
+def test_the_brightest_material_is_no_bound_where_the_estimate_is_above_it() -> None:
+    """A picture of the dark side of a room sees what its average does not."""
+    found = path_depth("auto", 0.05, [use(0.5)], CLEAR, falling(0.8))
+    assert found.depth == needed_depth(0.8, 0.05) > needed_depth(0.5, 0.05)
+
+
+@pytest.mark.parametrize(("glass", "lossless"), [
+    ({"transmission": 1.0, "roughness": 0.0}, True),
+    ({"transmission": 0.1, "roughness": 0.5}, True),
+    ({"transmission": 1.0, "roughness": 0.0, "thin": True}, False),
+    ({"transmission": 1.0, "roughness": 0.5, "thin": True}, True),
+    ({"transmission": 1.0, "roughness": 0.0, "metallic": 1.0}, False)])
+def test_only_the_estimate_counts_where_glass_takes_edges(glass: dict[str, float], lossless: bool) -> None:
+    materials = [use(0.3), use(0.1, **glass)]
+    assert bends(materials) == lossless
+    assert path_depth("auto", 0.01, materials, CLEAR, falling(0.9)).depth == needed_depth(0.9, 0.01)
+    unknown = LightLeft(paths=0, share=np.ones(MAX_DEPTH + 1), bound=np.ones(MAX_DEPTH + 1))
+    assert path_depth("auto", 0.01, materials, CLEAR, unknown).depth == (
+        UNKNOWN_DEPTH if lossless else needed_depth(0.3, 0.01))
 
 
 def test_textured_glass_counts_where_a_texel_of_it_is_metal_no_more_or_rough() -> None:
@@ -124,23 +138,12 @@ def test_textured_glass_counts_where_a_texel_of_it_is_metal_no_more_or_rough() -
     texels = np.array([[0.0, 1.0]], dtype=np.float32)
     pane = use(0.1, transmission=1.0, thin=True, texture=Texture(base_color=white, roughness=texels))
     part = use(0.1, transmission=1.0, metallic=1.0, texture=Texture(base_color=white, metallic=texels))
-    assert crossings([pane]) == PANE_CROSSINGS and crossings([part]) == SOLID_CROSSINGS
+    assert bends([pane]) and bends([part])
     whole = Texture(base_color=white, metallic=np.ones_like(texels))
-    assert crossings([use(0.1, transmission=1.0, metallic=1.0, texture=whole)]) == 0
+    assert not bends([use(0.1, transmission=1.0, metallic=1.0, texture=whole)])
 
 
 def test_what_is_asked_for_is_taken_with_the_bound_that_it_keeps() -> None:
-    found = path_depth(5, 0.01, [use(0.5)], CLEAR, 5.0)
-    assert found.depth == 5 and found.left_out == pytest.approx(0.5**4)
+    found = path_depth(5, 0.01, [use(0.5)], CLEAR, falling(0.5))
+    assert found.depth == 5 and found.left_out == pytest.approx(0.5**4) and not found.kept
     assert "requested" in found.reason and "0.062" in found.reason
-    through = path_depth(5, 0.01, [use(0.5), use(0.1, transmission=1.0, roughness=0.0)], CLEAR, 5.0)
-    assert through.depth == 5 and through.left_out == 1
-
-
-@given(share=SHARES, albedo=SHARES, extinction=st.floats(0, 100), diagonal=st.floats(0.1, 50))
-def test_fog_counts_as_often_as_it_may_be_met(share: float, albedo: float, extinction: float, diagonal: float) -> None:
-    fog = FogPlan(extinction=extinction, albedo=albedo)
-    met = 1 - np.exp(-extinction * diagonal)
-    ways = np.linspace(0, met, 20)
-    assert with_fog(share, fog, diagonal) >= (ways * albedo + (1 - ways) * share).max() - 1e-12
-    assert with_fog(share, CLEAR, diagonal) == share

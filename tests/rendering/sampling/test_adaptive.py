@@ -6,7 +6,7 @@ from scipy import stats
 
 from dataset_builder.rendering.sampling import adaptive
 from dataset_builder.rendering.sampling.adaptive import Goal, Sampled, more_samples, refine
-from dataset_builder.rendering.sampling.moments import Estimate, of_batches
+from dataset_builder.rendering.sampling.moments import Estimate, of_batches, quantile, relative
 from dataset_builder.rendering.sampling.pixel_noise import moderated
 
 WIDTH, BATCHES, FIRST = 16, 4, 16
@@ -124,6 +124,18 @@ def test_most_pixels_reach_the_error_asked_for():
     assert np.mean(errors < 1.36 * asked) > 0.94
     spp = np.mean([all_of(done).spp for done in runs], axis=0)
     assert spp[NOISE > 1].mean() > 4 * spp[NOISE < 1].mean()
+
+
+@pytest.mark.parametrize(("asked", "pixels"), [(0.05, 256), (0.15, 256), (0.1, 64)])
+def test_the_error_that_records_state_is_the_one_asked_for(asked, pixels):
+    """Of both halves together; not much less either, where it took further rounds."""
+    reached, inside = [], pixels > PIXELS
+    for seed in range(20):
+        done = run(goal(asked, inside=inside), seed=seed)
+        found = all_of(done)
+        assert done.stopped == {"i_t": "error"}
+        reached.append(quantile(relative(found.mean[inside], found.error[inside])) / asked)
+    assert max(reached) <= 1 and np.median(reached) > 0.8
 
 
 def test_adaptive_intervals_cover():

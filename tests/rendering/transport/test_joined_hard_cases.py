@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dataset_builder.assets.asset import Material
-from dataset_builder.rendering.joined import MOST, paths_for
+from dataset_builder.planning.effects.caustic_error import MOST, paths_for
 from dataset_builder.rendering.passes import RADIANCE_CHANNELS
 from tests.rendering.transport.joined_bench import LAMP, differ, lit, replicas, room, view_of
 from tests.small_scenes import ball, box, camera, light, matte, sheet

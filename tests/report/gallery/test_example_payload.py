@@ -48,7 +48,8 @@ def test_looks(name: str, expected: str) -> None:
 
 
 def test_an_example_with_its_label() -> None:
-    record = {"layers": [{"name": "i_t", "relative_error": 0.05}, {"name": "s", "relative_error": float("nan")}],
+    record = {"layers": [{"name": "i_t", "relative_error": 0.05, "mean_error": 0.02},
+                         {"name": "s", "relative_error": float("nan")}],
               "denoised": [{"layer": "i_t", "bias": -0.002, "bias_error": 0.001, "pixel_bias": 0.04, "relmse_raw": 0.1,
                             "relmse_denoised": 0.02, "relmse_reference": 0.001, "examples": 8}]}
     label = {"key": "00000007", "record": record, "plan": {"render": {"denoise": ["i_t", "s"]}}}
@@ -61,6 +62,8 @@ def test_an_example_with_its_label() -> None:
     assert [layer["denoised"] for layer in payload["layers"]] == [
         "denoised: bias -0.20% ± 0.10%, of a pixel 4.00%; squared error 0.1 before, 0.02 after, of 8 examples", "",
         "denoised; not measured"]
+    assert [layer["mean"] for layer in payload["layers"]] == ["mean ± 2.00%", "", ""]
+    assert not any(layer["doubtful"] for layer in payload["layers"])
     # NaN of a label becomes null, or a page would not be JSON
     assert payload["label"]["record"]["layers"][1]["relative_error"] is None
     assert '"relative_error":null' in script_json(payload)

@@ -72,8 +72,9 @@ def test_an_interrupted_study_goes_on(out: Path, spec: Path, rows: list[Accuracy
                                       capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     measured = []
     for name in accuracy_study.MEASURES:
-        monkeypatch.setitem(accuracy_study.MEASURES, name, lambda *_, name=name: iter(
-            measured.append(name) or [row for row in rows if accuracy_study.GROUPS[row.question] == name]))
+        monkeypatch.setitem(accuracy_study.MEASURES, name, lambda _, ref, name=name: iter(
+            measured.append(name) or [row for row in rows if (row.example, accuracy_study.GROUPS[row.question])
+                                      == (ref.key, name)]))
     (tmp_path / "study.json").write_bytes((out / "study.json").read_bytes())
     write_table([row for row in rows if accuracy_study.GROUPS[row.question] in ("sampling", "path depth")],
                 tmp_path / "results.csv")
@@ -139,6 +140,7 @@ def test_errors_that_are_none(spec: Path, word: str, capsys: pytest.CaptureFixtu
 
 def test_recommended_options_are_taken_as_they_are(out: Path, spec: Path) -> None:
     words = shlex.split((out / "recommended.txt").read_text())
+    assert "render.spp" in words[1] and "render.accuracy" in words[3]
     assert words[::2] == ["--set"] * (len(words) // 2) and len(words) >= 6
     assert load_dataset(spec, words[1::2]).dataset.name == "small"
 

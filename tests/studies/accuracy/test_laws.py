@@ -50,7 +50,14 @@ def test_the_law_of_known_rows() -> None:
     law, = laws(uniform(fixed=0.5, gain=4, bias=0.001), "seconds")
     assert (law.error.slope, law.error.rest) == pytest.approx((0.25, 0.001))
     assert (law.time.slope, law.time.rest) == pytest.approx((0.01, 0.5))
-    assert (law.least, law.most) == (1, 1024)
+    assert (law.least, law.most) == (16, 1024)
+
+
+def test_goals_end_in_proportion_and_first_rounds_do_not_count() -> None:
+    rows = [sampled("adaptive", 100 / goal**2, value=goal, gain=1 / 25, spread=1) for goal in (0.2, 0.1)]
+    law, = laws([*rows, sampled("adaptive", 16, value=0.9), sampled("adaptive", 16, value=0.8)], "seconds")
+    # relMSE is 25 / n with n = 100 / g^2, so a quarter of the squared goal
+    assert law.error.slope == pytest.approx(0.25) and law.error.rest == 0
 
 
 def test_the_noise_of_the_reference_is_no_floor_but_widens_it() -> None:

@@ -73,7 +73,9 @@ const LayerCaption = {
       return `no error per pixel${this.layer.error === null ? "" : `; ${this.relative}`}`;
     },
     relative() {
-      return this.layer.error === null ? "" : `relative error ${Figures.percent(this.layer.error)}${this.before}`;
+      const { error, mean, doubtful } = this.layer;
+      return error === null ? ""
+        : `relative error ${Figures.percent(error)}${mean && !doubtful ? `, ${mean}` : ""}${this.before}`;
     },
     // Errors are those of the estimate that a denoiser was given
     before() { return this.layer.denoised ? ", before denoising" : ""; },

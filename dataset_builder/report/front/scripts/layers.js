@@ -185,7 +185,7 @@ const Layers = (() => {
     const told = [], total = (from, to) => layer.counts.subarray(from, to).reduce((sum, count) => sum + count, 0);
     const below = layer.look === "direction" ? 0 : total(0x8001, 0xfc01);
     const broken = total(0x7c00, 0x8000) + total(0xfc01, CODES);
-    if (layer.mean) told.push(layer.mean);
+    if (layer.doubtful) told.push(layer.mean);
     if (layer.denoised) told.push(layer.denoised);
     if (layer.cut) told.push(`${layer.cut} values beyond 65504 are cut there`);
     if (below) told.push(`${below} values below 0 are shown as 0`);
