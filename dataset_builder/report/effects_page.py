@@ -34,7 +34,7 @@ def effects_figure(found: Sequence[Compared]) -> Figure:
     layers = list(dict.fromkeys(one.layer for compared in found for one in compared.differences))
     for number, compared in enumerate(found):
         own = compared.differences
-        rows = [layers.index(one.layer) + 0.6 * (number / max(len(found) - 1, 1) - 0.5) for one in own]
+        rows = [layers.index(one.layer) + 0.6 * (number - (len(found) - 1) / 2) / max(len(found) - 1, 1) for one in own]
         right.errorbar([100 * one.bias for one in own], rows, xerr=[100 * one.sigmas * one.bias_se for one in own],
                        linestyle="none", marker="o", markersize=3.5, color=COLOURS[number % len(COLOURS)],
                        label=compared.example, linewidth=1)

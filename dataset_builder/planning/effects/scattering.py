@@ -18,7 +18,7 @@ COAT_F0 = 0.04
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Scattered:
+class Rebound:
     """What becomes of N paths on a surface."""
 
     direction: np.ndarray
@@ -49,7 +49,7 @@ def around(axes: np.ndarray, turns: np.ndarray) -> np.ndarray:
     return found
 
 
-def scatter(met: Met, ahead: np.ndarray, draws: np.random.Generator) -> Scattered:
+def scatter(met: Met, ahead: np.ndarray, draws: np.random.Generator) -> Rebound:
     """What paths along unit vectors (N, 3) do on the surfaces that they met."""
     of, count = met.factors, len(ahead)
     chance = draws.random((count, 5))
@@ -92,7 +92,7 @@ def scatter(met: Met, ahead: np.ndarray, draws: np.random.Generator) -> Scattere
     sheen = of["sheen"] + of["base_color"] * (1 - of["sheen"].max(axis=1, keepdims=True))
     tint = np.where(thin[:, None], of["base_color"], np.sqrt(of["base_color"]))
     weight = np.select([metal[:, None], base[:, None], crossing[:, None]], [metals, np.minimum(sheen, 1), tint], white)
-    return Scattered(direction=out, weight=weight, straight=straight | (crossing & thin & (rough <= 0.04)),
+    return Rebound(direction=out, weight=weight, straight=straight | (crossing & thin & (rough <= 0.04)),
                      wide=base | (mirror & ~glass & ~coated & (rough > WIDE)))
 
 
