@@ -44,7 +44,7 @@ class Setup:
     @classmethod
     def here(cls, budget: str, backend: str, overrides: Sequence[str], *, reference_spp: int, first: int) -> "Setup":
         """This machine, now."""
-        return cls(day=f"{datetime.now(UTC):%Y-%m-%d}", machine=f"{platform.machine()}, {choose(backend).summary}",
+        return cls(day=f"{datetime.now(UTC):%Y-%m-%d}", machine=f"{platform.machine()}, {choose(backend).variant}",
                    workers=default_workers(backend), gpu=on_gpu(backend), budget=budget, reference_spp=reference_spp,
                    first=first, overrides=overrides)
 
