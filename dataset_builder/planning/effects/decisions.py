@@ -199,10 +199,11 @@ def _standing(scene: _Scene, name: str) -> tuple[MaterialUse, ...]:
 def _depth(scene: _Scene, name: str, kept: Sequence[int]) -> tuple[int, Decision]:
     left = scene.left(name, kept)
     found = path_depth(scene.spec.max_depth, scene.spec.bias, _standing(scene, name), scene.fog, left)
-    if scene.fog.extinction and left.paths and not found.kept and scene.spec.max_depth == "auto":
+    missing = float(left.share[MAX_DEPTH])
+    if scene.fog.extinction and left.paths and missing > scene.spec.bias and scene.spec.max_depth == "auto":
         rule = (f"expected fog that paths of at most {MAX_DEPTH} edges get through, got an extinction of "
                 f"{scene.fog.extinction:g} per metre and an albedo of {scene.fog.albedo:g}: longer ones would bring "
-                f"about {found.left_out:.0%} of the light of the pass {name}")
+                f"about {missing:.0%} of the light of the pass {name}")
         raise PlanError([Problem(where=scene.where, path="fog", rule=rule, hint="take thinner or darker fog, allow a "
                                  "larger `render.bias`, or set `render.max_depth` and lose that light")])
     return found.depth, Decision(effect=f"path depth of {name}", choice=str(found.depth), reason=found.reason)
