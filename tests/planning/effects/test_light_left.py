@@ -139,8 +139,8 @@ def test_bounds_hold_nearly_always() -> None:
 
 
 def test_what_no_path_met_is_bounded_by_hand() -> None:
-    """1000 paths whose light has gone 2 edges: what comes later has a chance of ln(1000) / 1000 at most, and brings half
-    as much for each further edge."""
+    """1000 paths whose light has gone 2 edges: later light has a chance of ln(1000) / 1000 at most, and brings half as
+    much for each further edge."""
     light = np.zeros((1000, MAX_DEPTH + 1))
     light[:, 2] = 3.0
     left = LightLeft.of([light], 0.5)
