@@ -6,6 +6,7 @@ from math import ceil
 import numpy as np
 from matplotlib.figure import Figure
 
+from dataset_builder.errors import count_of
 from dataset_builder.report.page_parts import COLOURS, PALE, Section, panels, png, write_study
 from dataset_builder.studies.effects.effects_study import (
     DEEP,
@@ -58,7 +59,7 @@ def write_page(study: EffectsStudy, found: Sequence[Compared], backend: str) -> 
     figure = png(effects_figure(found))
     allowed = study.spec.dataset.render.bias
     lead = [
-        f"{len(found)} examples, {backend}, {REPEATS} times each. Both sides have the same spp and independent "
+        f"{count_of(len(found), 'example')}, {backend}, {REPEATS} times each. Both sides have the same spp and independent "
         f"samples; everything is simulated with paths of {DEEPER} times the planned edges, at least {DEEP}.",
         f"A layer differs where its mean does by more than {allowed:g} of it and noise, or where too many pixels do: "
         f"the share of those off by more than {allowed:g} of the layer's mean plus {SIGMAS:g} of their own standard "

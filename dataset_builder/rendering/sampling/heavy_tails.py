@@ -109,6 +109,8 @@ def pareto_tail(values: np.ndarray) -> float:
     grid = 30 + int(sqrt(n))
     quartile, most = beyond[int(n / 4 + 0.5) - 1], beyond[-1]
     theta = 1 / most + (1 - np.sqrt(grid / (np.arange(1, grid + 1) - 0.5))) / (3 * quartile)
+    # At exactly 0, an exponential distribution, shape and scale are 0 / 0
+    theta = np.where(theta == 0, 1e-9 / most, theta)
     shapes = np.log1p(-theta[:, None] * beyond).mean(axis=1)
     likelihood = n * (np.log(-theta / shapes) - shapes - 1)
     weights = 1 / np.exp(np.minimum(likelihood - likelihood[:, None], 700)).sum(axis=1)

@@ -125,7 +125,8 @@ def seconds_by_pass(found: Sequence[Compared]) -> dict[str, tuple[float, float]]
 
 def decisions(found: Sequence[Compared]) -> dict[tuple[str, str], tuple[int, str]]:
     """By effect and choice, in how many examples it was decided, and the reason in one of them."""
-    count = Counter((decision.effect, decision.choice) for one in found for decision in one.decisions)
+    # One example may say the same of several things, for reasons of their own
+    count = Counter(said for one in found for said in {(each.effect, each.choice) for each in one.decisions})
     reasons = {(decision.effect, decision.choice): decision.reason for one in found for decision in one.decisions}
     return {key: (number, reasons[key]) for key, number in sorted(count.items())}
 

@@ -138,3 +138,8 @@ def test_a_goal_does_not_end_on_its_error_while_the_mean_is_unknown(strength, en
     done = refine(sample, np.arange(PIXELS), WIDTH, first=SPP, batches=BATCHES, goals=[goal], seed=3)
     assert done.stopped == {"i_t": end}
     assert done.together.spp.mean() == pytest.approx(256 if strength else SPP, rel=0.2)
+
+
+def test_a_tail_of_equal_contributions_is_short():
+    # 103 of 1,200 values are the tail; the grid of 40 of them holds the exponential distribution itself
+    assert pareto_tail(np.r_[np.ones(1097), np.full(103, 2.0)]) < 0

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from dataset_builder.cli.main import main
+from dataset_builder.label.example_plan import Decision
 from dataset_builder.rendering.sampling.pixel_noise import PRIOR
+from dataset_builder.studies.effects.effects_study import Compared, decisions
 from dataset_builder.studies.effects.picture_differences import clear_difference, freedom, noisy_difference
 from tests.small_specs import write_spec
 
@@ -172,3 +174,10 @@ def test_noise_that_hides_a_difference_is_no_pass(spec: Path, tmp_path: Path,
     assert study(spec, tmp_path, "--set", "render.bias=0.001") == 1
     said = capsys.readouterr().out
     assert "Not resolved:" in said and "times the samples (`render.spp`)" in said
+
+
+def test_decisions_are_counted_by_example() -> None:
+    said = [Decision(effect="caustics", choice="noisy", reason=why) for why in ("of glass", "of metal")]
+    one = Compared(example="0", planned={}, everything={}, decisions=tuple(said), differences=())
+    other = Compared(example="1", planned={}, everything={}, decisions=(), differences=())
+    assert decisions([one, other]) == {("caustics", "noisy"): (1, "of metal")}
