@@ -42,6 +42,8 @@ REPEATS = 2
 """Independent renders of such an example as the dataset asks: their products hold the bias without the noise."""
 DEEP = 128
 """Least number of edges where everything is simulated."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class _Scene:
     """What decisions about the passes of one example are made from."""

@@ -21,7 +21,7 @@ ERROR = 0.1
 """Asked of a layer where nothing is asked."""
 SERIES = (1.0, 1.25, 1.6, 2.0, 2.5, 3.15, 4.0, 5.0, 6.3, 8.0)
 """What errors that hours buy are rounded to, times a power of ten: R10 of ISO 3."""
-DECADES = range(-4, 1)
+DECADES = range(-4, 0)
 CLEAR = 0.8
 """Hours of goals, over those of one number of samples for all, up to which goals are advised."""
 HOUR, GB = 3600.0, 1e9

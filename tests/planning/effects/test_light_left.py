@@ -136,3 +136,14 @@ def test_bounds_hold_nearly_always() -> None:
         light[:, 5] = 2 * (rng(number, "rare").random(500) < 0.02)
         held += LightLeft.of([light], 1.0).bound[4] >= truth
     assert held >= 198
+
+
+def test_what_no_path_met_is_bounded_by_hand() -> None:
+    """1000 paths whose light has gone 2 edges: later light has a chance of ln(1000) / 1000 at most, and brings half as
+    much for each further edge."""
+    light = np.zeros((1000, MAX_DEPTH + 1))
+    light[:, 2] = 3.0
+    left = LightLeft.of([light], 0.5)
+    assert not left.share[2:].any()
+    assert left.bound[2:5] == pytest.approx(np.log(1000) / 1000 * np.array([0.5, 0.25, 0.125]))
+    assert left.least(0.001) == 4

@@ -112,3 +112,11 @@ def test_intervals_hold_lamps_before_a_dark_wall(spp: int, error: float) -> None
                     bright.append(held[noisy & (value > np.quantile(value[noisy], 0.95))])
     assert 0.92 <= np.mean(np.concatenate(outlines)) <= 0.98
     assert 0.92 <= np.mean(np.concatenate(bright)) <= 0.98
+
+
+def test_noise_alone_is_no_outline() -> None:
+    """What neighbours differ by is contrast by chance: 1% of the noise, and 8% if that were not taken off."""
+    spp, random = 16, np.random.default_rng(5)
+    found = of_batches(random.normal(1, np.sqrt(8 / spp), (1024, 8, 1)), spp)
+    made = outline_variance(found, np.ones((1024, 1)), np.arange(1024), 32)
+    assert made.mean() < 0.04

@@ -104,3 +104,10 @@ def test_other_timings_are_other_hours_and_the_same_settings() -> None:
     assert plain is not None and slow is not None
     assert (plain.spp, plain.goals, plain.way) == (slow.spp, slow.goals, slow.way)
     assert slow.core_hours == pytest.approx(plain.core_hours, rel=0.1) and slow.core_hours != plain.core_hours
+
+
+def test_hours_that_buy_nothing_below_all_of_the_light_buy_nothing() -> None:
+    found = answers(study(tuple(400 * noise for noise in NOISES)))
+    bought = [found.of_hours(AskedAccuracy(hours=0.03 * 1.1**step), workers=2) for step in range(60)]
+    assert None in bought and bought[-1] is not None
+    assert all(limit < 1 for answer in bought if answer for _, limit in answer.errors.values())

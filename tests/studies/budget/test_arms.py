@@ -2,12 +2,16 @@
 
 from dataclasses import replace
 from pathlib import Path
+from time import process_time
+from typing import Any
 
+import numpy as np
 import pytest
 
 from dataset_builder.errors import UserError
 from dataset_builder.lightnet.settings import load_training
 from dataset_builder.planning.catalogue import examples, pairs_of
+from dataset_builder.planning.effects import light_left
 from dataset_builder.rendering import oidn
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.load import load_dataset
@@ -19,8 +23,10 @@ from dataset_builder.studies.budget.budget_study import (
     require,
     spread_out,
 )
-from dataset_builder.studies.budget.render_costs import CostRow, RenderCost, cores_had
+from dataset_builder.studies.budget.render_costs import CostRow, RenderCost, _planning, cores_had
+from dataset_builder.studies.sampled import StudySpec
 from dataset_builder.studies.trainings import base_of
+from tests.small_specs import write_spec
 
 MANY = ("splits.train.objects.count=4", "splits.train.scenes.count=3")
 
@@ -129,3 +135,19 @@ def test_costs_are_means_over_examples() -> None:
     assert (cost.seconds, cost.error, cost.examples) == (2.0, 1.0, 2) and RenderCost.of([1.0]).error == 0
     rows = [CostRow(example="a", mix="4", seconds=1.0, wall_seconds=4.0)] * 2
     assert cores_had(rows) == 0.25
+
+
+def test_planning_counts_the_paths_that_a_view_needs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They are kept for the view, so that planning it a second time would cost next to nothing."""
+    spec, arrivals, ended = StudySpec(path=write_spec(tmp_path)), light_left.arrivals, list[float]()
+
+    def traced(*args: Any) -> np.ndarray:
+        found = arrivals(*args)
+        ended.append(process_time())
+        return found
+
+    monkeypatch.setattr(light_left, "arrivals", traced)
+    ref = spec.sample(1)[0]
+    spec.planner().example(ref)
+    first = len(ended)
+    assert _planning(spec, ref) > 0 and len(ended) == 2 * first > 0
