@@ -59,8 +59,9 @@ def write_page(study: EffectsStudy, found: Sequence[Compared], backend: str) -> 
     figure = png(effects_figure(found))
     allowed = study.spec.dataset.render.bias
     lead = [
-        f"{count_of(len(found), 'example')}, {backend}, {REPEATS} times each. Both sides have the same spp and independent "
-        f"samples; everything is simulated with paths of {DEEPER} times the planned edges, at least {DEEP}.",
+        f"{count_of(len(found), 'example')}, {backend}, {REPEATS} times each. Both sides have the same spp and "
+        f"independent samples; everything is simulated with paths of {DEEPER} times the planned edges, at least "
+        f"{DEEP}.",
         f"A layer differs where its mean does by more than {allowed:g} of it and noise, or where too many pixels do: "
         f"the share of those off by more than {allowed:g} of the layer's mean plus {SIGMAS:g} of their own standard "
         f"errors is more than {FACTOR:g} times what noise gives (Student's t). It is the same where a difference of "
