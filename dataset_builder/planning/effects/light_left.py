@@ -120,7 +120,7 @@ def light_left(*, room: RoomPlan, target: PlacedObject, furniture: Sequence[Plac
     kinds = tuple(dict.fromkeys(_pictures(render, passes)))
     where = (room, target, tuple(furniture), light.open, mesh_root)
     paths = min(ceil((GLASS_PATHS if glass else PATHS) / bias), MOST_PATHS)
-    key = (where, tuple(kept), fog, camera, render.width, render.height, render.seed, kinds, paths, share)
+    key = (where, tuple(kept), fog, camera, render.width, render.height, render.seed, kinds, paths, share, bias)
 
     def trace(paths: int) -> LightLeft:
         surfaces = SURFACES.get(where, lambda: WalkSurfaces([*_around(room, light.open, mesh_root),

@@ -54,6 +54,19 @@ def test_two_samples_know_the_variance_of_their_mean_and_take_it_off_ssim() -> N
     assert 1 - without < 0.3 * (1 - noisy)
 
 
+def test_weights_by_hand() -> None:
+    """1 / (v + 0.05^2): a half of the picture has no noise, the other a variance v of display values."""
+    batch = halved(0)
+    i_t = torch.full_like(batch.truth.i_t, 0.5)
+    error = torch.zeros_like(i_t)
+    error[..., 16:] = 0.01
+    spread = float(((tone_map(i_t + 0.01) - tone_map(i_t - 0.01)) / 2).square().mean())
+    weight = inverse_variance(replace(batch, truth=replace(batch.truth, i_t=i_t, i_t_se=error)))
+    inside = batch.inputs.inside > 0
+    none, some = (weight[..., part][inside[..., part]].unique() for part in (slice(16), slice(16, None)))
+    assert float(none.mean() / some.mean()) == pytest.approx(1 + spread / 0.05**2, rel=1e-3)
+
+
 def test_weights_are_inverse_variances_with_a_floor_and_a_mean_of_1() -> None:
     batch = halved(0)
     weight, inside = inverse_variance(batch), batch.inputs.inside > 0

@@ -6,8 +6,11 @@ from dataclasses import replace
 import pytest
 
 from dataset_builder.studies.accuracy.answers import ERROR, Answers, AskedAccuracy
+from dataset_builder.studies.accuracy.laws import laws
+from dataset_builder.studies.accuracy.other_examples import pace_of
+from dataset_builder.studies.accuracy.rows import OTHERS
 from dataset_builder.studies.accuracy.sampling_advice import RESAMPLED, answer_of, changed_share
-from tests.studies.accuracy.made_rows import jittered, study, work
+from tests.studies.accuracy.made_rows import jittered, sampled, study, work
 
 NOISES = (0.25, 0.5, 1.0, 1.0, 2.0, 4.0)
 
@@ -111,3 +114,15 @@ def test_hours_that_buy_nothing_below_all_of_the_light_buy_nothing() -> None:
     bought = [found.of_hours(AskedAccuracy(hours=0.03 * 1.1**step), workers=2) for step in range(60)]
     assert None in bought and bought[-1] is not None
     assert all(limit < 1 for answer in bought if answer for _, limit in answer.errors.values())
+
+
+def test_seconds_per_path_are_a_ratio_of_sums_by_hand() -> None:
+    """10,000 paths in 1 s and 30,000 in 1.5 s, besides 0.05 s each: 2.5 s for 40,000, not the mean of both paces."""
+    rows = [row for row in study() if row.question == "uniform"]
+    rows += [sampled(OTHERS, 10, example="a"), replace(sampled(OTHERS, 30, example="b"), paths=30_000)]
+    rows = [replace(row, cpu_seconds=0.05 + {"a": 1.0, "b": 1.5}[row.example]) if row.question == OTHERS else row
+            for row in rows]
+    pace, error = pace_of(rows, laws(rows, "cpu_seconds"), "i_t", "cpu_seconds")
+    assert pace == pytest.approx(2.5 / 40_000, rel=1e-3)
+    # What is left of either is 3 / 8 s; its standard error, over the mean of 20,000 paths
+    assert error == pytest.approx(math.sqrt(2 * 0.375**2 / 1 / 2) / 20_000, rel=2e-3)
