@@ -266,6 +266,19 @@ def test_what_belongs_to_the_view_does_not_follow_the_target_light(decide: Decid
         assert one.of(name) == other.of(name)
 
 
+@pytest.mark.parametrize(("figures", "effect", "said"), [
+    ({"transmission": 1.0, "metallic": 1.0}, "glass", "metal lets no light through"),
+    ({"priority": 2.0}, "nested", "no solid glass"),
+    ({"transmission": 1.0, "thin": 1.0, "priority": 2.0}, "nested", "no solid glass"),
+    ({"transmission": 1.0, "thin": 1.0, "abbe": 40.0}, "nested", "no solid glass"),
+    ({"transmission": 1.0, "metallic": 0.9, "abbe": 40.0, "priority": 2.0}, "", ""),
+])
+def test_what_is_said_of_glass_that_is_none_is_named(decide: Decide, figures: dict[str, float], effect: str,
+                                                     said: str) -> None:
+    found = {each.effect: each.reason for each in decide(figures).decisions if each.choice == "not honoured"}
+    assert list(found) == ([effect] if effect else []) and all(said in why for why in found.values())
+
+
 # Specs
 
 @pytest.fixture
