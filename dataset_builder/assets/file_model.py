@@ -13,6 +13,8 @@ from dataset_builder.errors import Problem, UserError
 
 GREY = 0.6
 """Albedo of what has neither material nor colours."""
+NO_MATERIAL = "no material"
+"""Name of its material, by which specs may change it."""
 ROUGHNESS = 0.8
 """Of a surface whose file says nothing about it."""
 

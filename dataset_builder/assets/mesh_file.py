@@ -11,7 +11,7 @@ import numpy as np
 
 from dataset_builder.assets.asset import Asset, Material
 from dataset_builder.assets.even_colours import with_even_colours
-from dataset_builder.assets.file_model import GREY, ROUGHNESS, FileModel, FilePart, refuse
+from dataset_builder.assets.file_model import GREY, NO_MATERIAL, ROUGHNESS, FileModel, FilePart, refuse
 from dataset_builder.assets.image_maps import ImageFile, check_image
 from dataset_builder.assets.readers import gltf, obj, off, own_field, ply, stl, usd
 from dataset_builder.assets.repair_text import pieces_text, repair_notes, repair_text
@@ -163,7 +163,7 @@ def _mesh(part: FilePart, model: FileModel, plain: list[bool]) -> TriangleMesh:
 
 def _materials(model: FileModel) -> tuple[Material, ...]:
     """Those of the file, then a grey one for parts with neither material nor colours, and a white one for colours."""
-    plain = [Material(name="vertex colours" if colored else "no material", roughness=ROUGHNESS,
+    plain = [Material(name="vertex colours" if colored else NO_MATERIAL, roughness=ROUGHNESS,
                       base_color=(1.0 if colored else GREY,) * 3) for colored in _colored_or_not(model)]
     return (*(each.material for each in model.materials), *plain)
 

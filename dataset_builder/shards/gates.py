@@ -79,8 +79,10 @@ def means(layers: Sequence[LayerAccuracy], gates: GatesSpec) -> list[Violation]:
     found = []
     for layer in layers:
         if gates.mean_error and (layer.mean_known == "unknown" or not layer.mean_error <= gates.mean_error):
-            reason = (f"expected the mean of {layer.name} to be known to {gates.mean_error:g}, got "
-                      f"{layer.mean_error:.3g} ({layer.mean_known})")
+            found_out = f"{layer.mean_error:.3g} ({layer.mean_known})"
+            if layer.mean_known == "unknown":
+                found_out = f"an unknown one (an error of {layer.mean_error:.3g} as far as was met)"
+            reason = f"expected the mean of {layer.name} to be known to {gates.mean_error:g}, got {found_out}"
             found.append(Violation(identity=MEAN, reason=reason))
         if gates.tail and not layer.tail <= gates.tail:
             reason = f"expected a Pareto shape <= {gates.tail:g} of {layer.name}'s contributions, got {layer.tail:.3g}"

@@ -52,7 +52,8 @@ def test_a_mean_must_be_known_as_well_as_asked() -> None:
     assert found.identity == MEAN
     assert found.reason == "expected the mean of spec to be known to 0.02, got 0.03 (widened)"
     # However wide the bound, what is not known does not pass
-    assert [each.identity for each in means([UNKNOWN], GatesSpec(mean_error=1.0))] == [MEAN]
+    (found,) = means([UNKNOWN], GatesSpec(mean_error=1.0))
+    assert found.identity == MEAN and "to be known to 1, got an unknown one (an error of " in found.reason
 
 
 def test_a_tail_is_bounded() -> None:

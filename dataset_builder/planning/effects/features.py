@@ -74,7 +74,7 @@ def scene_features(use: SceneUse, fog: FogPlan, render: RenderPlan,
     if taken:
         decisions = [each for each in decisions if each.effect != "colours"] + [Decision(
             effect="colours", choice="on", reason="the rough mesh is taken from a field, in the colours seen there")]
-    return features, (_textures(calling["textures"], render), *decisions, *_unowned(use),
+    return features, (_textures(calling["textures"], render), *decisions, *_unowned(use), *_idle(use),
                       _dispersion(calling["dispersion"]), _fog(fog), *_nowhere(use), _normals(use), *_files(use))
 
 
@@ -99,6 +99,19 @@ def _unowned(use: SceneUse) -> list[Decision]:
     return [Decision(effect="nested", choice="no owner", reason="bodies of glass take the same space or touch, and no "
                      f"priority says which owns it: {names(use.unowned)}; each is traced as if air were around it (give"
                      " the materials a different `priority`, the outermost the highest)")]
+
+
+def _idle(use: SceneUse) -> list[Decision]:
+    """What materials say of glass where nothing is glass."""
+    metal = [each.name for each in use.materials if range_of(each.material, "transmission")[1] > 0
+             and not (is_solid(each.material) or is_pane(each.material))]
+    loose = [each.name for each in use.materials if (each.material.priority or each.material.abbe)
+             and not is_solid(each.material)]
+    said = (("glass", metal, "transmission is not honoured, since metal lets no light through: {} (set `metallic: 0`"
+                             " beside `transmission`)"),
+            ("nested", loose, "`priority` and `abbe` are not honoured, since these are no solid glass: {}"))
+    return [Decision(effect=effect, choice="not honoured", reason=why.format(names(found)))
+            for effect, found, why in said if found]
 
 
 def _nowhere(use: SceneUse) -> list[Decision]:

@@ -16,6 +16,7 @@ from dataset_builder.assets.asset import (
     texel_ends,
     vertex_alphas,
 )
+from dataset_builder.assets.file_model import NO_MATERIAL
 from dataset_builder.geometry.edges import CREASE_ANGLE, consistent, dihedral_angles, edges_of
 from dataset_builder.label.scene_plan import PlacedObject, RoomPlan
 from dataset_builder.planning.effects.nested_glass import unowned_glass
@@ -114,7 +115,8 @@ class MaterialUse:
     @property
     def name(self) -> str:
         """As reasons name it: `top: oak of train-table-00`."""
-        return f"{self.material.name} of {self.owner if self.part == 'furniture' else f'the {self.part}'}"
+        named = f"'{NO_MATERIAL}'" if self.material.name == NO_MATERIAL else self.material.name
+        return f"{named} of {self.owner if self.part == 'furniture' else f'the {self.part}'}"
 
 
 def is_smooth(roughness: float) -> bool:

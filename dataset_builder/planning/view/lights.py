@@ -161,4 +161,5 @@ def _why_not(spec: TargetSpec, count: int, means: list[float], lits: list[float]
     rule = (f"expected a mean direct irradiance in [{low:g}, {high:g}] on the visible part of the object and light on "
             f"{view.least_lit:.0%} of it, got at most {max(means):.3g} and {max(lits):.0%} in {len(means)} draws with "
             f"{count} lights: it would stay black")
-    return rule, "raise target.strength, raise target.lights, or widen target.distance and target.elevation"
+    hint = "raise target.strength, raise target.lights, or widen target.distance and target.elevation"
+    return rule, hint if spec.sun is None else f"{hint}; the sun counts, too: turn it, so that it reaches the object"

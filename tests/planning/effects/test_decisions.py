@@ -116,7 +116,8 @@ def test_features_follow_the_materials(decide: Decide, figures: dict[str, float]
         assert set(effects.features) == everywhere
         assert effects.features == tuple(name for name in get_args(Feature) if name in everywhere)
         for feature in ("coat", "sheen", "glass", "thin", "dispersion", "coverage", "emission", "fog"):
-            assert choices(effects, feature) == ["on" if feature in everywhere else "off"]
+            found = [choice for choice in choices(effects, feature) if choice != "not honoured"]
+            assert found == ["on" if feature in everywhere else "off"]
 
 
 def test_reasons_name_what_calls_for_an_effect(decide: Decide) -> None:
@@ -264,6 +265,25 @@ def test_what_belongs_to_the_view_does_not_follow_the_target_light(decide: Decid
     assert one.features == other.features
     for name in ("first_hit", "source", "first_hit_rough"):
         assert one.of(name) == other.of(name)
+
+
+@pytest.mark.parametrize(("figures", "effect", "said"), [
+    ({"transmission": 1.0, "metallic": 1.0}, "glass", "metal lets no light through"),
+    ({"priority": 2.0}, "nested", "no solid glass"),
+    ({"transmission": 1.0, "thin": 1.0, "priority": 2.0}, "nested", "no solid glass"),
+    ({"transmission": 1.0, "thin": 1.0, "abbe": 40.0}, "nested", "no solid glass"),
+    ({"transmission": 1.0, "metallic": 0.9, "abbe": 40.0, "priority": 2.0}, "", ""),
+])
+def test_what_is_said_of_glass_that_is_none_is_named(decide: Decide, figures: dict[str, float], effect: str,
+                                                     said: str) -> None:
+    found = {each.effect: each.reason for each in decide(figures).decisions if each.choice == "not honoured"}
+    assert list(found) == ([effect] if effect else []) and all(said in why for why in found.values())
+
+
+def test_what_has_no_material_is_not_told_as_none() -> None:
+    named, bare = (MaterialUse(owner="ball", part="furniture", material=Material(name=name, base_color=(1, 1, 1)),
+                               scattered=0.5, smoothest=1.0, roughest=1.0) for name in ("oak", "no material"))
+    assert (named.name, bare.name) == ("oak of ball", "'no material' of ball")
 
 
 # Specs

@@ -109,6 +109,13 @@ def test_a_light_too_weak_leaves_the_object_black(box_arrangement: BoxStage) -> 
         target_light(lit_view(box_arrangement(CHAIR)), target_spec(strength=1e-3, attempts=20), stream_of(0),
                      "train/000000")
     assert str(caught.value).startswith("train/000000: target") and "target.strength" in str(caught.value)
+    assert "sun" not in str(caught.value)
+
+
+def test_a_sun_that_leaves_the_object_dark_is_named(box_arrangement: BoxStage) -> None:
+    with pytest.raises(PlanError, match="the sun counts, too: turn it"):
+        target_light(lit_view(box_arrangement(CHAIR)), target_spec(strength=1e-3, attempts=2, sun={"irradiance": 1e-4}),
+                     stream_of(0), "")
 
 
 def test_a_light_too_strong_blows_the_object_out(box_arrangement: BoxStage) -> None:
