@@ -1,9 +1,14 @@
 """The options of `study accuracy`, and what it prints."""
 
 import argparse
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from dataset_builder.cli import common
-from dataset_builder.errors import count_of
+from dataset_builder.errors import Problem, UserError, count_of
+
+if TYPE_CHECKING:
+    from dataset_builder.spec.dataset import DatasetSpec
 
 LAYERS = ("i_t", "s_prime", "i_s")
 
@@ -13,7 +18,7 @@ def add_options(accuracy: argparse.ArgumentParser) -> None:
     accuracy.add_argument("--examples", type=common.positive, default=4, help="examples to measure on (default: 4)")
     accuracy.add_argument("--budget", choices=("full", "medium", "small"), default="full",
                           help="medium: coarser references and fewer settings; small: for a quick trial")
-    accuracy.add_argument("--layers", nargs="+", default=LAYERS, metavar="LAYER",
+    accuracy.add_argument("--layers", nargs="+", metavar="LAYER",
                           help=f"layers with light to measure (default: those of {' '.join(LAYERS)} in the dataset)")
     accuracy.add_argument("--error", nargs="+", default=[], type=_error, metavar="LAYER=E",
                           help="relative error that 95%% of the examples are to stay below, such as i_t=0.05 "
@@ -38,6 +43,20 @@ def _error(text: str) -> tuple[str, float]:
     return layer, error
 
 
+def _check(dataset: "DatasetSpec", layers: Sequence[str], asked: Sequence[str]) -> None:
+    """Raise UserError for layers that were named and cannot be measured, before anything is."""
+    from dataset_builder.spec.render import NOISY
+
+    known = [name for name in dataset.layers if name in NOISY]
+    rule = f"expected some of {', '.join(known)}, the dataset's layers with light, got "
+    problems = [Problem(where="", path=option, rule=rule + name) for option, names in
+                (("--layers", layers), ("--error", asked)) for name in dict.fromkeys(names) if name not in known]
+    problems += [Problem(where="", path="--error", rule=f"expected one error for each layer, got several for {name}")
+                 for name in dict.fromkeys(asked) if asked.count(name) > 1]
+    if problems:
+        raise UserError(problems)
+
+
 def run(options: argparse.Namespace) -> int:
     """Measure, conclude, write and print."""
     from dataset_builder.report.accuracy_answers import summary_lines
@@ -47,15 +66,15 @@ def run(options: argparse.Namespace) -> int:
     from dataset_builder.studies.accuracy.accuracy_study import run as measured
     from dataset_builder.studies.accuracy.answers import AskedAccuracy
     from dataset_builder.studies.accuracy.rows import OTHERS, AccuracyRow
-    from dataset_builder.studies.sampled import StudySpec, chosen_layers
+    from dataset_builder.studies.sampled import StudySpec
 
     spec, rows = StudySpec(path=options.spec, overrides=tuple(options.overrides)), list[AccuracyRow]()
     errors = dict[str, float](options.error)
+    _check(spec.dataset, options.layers or (), [layer for layer, _ in options.error])
     study = AccuracyStudy(spec=spec, out=options.out or common.STUDIES / f"{spec.dataset.name}-accuracy",
-                          examples=options.examples, layers=tuple(dict.fromkeys((*options.layers, *errors))),
+                          examples=options.examples,
+                          layers=tuple(dict.fromkeys((*(options.layers or LAYERS), *errors))),
                           budget=options.budget, backend=options.backend)
-    for layer in errors:
-        chosen_layers(spec.dataset, (layer,))
     print(f"{count_of(study.examples, 'example')}: the first one tells how long the others will take", flush=True)
     groups = [group for group in MEASURES if group != GROUPS[OTHERS]]
     paces = Paces(groups)

@@ -18,6 +18,8 @@ Table = tuple[Sequence[str], list[list[str]]]
 LAW_HEAD = ("sampling", "layer", "example", "a: error² at n = 1", "b: error² that stays", "c: seconds, fixed",
             "d: ms per n", "scatter of error², seconds")
 WAYS = {UNIFORM: "uniform spp", ADAPTIVE: "goals", DENOISED: "denoised"}
+FEW = 8
+"""Examples below which a warning says that the limit of 95% rests on few."""
 
 
 def law_table(found: Conclusions) -> Table:
@@ -131,6 +133,9 @@ def trust_sentences(found: Conclusions) -> list[str]:
             f"deviation); hours are from {'wall' if found.setup.gpu else 'CPU'} time.",
             f"With timings off by {JITTER:.0%} the settings change in {found.changed:.0%} of {RESAMPLED} resamplings."
             + (" The hours lie at a step: the next error up is as good an answer." if found.changed else "")]
+    if measured < FEW:
+        said.append(f"WARNING: how examples differ is known from {measured} of them, so more than 5% of the dataset "
+                    "may lie above these errors; measure more (--budget medium or full).")
     if found.answer and found.answer.within > found.asked.within:
         said.append(f"WARNING: the hours are known to ± {found.answer.within:.0%}, asked was "
                     f"± {found.asked.within:.0%}: "

@@ -6,7 +6,7 @@ from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from dataset_builder.digest import canonical_json
+from dataset_builder.digest import canonical_json, sha256_bytes
 from dataset_builder.files import write_atomic
 from dataset_builder.studies.comma_separated import read_csv, write_csv
 
@@ -119,12 +119,23 @@ def _text(value: str | float) -> str:
 
 
 def begin(folder: Path, about: Mapping[str, Any], table: Path) -> None:
-    """State in `folder` what its rows are about; a table that is about anything else goes. Raises OutputError."""
+    """State in `folder` what its rows are about. A table that is about anything else steps aside, with its statement,
+    and comes back when it is asked for again: rows are hours of work. Raises OutputError."""
     path, content = folder / ABOUT, canonical_json(dict(about))
-    if not path.is_file() or path.read_bytes() != content:
-        # The table first: an interruption in between must leave no rows under a statement that is not theirs
-        table.unlink(missing_ok=True)
-        write_atomic(path, content)
+    before = path.read_bytes() if path.is_file() else b""
+    if before == content:
+        return
+    # The table first: an interruption in between must leave no rows under a statement that is not theirs
+    if table.exists():
+        table.replace(_aside(table, before))
+    write_atomic(path, content)
+    if (kept := _aside(table, content)).exists():
+        kept.replace(table)
+
+
+def _aside(table: Path, about: bytes) -> Path:
+    """Where a table is kept whose statement is not the folder's."""
+    return table.with_name(f"{table.stem}-{sha256_bytes(about)[:12]}{table.suffix}")
 
 
 def kept_steps(table: Path, groups: Mapping[str, str]) -> Steps:

@@ -97,7 +97,7 @@ def test_tables_that_are_damaged_are_measured_anew(tmp_path: Path, content: str 
     assert kept_steps(tmp_path / "results.csv", accuracy_study.GROUPS) == {}
 
 
-def test_rows_about_something_else_go(tmp_path: Path) -> None:
+def test_rows_about_something_else_step_aside_and_come_back(tmp_path: Path) -> None:
     table = tmp_path / "results.csv"
     begin(tmp_path, {"spec": "a"}, table)
     table.write_text("rows")
@@ -105,6 +105,11 @@ def test_rows_about_something_else_go(tmp_path: Path) -> None:
     assert table.read_text() == "rows"
     begin(tmp_path, {"spec": "b"}, table)
     assert not table.exists() and "b" in (tmp_path / "study.json").read_text()
+    table.write_text("others")
+    begin(tmp_path, {"spec": "a"}, table)
+    assert table.read_text() == "rows"
+    begin(tmp_path, {"spec": "b"}, table)
+    assert table.read_text() == "others"
 
 
 def test_the_answer_is_that_of_the_files(out: Path, found: Conclusions) -> None:
@@ -115,6 +120,7 @@ def test_the_answer_is_that_of_the_files(out: Path, found: Conclusions) -> None:
     lines = "\n".join(summary_lines(found))
     assert "12,000 examples" in lines and "50 times as fast as a core" in lines and "nothing was measured" in lines
     assert lines.count("(recommended)") == 1 and "never recommended" in lines
+    assert "WARNING: how examples differ is known from 3 of them" in lines
 
 
 def test_hours_are_those_of_the_passes(rows: list[AccuracyRow], found: Conclusions) -> None:
@@ -205,3 +211,15 @@ def test_examples_come_from_every_split(spec: Path) -> None:
 def test_a_layer_that_the_dataset_does_not_hold(spec: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["study", "accuracy", str(spec), "--layers", "air", "--out", str(tmp_path), "--backend", "llvm"]) == 2
     assert "expected some of i_s, i_t" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("words, said", [
+    (["--layers", "i_t", "nosuch"], "got nosuch"),
+    (["--layers", "d"], "i_s, i_t, s_prime, s, spec, the dataset's layers with light, got d"),
+    (["--error", "d=0.1"], "--error: expected some of"),
+    (["--error", "i_t=0.1", "i_t=0.2"], "several for i_t")])
+def test_layers_that_cannot_be_measured_are_refused_before_anything_is(
+        spec: Path, tmp_path: Path, words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    assert main(["study", "accuracy", str(spec), *words, "--out", str(out), "--backend", "llvm"]) == 2
+    assert said in capsys.readouterr().err and not out.exists()
