@@ -65,3 +65,18 @@ def test_extras_bring_what_they_are_said_to_bring() -> None:
         assert brought >= {name.lower() for name in named}, extra
         # aiohttp comes by an extra of fsspec, VTK with PyVista
         assert len({*libraries} - {"aiohttp", "vtkmodules"}) == len(named)
+
+
+@pytest.mark.parametrize("study", ["accuracy", "effects"])
+def test_studies_of_renders_do_without_the_trainer(study: str, tmp_path: Path) -> None:
+    """PyTorch is not among what `make dataset` installs."""
+    verb = ["study", study, "scene_specs/3df-lighting-mini.yaml", "--out", str(tmp_path), "--examples", "1"]
+    code = BLOCKED.replace(str(sorted({name for names in LIBRARIES.values() for name in names})), "['torch']").replace(
+        "from dataset_builder.cli.main import main", """
+from dataset_builder.errors import UserError
+from dataset_builder.rendering import backend
+def refuse(*_): raise UserError("no backend")
+backend.activate = backend.choose = refuse
+from dataset_builder.cli.main import main""")
+    done = subprocess.run([sys.executable, "-c", code, *verb], capture_output=True, text=True, check=False, cwd=ROOT)
+    assert done.returncode == 2 and "no backend" in done.stderr, done.stderr

@@ -61,7 +61,7 @@ def run(options: argparse.Namespace) -> int:
     """Measure, conclude, write and print."""
     from dataset_builder.report.accuracy_answers import summary_lines
     from dataset_builder.report.accuracy_page import write_page
-    from dataset_builder.report.training_lines import Paces
+    from dataset_builder.report.step_paces import Paces
     from dataset_builder.studies.accuracy.accuracy_study import GROUPS, MEASURES, AccuracyStudy, conclude
     from dataset_builder.studies.accuracy.accuracy_study import run as measured
     from dataset_builder.studies.accuracy.answers import AskedAccuracy

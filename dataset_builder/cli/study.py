@@ -84,7 +84,7 @@ def _spec(options: argparse.Namespace) -> "StudySpec":
 def _effects(options: argparse.Namespace) -> int:
     from dataset_builder.rendering.backend import choose
     from dataset_builder.report.effects_page import verdict, write_page
-    from dataset_builder.report.training_lines import Paces
+    from dataset_builder.report.step_paces import Paces
     from dataset_builder.studies.effects.effects_study import Compared, EffectsStudy, run, write_tables
 
     spec, found = _spec(options), list[Compared]()

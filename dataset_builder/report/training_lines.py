@@ -1,9 +1,8 @@
 """What the terminal shows of a training: a bar of steps, and lines that stay."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from itertools import chain, islice
 from math import isfinite
-from statistics import fmean
 from typing import TypeVar
 
 from rich.console import Console, RenderableType
@@ -68,23 +67,6 @@ def left_text(left: TimeLeft | None, number: int, event: Event, steps: int) -> s
     if left is None or not isinstance(event, Checked):
         return ""
     return f"; about {duration(left.after(number, min(event.step / steps, 1)))} left"
-
-
-class Paces:
-    """The time that is left of work on several examples, whose steps of one kind take about as long for each."""
-
-    def __init__(self, kinds: Sequence[str]):
-        """kinds: of the steps of an example, in turn."""
-        self._seconds: dict[str, list[float]] = {kind: [] for kind in kinds}
-
-    def after(self, kind: str, seconds: float, left: int) -> str:
-        """What to say after a step that took so long, with `left` more to come; nothing until every kind was met."""
-        self._seconds[kind].append(seconds)
-        if not left or not all(self._seconds.values()):
-            return ""
-        means, kinds = [fmean(found) for found in self._seconds.values()], list(self._seconds)
-        start = kinds.index(kind) + 1
-        return f"; about {duration(sum(means[(start + step) % len(means)] for step in range(left)))} left"
 
 
 def lines_of(event: Event) -> list[str]:

@@ -6,7 +6,8 @@ import pytest
 
 from dataset_builder.lightnet.settings import TrainingSpec
 from dataset_builder.lightnet.training.fit import TrainingJob
-from dataset_builder.report.training_lines import Paces, forecast_line
+from dataset_builder.report.step_paces import Paces
+from dataset_builder.report.training_lines import forecast_line
 from dataset_builder.studies import trial_times
 from dataset_builder.studies.trainings import changed
 from dataset_builder.studies.trial_times import Forecast, TimeLeft, TrialTimes, forecast, steps_left, trial
