@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from dataset_builder.assets.asset import Material
-from dataset_builder.rendering.surface.channels_left import pack
 from dataset_builder.rendering.surface.first_hit import transparency
+from dataset_builder.rendering.surface.nesting import time_of
 from tests.rendering.surface.surface_bench import (
     SAMPLES,
     directions_follow,
@@ -101,7 +101,7 @@ def test_what_channels_are_left_moves_no_mean(roughness, cosine, left):
     strong = surface_of(Material(name="strong", base_color=(1, 1, 1), roughness=roughness, transmission=1.0, ior=1.6,
                                  abbe=3.0))
     found = []
-    for seed, code in enumerate((mi.Float(0), pack(mi.Color3f(*left)))):
+    for seed, code in enumerate((mi.Float(0), time_of(mi.Color3f(*left), mi.UInt32(0)))):
         si = interaction(cosine, SAMPLES)
         si.time = dr.opaque(mi.Float, code[0])
         found.append(mean_and_error(sampled(strong, si, seed=5 + seed)[1]))
@@ -113,7 +113,7 @@ def test_what_channels_are_left_moves_no_mean(roughness, cosine, left):
 def test_a_path_with_one_channel_left_has_that_channels_density():
     surface, channel = surface_of(PRISM), 2
     si = interaction(0.7, SAMPLES)
-    si.time = dr.opaque(mi.Float, pack(mi.Color3f(0, 0, 1))[0])
+    si.time = dr.opaque(mi.Float, time_of(mi.Color3f(0, 0, 1), mi.UInt32(0))[0])
     bs, weight = sampled(surface, si)
     single = surface_of(replace(PRISM, ior=float(channel_indices(1.6, 20.0)[channel]), abbe=0.0))
     value, density = single.eval_pdf(mi.BSDFContext(), si, bs.wo, mi.Bool(True))
