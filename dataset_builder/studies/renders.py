@@ -89,6 +89,11 @@ def reached_by(layer: str, record: RenderRecord) -> float:
     return next((entry.relative_error for entry in record.layers if entry.name == layer), 0.0)
 
 
+def unknown_in(layer: str, record: RenderRecord) -> bool:
+    """Whether the record says that a layer's mean is not known."""
+    return any(entry.name == layer and entry.mean_known == "unknown" for entry in record.layers)
+
+
 @dataclass(frozen=True, kw_only=True)
 class References:
     """References below `folder`, one file for each plan and whatever turns it into pixels."""

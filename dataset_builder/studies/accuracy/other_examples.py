@@ -17,7 +17,7 @@ from dataset_builder.planning.catalogue import ExampleRef
 from dataset_builder.studies.accuracy.laws import Law, interval, of_layer
 from dataset_builder.studies.accuracy.rows import OTHERS, UNIFORM, WHOLE, AccuracyRow, of
 from dataset_builder.studies.accuracy.workbench import Bench
-from dataset_builder.studies.renders import reached_by, render, seconds_of, work_of
+from dataset_builder.studies.renders import reached_by, render, seconds_of, unknown_in, work_of
 
 
 def measure(bench: Bench, ref: ExampleRef) -> Iterator[AccuracyRow]:
@@ -38,7 +38,8 @@ def measure(bench: Bench, ref: ExampleRef) -> Iterator[AccuracyRow]:
     for layer in bench.extents:
         work = work_of(layer, found.record)
         yield replace(row, layer=layer, seconds=seconds_of(layer, found), reached=reached_by(layer, found.record),
-                      cpu_seconds=seconds_of(layer, found, found.cpu_seconds), spp=work["spp"], paths=work["paths"])
+                      cpu_seconds=seconds_of(layer, found, found.cpu_seconds), spp=work["spp"], paths=work["paths"],
+                      unknown=float(unknown_in(layer, found.record)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,6 +55,8 @@ class NoiseSpread:
     """Of the logarithm."""
     values: tuple[float, ...]
     """Of the examples that were measured, rising."""
+    unknown: int = 0
+    """Further ones whose mean is not known: what rare bright paths bring follows no law of samples."""
 
     @property
     def mean(self) -> float:
@@ -66,10 +69,13 @@ def spread_of(rows: Sequence[AccuracyRow], laws: Sequence[Law], layer: str) -> N
 
     The limit is that of the next example of a normal sample: mean + t(0.95, K - 1) s sqrt(1 + 1/K) in logarithms
     (G. Hahn and W. Meeker, Statistical Intervals, 1991, section 4.7), from the K examples, or their 95% quantile where
-    tails are longer than that; from one, its own value.
+    tails are longer than that; from one, its own value. Examples whose mean is not known are counted alone, unless
+    there are no others.
     """
     scale = interval(_claims(rows, laws, layer))[0]
-    seen = [row.reached**2 * row.spp * scale for row in of(rows, OTHERS, layer) if row.reached > 0]
+    others = of(rows, OTHERS, layer)
+    known = [row for row in others if row.unknown != 1] or others
+    seen = [row.reached**2 * row.spp * scale for row in known if row.reached > 0]
     values = np.sort([value for value in seen if math.isfinite(value)] or
                      [law.error.slope for law in of_layer(laws, UNIFORM, layer)])
     middle, low, high = interval(values.tolist())
@@ -77,7 +83,7 @@ def spread_of(rows: Sequence[AccuracyRow], laws: Sequence[Law], layer: str) -> N
     wide = float(stdtrit(count - 1, 0.95)) * deviation * math.sqrt(1 + 1 / count) if count > 1 else 0.0
     limit = max(middle * math.exp(wide), float(np.quantile(values, 0.95)))
     return NoiseSpread(median=middle, within=(low, high), limit=limit, deviation=deviation,
-                       values=tuple(values.tolist()))
+                       values=tuple(values.tolist()), unknown=len(others) - len(known))
 
 
 def _claims(rows: Sequence[AccuracyRow], laws: Sequence[Law], layer: str) -> list[float]:

@@ -56,6 +56,8 @@ class AccuracyRow:
     flip: float = NONE
     reached: float = NONE
     """Relative error that the renderer claims."""
+    unknown: float = NONE
+    """1 where it says that the layer's mean is not known, else 0."""
     bias: float = NONE
     """Mean of the difference over the mean."""
     bias_se: float = NONE

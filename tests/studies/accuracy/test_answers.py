@@ -34,6 +34,17 @@ def test_examples_that_differ_ask_for_more_samples() -> None:
     assert answer.errors["i_t"][1] <= 0.1 and answer.errors["i_t"][0] == pytest.approx(0.1 / math.sqrt(limit), rel=0.02)
 
 
+def test_examples_whose_mean_is_not_known_are_counted_alone() -> None:
+    rows = [replace(row, unknown=1.0) if row.question == OTHERS and row.example == "00000006" else row
+            for row in study((*NOISES, 1e4))]
+    spread = answers(rows).spread["i_t"]
+    assert spread.values == pytest.approx(NOISES) and spread.unknown == 1
+    assert spread.limit == pytest.approx(answers().spread["i_t"].limit)
+    all_unknown = [replace(row, unknown=1.0) for row in study(NOISES)]
+    spread = answers(all_unknown).spread["i_t"]
+    assert spread.values == pytest.approx(NOISES) and spread.unknown == 0
+
+
 def test_goals_take_what_each_example_needs() -> None:
     answer = answers().goals({"i_t": 0.1})
     assert answer is not None and answer.goals == {"i_t": 0.2}
