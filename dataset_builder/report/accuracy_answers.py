@@ -136,8 +136,9 @@ def trust_sentences(found: Conclusions) -> list[str]:
     if measured < FEW:
         said.append(f"WARNING: how examples differ is known from {measured} of them, so more than 5% of the dataset "
                     "may lie above these errors; measure more (--budget medium or full).")
-    said += [f"The mean of {layer} is not known in {spread.unknown} of {spread.unknown + len(spread.values)} examples: "
-             "rare bright paths follow no such law, and what is said of 95% is said of the others."
+    said += [f"The mean of {layer} is not known in {spread.unknown} of {spread.measured} examples: rare bright paths "
+             "follow no such law" + (", and what is said of 95% is said of the others."
+                                     if spread.unknown < spread.measured else ", and these answers are guesses.")
              for layer, spread in found.answers.spread.items() if spread.unknown]
     if found.answer and found.answer.within > found.asked.within:
         said.append(f"WARNING: the hours are known to ± {found.answer.within:.0%}, asked was "

@@ -54,9 +54,11 @@ class NoiseSpread:
     deviation: float
     """Of the logarithm."""
     values: tuple[float, ...]
-    """Of the examples that were measured, rising."""
+    """Of the examples that were measured, rising; without those of unknown mean, unless there are no others."""
     unknown: int = 0
-    """Further ones whose mean is not known: what rare bright paths bring follows no law of samples."""
+    """Examples whose mean is not known: what rare bright paths bring follows no law of samples."""
+    measured: int = 0
+    """All examples that were looked at."""
 
     @property
     def mean(self) -> float:
@@ -83,7 +85,8 @@ def spread_of(rows: Sequence[AccuracyRow], laws: Sequence[Law], layer: str) -> N
     wide = float(stdtrit(count - 1, 0.95)) * deviation * math.sqrt(1 + 1 / count) if count > 1 else 0.0
     limit = max(middle * math.exp(wide), float(np.quantile(values, 0.95)))
     return NoiseSpread(median=middle, within=(low, high), limit=limit, deviation=deviation,
-                       values=tuple(values.tolist()), unknown=len(others) - len(known))
+                       values=tuple(values.tolist()), measured=len(others),
+                       unknown=sum(row.unknown == 1 for row in others))
 
 
 def _claims(rows: Sequence[AccuracyRow], laws: Sequence[Law], layer: str) -> list[float]:

@@ -38,11 +38,11 @@ def test_examples_whose_mean_is_not_known_are_counted_alone() -> None:
     rows = [replace(row, unknown=1.0) if row.question == OTHERS and row.example == "00000006" else row
             for row in study((*NOISES, 1e4))]
     spread = answers(rows).spread["i_t"]
-    assert spread.values == pytest.approx(NOISES) and spread.unknown == 1
+    assert spread.values == pytest.approx(NOISES) and (spread.unknown, spread.measured) == (1, 7)
     assert spread.limit == pytest.approx(answers().spread["i_t"].limit)
     all_unknown = [replace(row, unknown=1.0) for row in study(NOISES)]
     spread = answers(all_unknown).spread["i_t"]
-    assert spread.values == pytest.approx(NOISES) and spread.unknown == 0
+    assert spread.values == pytest.approx(NOISES) and (spread.unknown, spread.measured) == (6, 6)
 
 
 def test_goals_take_what_each_example_needs() -> None:
