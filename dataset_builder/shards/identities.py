@@ -75,8 +75,9 @@ def storable(layers: Mapping[str, np.ndarray], dtype: str) -> list[Violation]:
     nothing loses its digits or becomes 0, see `_too_dim`."""
     limit = float(np.finfo(dtype).max)
     largest = {name: float(np.abs(array).max(initial=0.0)) for name, array in layers.items()}
-    return [Violation(identity=RANGE, reason=f"{name}: expected at most {limit:g}, what {dtype} holds, got {value:g}")
-            for name, value in largest.items() if value > limit] + _too_dim(layers, dtype)
+    found = [Violation(identity=RANGE, reason=f"{name}: expected at most {limit:g}, what {dtype} holds, got {value:g}")
+             for name, value in largest.items() if value > limit]
+    return found + _too_dim({name: array for name, array in layers.items() if largest[name] <= limit}, dtype)
 
 
 def _too_dim(layers: Mapping[str, np.ndarray], dtype: str) -> list[Violation]:
