@@ -206,4 +206,5 @@ def test_only_cards_near_the_window_are_there(one_file: "Page") -> None:
     one_file.set_viewport_size({"width": 800, "height": 400})
     one_file.evaluate("window.scrollTo(0, document.body.scrollHeight)")
     one_file.locator(f"[data-card='{COUNT - 1:08d}']").wait_for()
-    assert len(keys(one_file)) < COUNT
+    # Cards that were left behind go away with the next frame, which is late on a busy machine
+    one_file.wait_for_function(f"document.querySelectorAll('[data-card]').length < {COUNT}")
