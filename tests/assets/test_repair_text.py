@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dataset_builder.assets.asset import Asset
+from dataset_builder.assets.asset import Asset, Material
 from dataset_builder.assets.mesh_file import load_mesh_file
 from dataset_builder.assets.repair_text import pieces_text, repair_notes, repair_text
 from dataset_builder.geometry.mesh import concatenate
@@ -59,7 +59,7 @@ def test_loose_triangles_are_named(tmp_path: Path) -> None:
 
 def test_the_plan_has_the_words(monkeypatch: pytest.MonkeyPatch) -> None:
     """Under the object's name; what there is nothing to say of is left out."""
-    cube = Asset(name="cube", category="chair", mesh=box(), materials=(),
+    cube = Asset(name="cube", category="chair", mesh=box(), materials=(Material(name="plain", base_color=(1, 1, 1)),),
                  meta={"contains": "6 faces", "left_out": "", "repair": "3 welded", "shape": "odd"})
     monkeypatch.setattr(materials_used, "asset_of", lambda *_: cube)
     facts = materials_used._Facts(materials=(), figures=(), smooth=False)
