@@ -128,7 +128,7 @@ def gpu_sentence(found: Conclusions) -> str:
 def trust_sentences(found: Conclusions) -> list[str]:
     """How far timings can be trusted, with a warning where they cannot."""
     wall, worked = found.scatters
-    measured = max(len(spread.values) for spread in found.answers.spread.values())
+    measured = min(len(spread.values) for spread in found.answers.spread.values())
     said = [f"Runs of one setting scatter by {wall:.0%} in wall time and {worked:.0%} in CPU time (standard "
             f"deviation); hours are from {'wall' if found.setup.gpu else 'CPU'} time.",
             f"With timings off by {JITTER:.0%} the settings change in {found.changed:.0%} of {RESAMPLED} resamplings."
