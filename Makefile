@@ -35,8 +35,8 @@ $(WHOLE): $(STAMP)
 dataset: $(STAMP)  ## build SPEC (the mini dataset) into OUT
 	@$(VENV)/bin/dataset-builder build $(SPEC) --out $(OUT) $(ARGS)
 
-test: $(WHOLE)  ## all tests
-	@$(PY) -m pytest $(ARGS)
+test: $(WHOLE)  ## all tests, a process for each core; ARGS="-n 0" for one process
+	@$(PY) -m pytest -n auto $(ARGS)
 
 test-gpu: $(WHOLE)  ## what needs an NVIDIA GPU; skipped where there is none
 	@$(PY) -m pytest -m gpu tests/gpu $(ARGS)
