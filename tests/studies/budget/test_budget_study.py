@@ -21,7 +21,8 @@ TINY = StudySize(grid=(4, 16), budgets=(1, 2), least=2, timed=1, held_out=2, cle
                            "steps=2"))
 LAYERS = "layers={i_s: object, i_t: object, d: object, r: object, s_prime: object, mask: object, mask_rough: object}"
 SETTINGS = (LAYERS, "render.max_depth=2", "gates={mask_overlap: 0}", "splits.train.lights=1", "rough.sigma=0.004")
-ARMS = {"4-x1", "4-x2", "16-x1", "16-x2", "4-target-16-x2", "4-rough-16-x2", "4-source-16-x2"}
+ARMS = {"4-x1", "4-x2", "16-x1", "16-x2", "4-target-16-x2", "4-rough-16-x2", "4-source-16-x2", "4-weighted-x2",
+        "4-two_samples-x2"}
 
 
 @pytest.fixture(scope="module")
