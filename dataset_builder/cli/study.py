@@ -8,7 +8,6 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 from dataset_builder.cli import accuracy_verb, common, study_budget
-from dataset_builder.errors import count_of
 
 if TYPE_CHECKING:
     from dataset_builder.studies.noise.noise_study import NoiseStudy
@@ -89,8 +88,8 @@ def _effects(options: argparse.Namespace) -> int:
 
     spec, found = _spec(options), list[Compared]()
     study = EffectsStudy(spec=spec, out=options.out or common.STUDIES / f"{spec.dataset.name}-effects",
-                         examples=options.examples, backend=options.backend)
-    print(f"{count_of(study.examples, 'example')}: the first one tells how long the others will take", flush=True)
+                         examples=spec.count(options.examples), backend=options.backend)
+    print(common.before_study(study.examples, options.examples), flush=True)
     paces, begun = Paces(["both"]), perf_counter()
     for compared in run(study):
         found.append(compared)
