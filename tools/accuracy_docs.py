@@ -27,7 +27,7 @@ from dataset_builder.report.accuracy_answers import (
 from dataset_builder.report.accuracy_page import all_figures
 from dataset_builder.report.page_parts import markdown_table
 from dataset_builder.studies.accuracy.bounds import DEPTH, EDGES, TEXTURES
-from dataset_builder.studies.accuracy.conclusions import ABOUT, Conclusions, read_conclusions
+from dataset_builder.studies.accuracy.conclusions import ANSWER, Conclusions, read_conclusions
 from dataset_builder.studies.accuracy.precision import ACCUMULATION, CODECS
 from dataset_builder.studies.accuracy.rows import ADAPTIVE, DENOISED, UNIFORM, read_table
 
@@ -53,7 +53,7 @@ def main(arguments: list[str]) -> int:
     study = parser.parse_args(arguments).study
     if study:
         write_atomic(KEPT / TABLE, (study / "results.csv").read_bytes())
-        write_atomic(KEPT / ABOUT, (study / ABOUT).read_bytes())
+        write_atomic(KEPT / ANSWER, (study / ANSWER).read_bytes())
     found = conclusions()
     for name, figure in all_figures(found).items():
         if name in SHOWN:

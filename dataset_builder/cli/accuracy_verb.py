@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from dataset_builder.cli import common
-from dataset_builder.errors import Problem, UserError, count_of
+from dataset_builder.errors import Problem, UserError
 
 if TYPE_CHECKING:
     from dataset_builder.spec.dataset import DatasetSpec
@@ -72,10 +72,10 @@ def run(options: argparse.Namespace) -> int:
     errors = dict[str, float](options.error)
     _check(spec.dataset, options.layers or (), [layer for layer, _ in options.error])
     study = AccuracyStudy(spec=spec, out=options.out or common.STUDIES / f"{spec.dataset.name}-accuracy",
-                          examples=options.examples,
+                          examples=spec.count(options.examples),
                           layers=tuple(dict.fromkeys((*(options.layers or LAYERS), *errors))),
                           budget=options.budget, backend=options.backend)
-    print(f"{count_of(study.examples, 'example')}: the first one tells how long the others will take", flush=True)
+    print(common.before_study(study.examples, options.examples), flush=True)
     groups = [group for group in MEASURES if group != GROUPS[OTHERS]]
     paces = Paces(groups)
     for step in measured(study):

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dataset_builder.byte_store import CACHE_SIZE, GB
-from dataset_builder.errors import UserError, printable
+from dataset_builder.errors import UserError, count_of, printable
 from dataset_builder.remote.address import bare, is_address, local_path, shown
 
 if TYPE_CHECKING:
@@ -149,6 +149,12 @@ def positive(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"expected a whole number >= 1, got {text}")
     return int(text)
+
+
+def before_study(count: int, wanted: int) -> str:
+    """What a study of `count` examples says before its first: all, where more were wanted."""
+    whole = f", all that the spec has; {wanted:,} were asked for" if count < wanted else ""
+    return f"{count_of(count, 'example')}{whole}: the first one tells how long the others will take"
 
 
 def example_index(text: str) -> int:

@@ -27,7 +27,7 @@ DEFAULTED = ("frame", "size", "field", "resolution", "steps", "seed")
 """Options whose defaults are those of `CaptureJob`."""
 
 
-def joined(arguments: Sequence[str]) -> list[str]:
+def one_verb(arguments: Sequence[str]) -> list[str]:
     """The command line with `import capture` as one word, where that is meant: a folder of models may be called
     capture, and then nothing but options follows."""
     alone = len(arguments) < 3 or arguments[2].startswith("-")

@@ -23,7 +23,7 @@ SEEN = 10
 """Files that are looked into, to see whether a folder holds scenes."""
 
 
-def joined(arguments: Sequence[str]) -> list[str]:
+def one_verb(arguments: Sequence[str]) -> list[str]:
     """The command line with `import front3d` as one word, where that is meant: `import` takes folders, too, and one may
     be called front3d. Where something of that name lies here, scenes of 3D-FRONT must be in a folder that follows."""
     if [*arguments[:2]] != _WORDS or (Path(_WORDS[1]).exists() and not any(map(_holds_scenes, arguments[2:]))):

@@ -28,7 +28,7 @@ from dataset_builder.extras import missing_named
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one verb; returns the exit code."""
-    options = parser().parse_args(_joined(sys.argv[1:] if arguments is None else arguments))
+    options = parser().parse_args(_one_verb(sys.argv[1:] if arguments is None else arguments))
     try:
         with missing_named():
             return guarded(lambda: options.run(options))
@@ -44,9 +44,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
 
 
-def _joined(arguments: Sequence[str]) -> list[str]:
+def _one_verb(arguments: Sequence[str]) -> list[str]:
     """The command line with a verb of two words as one."""
-    return import_capture.joined(import_front3d.joined(arguments))
+    return import_capture.one_verb(import_front3d.one_verb(arguments))
 
 
 def parser() -> argparse.ArgumentParser:

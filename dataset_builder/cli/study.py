@@ -8,7 +8,6 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 from dataset_builder.cli import accuracy_verb, common, study_budget
-from dataset_builder.errors import count_of
 
 if TYPE_CHECKING:
     from dataset_builder.studies.noise.noise_study import NoiseStudy
@@ -89,8 +88,8 @@ def _effects(options: argparse.Namespace) -> int:
 
     spec, found = _spec(options), list[Compared]()
     study = EffectsStudy(spec=spec, out=options.out or common.STUDIES / f"{spec.dataset.name}-effects",
-                         examples=options.examples, backend=options.backend)
-    print(f"{count_of(study.examples, 'example')}: the first one tells how long the others will take", flush=True)
+                         examples=spec.count(options.examples), backend=options.backend)
+    print(common.before_study(study.examples, options.examples), flush=True)
     paces, begun = Paces(["both"]), perf_counter()
     for compared in run(study):
         found.append(compared)
@@ -111,7 +110,7 @@ def _noise(options: argparse.Namespace) -> int:
     from dataset_builder.lightnet.training.events import Finished
     from dataset_builder.report.build_progress import Following
     from dataset_builder.report.console import rejected_lines
-    from dataset_builder.report.noise_page import NoiseResults, sentences, write_page
+    from dataset_builder.report.noise_page import NoiseResults, noise_sentence, sentences, write_page
     from dataset_builder.report.training_lines import forecast_line, left_text, lines_of
     from dataset_builder.studies.noise import level_trainings
     from dataset_builder.studies.noise.axes import axis_of
@@ -146,7 +145,7 @@ def _noise(options: argparse.Namespace) -> int:
         study=study, levels=levels, likenesses=like, passes=passes, crops=list(crops(study, split, levels)),
         left_out=split.left_out, rejected=level_trainings.rejected_by_level(study),
         learnt=level_trainings.training_counts(study)))
-    print("\n".join([*sentences(levels, like), f"table: {study.out / 'levels.csv'}",
+    print("\n".join([*sentences(levels, like), noise_sentence(study, levels), f"table: {study.out / 'levels.csv'}",
                      f"report: {study.out / 'report.html'}"]))
     return 0
 

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataset_builder.layers import LAYERS, sampled_as
 from dataset_builder.report.console import duration
 from dataset_builder.report.page_parts import markdown_table
-from dataset_builder.studies.accuracy.answers import HOUR, Answer
+from dataset_builder.studies.accuracy.answers import CLEAR, HOUR, Answer
 from dataset_builder.studies.accuracy.conclusions import Conclusions
 from dataset_builder.studies.accuracy.laws import GOALS
-from dataset_builder.studies.accuracy.other_examples import NoiseSpread
+from dataset_builder.studies.accuracy.other_examples import SURE, NoiseSpread, sure_share
 from dataset_builder.studies.accuracy.rows import ADAPTIVE, DENOISED, UNIFORM
 from dataset_builder.studies.accuracy.sampling_advice import JITTER, RESAMPLED
 from dataset_builder.studies.accuracy.straight_line import Line
@@ -101,14 +101,25 @@ def asked_sentence(found: Conclusions) -> str:
                 f" for 95% of {examples:,} examples"
     if (answer := found.answer) is None:
         if found.asked.hours:
-            return f"Asked: {asked}. No error below 100% fits into that: what is fixed takes longer."
+            return f"Asked: {asked}. No error below 100% surely fits into that: what is fixed takes longer."
         floors = {layer: math.sqrt(found.answers.floor(layer)) for layer in found.answers.layers}
         most = ", ".join(f"{layer} {floor:.1%}" for layer, floor in floors.items() if floor >= found.errors[layer])
         return f"Asked: {asked}. No number of samples gets there; the error that stays is {most}."
-    errors = ", ".join(f"{layer} {limit:.2g}" for layer, (_, limit) in answer.errors.items())
-    return (f"Asked: {asked}. Recommended: {WAYS[answer.way]}, 95% of the examples below {errors}, in "
-            f"{duration(answer.core_hours * HOUR / found.setup.workers)} ± {answer.within:.0%} on this machine "
-            f"({found.setup.workers} {'GPU' if found.setup.gpu else 'cores'}), {answer.gigabytes:.3g} GB.")
+    next_down = ""
+    if finer := found.asked.hours and found.answers.of_hours(found.asked, found.setup.workers)[1]:
+        next_down = (f" The next errors down, {_limits(finer)}, take {_took(finer, found)}: not surely within what was "
+                     "asked.")
+    return (f"Asked: {asked}. Recommended: {WAYS[answer.way]}, 95% of the examples below {_limits(answer)}, in "
+            f"{_took(answer, found)} on this machine ({found.setup.workers} "
+            f"{'GPU' if found.setup.gpu else 'cores'}), {answer.gigabytes:.3g} GB.{next_down}")
+
+
+def _limits(answer: Answer) -> str:
+    return ", ".join(f"{layer} {limit:.2g}" for layer, (_, limit) in answer.errors.items())
+
+
+def _took(answer: Answer, found: Conclusions) -> str:
+    return f"{duration(answer.core_hours * HOUR / found.setup.workers)} ± {answer.within:.0%}"
 
 
 def gpu_sentence(found: Conclusions) -> str:
@@ -125,6 +136,22 @@ def gpu_sentence(found: Conclusions) -> str:
             "`--gpu-speed X`.")
 
 
+def _step(found: Conclusions) -> str:
+    """Where settings follow timings."""
+    return (" These hours lie near a step between two answers, and either is as good." if found.asked.hours else
+            f" Goals save close to {1 - CLEAR:.0%} of the hours, from which on they are recommended: with and without "
+            "goals is as good.")
+
+
+def _sure(measured: int) -> str:
+    """How far 95% can be trusted that follow from so many examples."""
+    share = sure_share(measured)
+    said = (f"examples differ is known from {measured} of them: 95% are expected below these errors, and "
+            + (f"{math.floor(100 * share)}% surely (with a confidence of {SURE:.0%}, where noise is log-normal)"
+               if share else "no share of them surely"))
+    return f"WARNING: how {said}; measure more (--budget medium or full)." if measured < FEW else f"How {said}."
+
+
 def trust_sentences(found: Conclusions) -> list[str]:
     """How far timings can be trusted, with a warning where they cannot."""
     wall, worked = found.scatters
@@ -132,10 +159,7 @@ def trust_sentences(found: Conclusions) -> list[str]:
     said = [f"Runs of one setting scatter by {wall:.0%} in wall time and {worked:.0%} in CPU time (standard "
             f"deviation); hours are from {'wall' if found.setup.gpu else 'CPU'} time.",
             f"With timings off by {JITTER:.0%} the settings change in {found.changed:.0%} of {RESAMPLED} resamplings."
-            + (" The hours lie at a step: the next error up is as good an answer." if found.changed else "")]
-    if measured < FEW:
-        said.append(f"WARNING: how examples differ is known from {measured} of them, so more than 5% of the dataset "
-                    "may lie above these errors; measure more (--budget medium or full).")
+            + (_step(found) if found.changed else ""), _sure(measured)]
     said += [f"The mean of {layer} is not known in {spread.unknown} of {spread.measured} examples: rare bright paths "
              "follow no such law" + (", and what is said of 95% is said of the others."
                                      if spread.unknown < spread.measured else ", and these answers are guesses.")

@@ -61,8 +61,9 @@ def _layers(dataset: Dataset, labels: list[ExampleLabel]) -> Table:
         table.add_row(layer.name, layer.extent, layer.dtype, f"{min(value.min for value in values):.3g}",
                       f"{np.mean([value.mean for value in values]):.3g}",
                       f"{max(value.max for value in values):.3g}", error)
-    if unknown:
-        table.caption = means_told(unknown)
+    denoised = [entry.layer for entry in dataset.manifest.denoised if entry.layer in errors]
+    told = [f"errors of {', '.join(denoised)} are those before denoising"] * bool(denoised)
+    table.caption = "; ".join([*told, means_told(unknown)] if unknown else told) or None
     return table
 
 
@@ -70,10 +71,14 @@ def _denoised(dataset: Dataset) -> list[Table]:
     """How far denoised layers may be trusted."""
     if not dataset.manifest.denoised:
         return []
-    table = Table("layer", "bias", "its error", "of a pixel", "relMSE before", "after", "of the reference", "examples",
-                  title="denoised layers")
+    table = Table("layer", "bias", "of a pixel", title="denoised layers")
+    for name in ("relMSE before", "after", "reference", "examples"):
+        # 80 columns hold whole figures; only what has spaces is broken
+        table.add_column(name, min_width=max(map(len, (*name.split(), "1.23e-04"))))
     for item in dataset.manifest.denoised:
-        table.add_row(item.layer, *told_bias(item), *told_relmse(item), str(item.examples))
+        bias, error, pixel = told_bias(item)
+        table.add_row(item.layer, bias if item.known == "unknown" else f"{bias}\n± {error}", pixel, *told_relmse(item),
+                      str(item.examples))
     return [table]
 
 

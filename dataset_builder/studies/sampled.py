@@ -44,6 +44,10 @@ class StudySpec:
         """The plan of one example with `settings`; raises SpecError and PlanError as a build does."""
         return self.planner(*settings).example(ref)
 
+    def count(self, wanted: int) -> int:
+        """`wanted` examples, or all where the dataset has fewer."""
+        return min(wanted, len(self.planner().examples))
+
     def sample(self, count: int) -> tuple[ExampleRef, ...]:
         """`count` examples that can be planned, spread evenly over the dataset, some of every split where there are
         enough; the same ones every time. Raises PlanError where there is none."""

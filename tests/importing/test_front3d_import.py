@@ -199,12 +199,12 @@ def test_a_folder_of_models_may_be_called_front3d(tmp_path: Path, monkeypatch: p
     (tmp_path / "chairs").mkdir()
     (tmp_path / "chairs" / "model_info.json").write_text("[]")
     whole = ["import front3d", "scenes", "--seed", "1"]
-    assert import_front3d.joined(["import", "front3d", "scenes", "--seed", "1"]) == whole
-    assert import_front3d.joined(["import", "front3d", "--help"]) == ["import front3d", "--help"]
+    assert import_front3d.one_verb(["import", "front3d", "scenes", "--seed", "1"]) == whole
+    assert import_front3d.one_verb(["import", "front3d", "--help"]) == ["import front3d", "--help"]
     (tmp_path / "front3d").mkdir()
-    assert import_front3d.joined(["import", "front3d", "scenes", "--seed", "1"]) == whole
+    assert import_front3d.one_verb(["import", "front3d", "scenes", "--seed", "1"]) == whole
     for others in (["import", "front3d"], ["import", "front3d", "chairs"], ["import", "./front3d", "scenes"],
                    ["import", "chairs", "front3d"], ["plan", "front3d"], []):
-        assert import_front3d.joined(others) == others
-    options = parser().parse_args(import_front3d.joined(["import", "front3d", "chairs"]))
+        assert import_front3d.one_verb(others) == others
+    options = parser().parse_args(import_front3d.one_verb(["import", "front3d", "chairs"]))
     assert options.paths == [Path("front3d"), Path("chairs")]

@@ -1,14 +1,26 @@
 """The contact sheet shows every layer of every row, at one exposure."""
 
+import json
+import shutil
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
+from rich.console import Console
 
+from dataset_builder.digest import sha256_bytes
 from dataset_builder.errors import OutputError
+from dataset_builder.label.example_label import Denoised
 from dataset_builder.report import example_sheet
-from dataset_builder.report.dataset_summary import PALETTE, cell_pixels, contact_rows, write_contact_sheet
+from dataset_builder.report.dataset_summary import (
+    PALETTE,
+    cell_pixels,
+    contact_rows,
+    summary_tables,
+    write_contact_sheet,
+)
 from dataset_builder.report.example_sheet import GAP, HEADER, LABEL_WIDTH, MARGIN
 from dataset_builder.report.gallery.shown_examples import chosen
 from dataset_builder.shards.reader import open_dataset
@@ -75,3 +87,26 @@ def test_it_is_written_whole(small_dataset: Path, tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(OutputError, match="choose another output folder"):
         write_contact_sheet(small_dataset, tmp_path / "file" / "sheet.png", rows=1)
+
+
+def test_figures_of_denoised_layers_are_whole_in_80_columns(small_dataset: Path, tmp_path: Path) -> None:
+    folder = shutil.copytree(small_dataset, tmp_path / "denoised")
+    told = Denoised(layer="i_t", bias=-0.00101, bias_error=0.00099, pixel_bias=0.0247, relmse_raw=0.00335,
+                    relmse_denoised=0.0021, relmse_reference=0.000194, examples=2, known="measured")
+    layers = [told, told.model_copy(update={"layer": "s_prime", "known": "at most"}),
+              told.model_copy(update={"layer": "i_s", "known": "unknown"})]
+    about = json.loads((folder / "dataset.json").read_bytes())
+    about["denoised"] = [layer.model_dump() for layer in layers]
+    text = json.dumps(about)
+    sums = (folder / "SHA256SUMS").read_text()
+    (folder / "SHA256SUMS").write_text(sums.replace(sha256_bytes((folder / "dataset.json").read_bytes()),
+                                                    sha256_bytes(text.encode())))
+    (folder / "dataset.json").write_text(text)
+    shown = StringIO()
+    Console(file=shown, width=80).print(*summary_tables(folder))
+    text = " ".join(shown.getvalue().split())
+    assert "errors of i_t, s_prime, i_s are those before denoising" in text
+    table = shown.getvalue().partition("denoised layers")[2]
+    assert "\u2026" not in table and table.count("unknown") == 5
+    for figure in ("-0.10%", "0.10%", "2.47%", "at most", "3.35e-03", "2.10e-03", "1.94e-04", "reference"):
+        assert figure in table

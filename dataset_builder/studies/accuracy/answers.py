@@ -1,8 +1,9 @@
 """From laws to answers: the samples that an error asked for takes, or the error that hours buy, with hours and bytes.
 
 Samples and goals for an asked error follow from errors and counts of samples alone; times price them, and choose
-between goals and one number for all by a clear margin, so that a restless machine changes the hours and not the
-settings. Hours are turned into an error of a coarse series.
+between goals and one number for all. Hours are turned into an error of a coarse series, the least whose hours are
+surely within those asked for: their 95% interval and all. Both choices have steps. No rule without steps turns times
+into settings that do not follow every change of a time; steps are few, and at one either answer is as good.
 """
 
 import math
@@ -65,6 +66,11 @@ class Answer:
     within: float
     """Relative half-width of their 95% interval."""
     gigabytes: float
+
+    @property
+    def longest(self) -> float:
+        """Core-hours at the upper end of their interval."""
+        return self.core_hours * (1 + self.within)
 
 
 class Answers:
@@ -146,13 +152,16 @@ class Answers:
         goals, one = self.goals(errors), self.uniform(errors)
         return goals if goals and not (one and goals.core_hours > CLEAR * one.core_hours) else one
 
-    def of_hours(self, asked: AskedAccuracy, workers: int) -> Answer | None:
-        """The least errors that the hours buy, in the ratios asked for; None where they buy none below 100%."""
+    def of_hours(self, asked: AskedAccuracy, workers: int) -> tuple[Answer | None, Answer | None]:
+        """The least errors that the hours surely buy, in the ratios asked for, None where they buy none below 100%; and
+        the answer of the next errors down, where there is one, whose hours may be more."""
+        finer = None
         for error in (digit * 10.0**decade for decade in DECADES for digit in SERIES):
             answer = self.of_errors(asked, error / max(map(asked.error_of, self.layers)))
-            if answer and asked.hours and answer.core_hours / workers <= asked.hours:
-                return answer
-        return None
+            if answer and asked.hours and answer.longest / workers <= asked.hours:
+                return answer, finer
+            finer = answer
+        return None, finer
 
     def _whole(self, spp: float) -> int:
         return math.ceil(spp / self._batches) * self._batches

@@ -20,7 +20,7 @@ from dataset_builder.studies.accuracy.dataset_work import DatasetWork
 from dataset_builder.studies.accuracy.laws import scatter
 from dataset_builder.studies.accuracy.rows import AccuracyRow
 
-ABOUT = "answer.json"
+ANSWER = "answer.json"
 """Beside the table: what was asked, where it was measured, and what the dataset has to do."""
 
 
@@ -102,14 +102,14 @@ class Conclusions:
 
 def write_about(folder: Path, work: DatasetWork, setup: Setup, asked: AskedAccuracy) -> None:
     """Write what conclusions need besides the table. Raises OutputError."""
-    write_atomic(folder / ABOUT, canonical_json({"asked": asdict(asked), "setup": asdict(setup),
+    write_atomic(folder / ANSWER, canonical_json({"asked": asdict(asked), "setup": asdict(setup),
                                                  "work": asdict(work)}))
 
 
 def read_conclusions(rows: Sequence[AccuracyRow], spec: Path, folder: Path) -> Conclusions:
     """The conclusions of a study that is finished, from its table, its spec's file and what `write_about` wrote into a
     folder."""
-    about = json.loads((folder / ABOUT).read_bytes())
+    about = json.loads((folder / ANSWER).read_bytes())
     dataset = load_dataset(spec, about["setup"]["overrides"]).dataset
     return Conclusions.of(rows, dataset, DatasetWork(**about["work"]), Setup(**about["setup"]),
                           AskedAccuracy(**about["asked"]))

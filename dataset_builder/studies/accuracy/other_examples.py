@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from time import perf_counter, process_time
 
 import numpy as np
-from scipy.special import stdtrit
+from scipy.special import nctdtrinc, ndtr, stdtrit
 
 from dataset_builder.layers import LAYERS
 from dataset_builder.planning.catalogue import ExampleRef
@@ -18,6 +18,9 @@ from dataset_builder.studies.accuracy.laws import Law, interval, of_layer
 from dataset_builder.studies.accuracy.rows import OTHERS, UNIFORM, WHOLE, AccuracyRow, of
 from dataset_builder.studies.accuracy.workbench import Bench
 from dataset_builder.studies.renders import reached_by, render, seconds_of, unknown_in, work_of
+
+SURE = 0.9
+"""Confidence with which a share of the dataset is said to lie below a limit."""
 
 
 def measure(bench: Bench, ref: ExampleRef) -> Iterator[AccuracyRow]:
@@ -50,7 +53,8 @@ class NoiseSpread:
     within: tuple[float, float]
     """95% interval of the median."""
     limit: float
-    """95% of the examples are below this, what is not known of median and spread included, and of those measured."""
+    """95% of the examples are expected below this, what is not known of median and spread included, and of those
+    measured."""
     deviation: float
     """Of the logarithm."""
     values: tuple[float, ...]
@@ -64,6 +68,22 @@ class NoiseSpread:
     def mean(self) -> float:
         """Over the examples that were measured."""
         return float(np.mean(self.values))
+
+
+def sure_share(count: int) -> float:
+    """The share p of a normal population that lies below the limit of its next value, from `count` values of it, with a
+    confidence of `SURE`: mean + k s is above the quantile z_p where a noncentral t of count - 1 degrees of freedom and
+    noncentrality z_p sqrt(count) is below k sqrt(count) (G. Hahn and W. Meeker, Statistical Intervals, 1991, section
+    4.6). 0 from fewer than two."""
+    if count < 2:
+        return 0.0
+    root = math.sqrt(count)
+    return float(ndtr(nctdtrinc(count - 1, SURE, _factor(count) * root) / root))
+
+
+def _factor(count: int) -> float:
+    """Deviations above the mean of `count` normal values, 2 at least, up to which the next is with 95% probability."""
+    return float(stdtrit(count - 1, 0.95)) * math.sqrt(1 + 1 / count)
 
 
 def spread_of(rows: Sequence[AccuracyRow], laws: Sequence[Law], layer: str) -> NoiseSpread:
@@ -82,7 +102,7 @@ def spread_of(rows: Sequence[AccuracyRow], laws: Sequence[Law], layer: str) -> N
                      [law.error.slope for law in of_layer(laws, UNIFORM, layer)])
     middle, low, high = interval(values.tolist())
     count, deviation = len(values), float(np.log(values).std(ddof=1)) if len(values) > 1 else 0.0
-    wide = float(stdtrit(count - 1, 0.95)) * deviation * math.sqrt(1 + 1 / count) if count > 1 else 0.0
+    wide = _factor(count) * deviation if count > 1 else 0.0
     limit = max(middle * math.exp(wide), float(np.quantile(values, 0.95)))
     return NoiseSpread(median=middle, within=(low, high), limit=limit, deviation=deviation,
                        values=tuple(values.tolist()), measured=len(others),

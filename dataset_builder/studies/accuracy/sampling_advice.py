@@ -67,7 +67,7 @@ def _ratio(values: Sequence[float], what: str) -> str:
 
 def answer_of(answers: Answers, asked: AskedAccuracy, workers: int) -> Answer | None:
     """The answer to what was asked; None where nothing measured gets there."""
-    return answers.of_hours(asked, workers) if asked.hours else answers.of_errors(asked)
+    return answers.of_hours(asked, workers)[0] if asked.hours else answers.of_errors(asked)
 
 
 def changed_share(rows: Sequence[AccuracyRow], again: Callable[[Sequence[AccuracyRow]], Answers], asked: AskedAccuracy,

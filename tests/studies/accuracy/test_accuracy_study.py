@@ -4,10 +4,12 @@ import math
 import re
 import shlex
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
 from dataset_builder.cli.main import main
+from dataset_builder.errors import UserError
 from dataset_builder.report.accuracy_answers import summary_lines
 from dataset_builder.report.accuracy_laws import law_figure
 from dataset_builder.spec.load import load_dataset
@@ -24,6 +26,7 @@ from dataset_builder.studies.accuracy.rows import (
     read_table,
     write_table,
 )
+from dataset_builder.studies.effects import effects_study
 from dataset_builder.studies.sampled import StudySpec
 from tests.small_specs import write_spec
 
@@ -137,6 +140,22 @@ def test_hours_are_those_of_the_passes(rows: list[AccuracyRow], found: Conclusio
 def test_laws_are_drawn_with_what_was_asked(found: Conclusions) -> None:
     labels = [text for axes in law_figure(found).axes for text in axes.get_legend_handles_labels()[1]]
     assert sum(text.startswith("asked: ") for text in labels) == 2 and labels.count("00000000") == 2
+
+
+@pytest.mark.parametrize(("kind", "module"), [("accuracy", accuracy_study), ("effects", effects_study)])
+def test_more_examples_than_there_are_become_all(spec: Path, kind: str, module: ModuleType, tmp_path: Path,
+                                                 monkeypatch: pytest.MonkeyPatch,
+                                                 capsys: pytest.CaptureFixture[str]) -> None:
+    def stop(study: accuracy_study.AccuracyStudy | effects_study.EffectsStudy) -> None:
+        assert study.examples == whole == len(study.spec.sample(study.examples))
+        raise UserError("far enough")
+
+    whole = len(StudySpec(path=spec).planner().examples)
+    monkeypatch.setattr(module, "run", stop)
+    for asked in (100_000, whole + 1, whole):
+        assert main(["study", kind, str(spec), "--examples", str(asked), "--out", str(tmp_path)]) == 2
+        assert (f"{whole} examples, all that the spec has; {asked:,} were asked for" in capsys.readouterr().out) \
+            == (asked > whole)
 
 
 @pytest.mark.parametrize("word", ["i_t", "i_t=", "=0.1", "i_t=2", "i_t=-1", "i_t=x"])
