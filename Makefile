@@ -35,8 +35,8 @@ $(WHOLE): $(STAMP)
 dataset: $(STAMP)  ## build SPEC (the mini dataset) into OUT
 	@$(VENV)/bin/dataset-builder build $(SPEC) --out $(OUT) $(ARGS)
 
-test: $(WHOLE)  ## all tests
-	@$(PY) -m pytest $(ARGS)
+test: $(WHOLE)  ## all tests, a process for each core; ARGS="-n 0" for one process
+	@$(PY) -m pytest -n auto $(ARGS)
 
 test-gpu: $(WHOLE)  ## what needs an NVIDIA GPU; skipped where there is none
 	@$(PY) -m pytest -m gpu tests/gpu $(ARGS)
@@ -51,7 +51,8 @@ schema: $(WHOLE)  ## write the JSON Schemas that editors read and the tables of 
 
 docs-accuracy: $(WHOLE)  ## the study behind docs/accuracy.md, and its tables, figures and numbers; on an idle machine
 	@$(VENV)/bin/dataset-builder study accuracy scene_specs/3df-lighting-mini.yaml --budget medium --examples 2 \
-		--error i_t=0.05 s_prime=0.05 i_s=0.05 --count 12000 --out studies/docs-accuracy $(ARGS)
+		--set 'image={width: 64, height: 64}' --error i_t=0.05 s_prime=0.05 i_s=0.05 --count 12000 \
+		--out studies/docs-accuracy $(ARGS)
 	@PYTHONPATH=. $(PY) tools/accuracy_docs.py studies/docs-accuracy
 
 front:  ## the libraries that pages carry, pinned in tools/front, into report/front/vendor; needs Node and npm

@@ -121,8 +121,11 @@ MORE_MAPS = ("emission", "specular", "transmission", "coat", "coat_roughness", "
 
 def range_of(material: Material, name: str) -> tuple[float, float]:
     """Least and largest value of a factor over its texels; of a colour, over its channels."""
-    factor = np.asarray(getattr(material, name), dtype=float)
-    low, high = (factor * end for end in texel_ends(material.texture, name))
+    factor = getattr(material, name)
+    if material.texture is None or getattr(material.texture, name) is None:
+        channels = factor if isinstance(factor, tuple) else (factor,)
+        return float(min(channels)), float(max(channels))
+    low, high = (np.asarray(factor, dtype=float) * end for end in texel_ends(material.texture, name))
     return float(low.min()), float(high.max())
 
 

@@ -76,10 +76,10 @@ def _evaluate(options: argparse.Namespace) -> int:
     from rich.progress import track
 
     from dataset_builder.files import require_writable
-    from dataset_builder.lightnet.data.lighting_dataset import splits_of
+    from dataset_builder.lightnet.data.lighting_dataset import measured, splits_of
     from dataset_builder.lightnet.data.truth import noise_unknown
     from dataset_builder.lightnet.results import sequences as steps
-    from dataset_builder.lightnet.results.evaluate import ScoreRow, contender, evaluate, load_all, measured, trivial
+    from dataset_builder.lightnet.results.evaluate import ScoreRow, contender, evaluate, load_all, trivial
     from dataset_builder.lightnet.results.spreads import SequenceScores
     from dataset_builder.report import evaluation_page as page
     from dataset_builder.report.example_sheet import write_sheet

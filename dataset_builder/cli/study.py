@@ -110,7 +110,7 @@ def _noise(options: argparse.Namespace) -> int:
     from dataset_builder.lightnet.training.events import Finished
     from dataset_builder.report.build_progress import Following
     from dataset_builder.report.console import rejected_lines
-    from dataset_builder.report.noise_page import NoiseResults, sentences, write_page
+    from dataset_builder.report.noise_page import NoiseResults, noise_sentence, sentences, write_page
     from dataset_builder.report.training_lines import forecast_line, left_text, lines_of
     from dataset_builder.studies.noise import level_trainings
     from dataset_builder.studies.noise.axes import axis_of
@@ -145,7 +145,7 @@ def _noise(options: argparse.Namespace) -> int:
         study=study, levels=levels, likenesses=like, passes=passes, crops=list(crops(study, split, levels)),
         left_out=split.left_out, rejected=level_trainings.rejected_by_level(study),
         learnt=level_trainings.training_counts(study)))
-    print("\n".join([*sentences(levels, like), f"table: {study.out / 'levels.csv'}",
+    print("\n".join([*sentences(levels, like), noise_sentence(study, levels), f"table: {study.out / 'levels.csv'}",
                      f"report: {study.out / 'report.html'}"]))
     return 0
 

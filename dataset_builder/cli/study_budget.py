@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from dataset_builder.studies.budget.arms import Arm
     from dataset_builder.studies.budget.budget_study import BudgetStudy
 
-TEXT = "what to spend render time on: many noisy examples or few clean ones, denoised or raw, samples for which layers"
+TEXT = ("what to spend render time on: many noisy examples or few clean ones, denoised or raw, samples for which "
+        "layers, and whether losses that expect noise pay")
 
 
 def add_options(verb: argparse.ArgumentParser) -> None:
@@ -57,7 +58,8 @@ def run(options: argparse.Namespace) -> int:
         print(f"example {row.example}, {row.mix}: {row.seconds:.2f} s of the processor, {row.wall_seconds:.2f} s of "
               "the clock", flush=True)
     costs = costs_of(study, rows)
-    arms = arms_of({mix: cost.seconds for mix, cost in costs.items()}, study.size.budgets, study.size.least)
+    arms = arms_of({mix: cost.seconds for mix, cost in costs.items()}, study.size.budgets, study.size.least,
+                   study.noisy)
     for arm in arms:
         print(f"budget x{arm.budget:g}, {arm.seconds:.0f} s: {arm.title}", flush=True)
     _build(study, arms)

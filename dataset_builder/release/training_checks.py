@@ -18,11 +18,11 @@ import torch
 from dataset_builder.errors import OutputError, Problem
 from dataset_builder.files import output_errors
 from dataset_builder.lightnet.data.batch import Batch
-from dataset_builder.lightnet.data.lighting_dataset import LightingDataset, splits_of
+from dataset_builder.lightnet.data.lighting_dataset import LightingDataset, measured, splits_of
 from dataset_builder.lightnet.methods.checkpoint import load_trained
 from dataset_builder.lightnet.methods.method import TRIVIAL
 from dataset_builder.lightnet.results.clustered_means import ClusteredMean, estimate
-from dataset_builder.lightnet.results.evaluate import ScoreRow, contender, evaluate, measured, trivial
+from dataset_builder.lightnet.results.evaluate import ScoreRow, contender, evaluate, trivial
 from dataset_builder.lightnet.settings import DataSpec
 from dataset_builder.lightnet.training.events import Event
 from dataset_builder.lightnet.training.fit import LAST, SPEC, TrainingJob, fit

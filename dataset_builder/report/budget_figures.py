@@ -1,4 +1,5 @@
-"""Figures of the study of a budget: quality against render hours and against spp, and what raising one pass brings."""
+"""Figures of the study of a budget: quality against render hours and against spp, what raising one pass brings, and
+what losses that expect noise bring."""
 
 from collections.abc import Sequence
 from math import isfinite
@@ -7,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dataset_builder.report.page_parts import COLOURS, panels
-from dataset_builder.studies.budget.arms import PASSES
+from dataset_builder.studies.budget.arms import LOSSES, PASSES, PLAIN
 from dataset_builder.studies.budget.budget_results import PSNR, ArmResult, BudgetResults
 
 HOUR = 3600
@@ -16,18 +17,20 @@ SPREAD = 0.04
 
 
 def budget_figure(found: BudgetResults, settings: str) -> Figure:
-    """Three panels; a star is the best arm of a budget, bars are 95% intervals of the difference from it."""
-    figure, (hours, spp, passes) = panels(3, "One render budget, spent in several ways\n" + settings)
+    """Four panels; a star is the best arm of a budget, bars are 95% intervals of the difference from it, and in the
+    last of that from the plain loss."""
+    figure, (hours, spp, passes, losses) = panels(4, "One render budget, spent in several ways\n" + settings)
     _over_hours(hours, found)
     _over_spp(spp, found)
     _by_pass(passes, found)
+    _by_loss(losses, found)
     figure.supxlabel("Star: best of its budget. Bars: 95% intervals of the difference from it, over held-out objects "
-                     "and seeds.", fontsize=8)
+                     "and seeds; by loss, from the plain one on the same examples.", fontsize=8)
     return figure
 
 
 def _even(found: BudgetResults) -> list[ArmResult]:
-    return [one for one in found.arms if not one.arm.mix.raised]
+    return [one for one in found.arms if one.arm.even]
 
 
 def _over_hours(axes: Axes, found: BudgetResults) -> None:
@@ -68,8 +71,8 @@ def _by_pass(axes: Axes, found: BudgetResults) -> None:
     """Arms with a raised pass beside those with even samples, at the largest budget."""
     raised = [one for one in found.arms if one.arm.mix.raised]
     base, more = raised[0].arm.mix.spp, max(getattr(raised[0].arm.mix, name) for name in PASSES)
-    beside = {f"all {spp}": one for one in found.at(found.budgets[-1]) if not (one.arm.mix.denoised or
-              one.arm.mix.raised) and (spp := one.arm.mix.spp) in (base, more)}
+    beside = {f"all {spp}": one for one in found.at(found.budgets[-1]) if one.arm.even and not one.arm.mix.denoised
+              and (spp := one.arm.mix.spp) in (base, more)}
     shown = beside | {f"{PASSES[one.arm.mix.raised]} {more}": one for one in raised}
     own = list(shown.values())
     _points(axes, found, own, list(range(len(own))), color=COLOURS[2], denoised=False, label="", line="none")
@@ -79,10 +82,28 @@ def _by_pass(axes: Axes, found: BudgetResults) -> None:
     axes.set_xlim(-0.5, len(own) - 0.5)
 
 
+def _by_loss(axes: Axes, found: BudgetResults) -> None:
+    """Losses that expect noise beside the plain one, on the same examples, at the largest budget."""
+    noisy = [one for one in found.arms if one.arm.noise != PLAIN]
+    for number, spp in enumerate(dict.fromkeys(one.arm.mix.spp for one in noisy)):
+        others = [one for one in noisy if one.arm.mix.spp == spp]
+        plain = found.plain(others[0])
+        places = [list(LOSSES).index(one.arm.noise) + 0.12 * number for one in (plain, *others)]
+        _points(axes, found, [plain, *others], places, color=COLOURS[number % len(COLOURS)], denoised=False,
+                label=f"{spp} spp, {plain.learnt} examples", line="none", against=plain)
+    axes.set(title=f"by loss, the same examples; budget x{found.budgets[-1]:g}", xticks=range(len(LOSSES)))
+    axes.set_xticklabels([name.replace(" of ", " of\n") for name in LOSSES.values()], fontsize=7)
+    axes.set_xlim(-0.5, len(LOSSES) - 0.5)
+    axes.legend(fontsize=7)
+
+
 def _points(axes: Axes, found: BudgetResults, own: Sequence[ArmResult], places: Sequence[float], *, color: str,
-            denoised: bool, label: str, line: str = "") -> None:
+            denoised: bool, label: str, line: str = "", against: ArmResult | None = None) -> None:
+    """Arms with the intervals of their differences, from the best of their budget unless `against` says otherwise."""
     best = [found.best(one.arm.budget) for one in own]
-    widths = [0.0 if one is top else found.less(one, top).half_width for one, top in zip(own, best, strict=True)]
+    others = [against or top for top in best]
+    widths = [0.0 if one is other else found.less(one, other).half_width
+              for one, other in zip(own, others, strict=True)]
     axes.errorbar(places, [one.mean(PSNR) for one in own], yerr=[one if isfinite(one) else 0.0 for one in widths],
                   color=color, marker="s" if denoised else "o", markerfacecolor="white" if denoised else color,
                   linestyle=line or ("--" if denoised else "-"), linewidth=1.4, markersize=5, capsize=3,

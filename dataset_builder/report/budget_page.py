@@ -8,7 +8,7 @@ from dataset_builder.lightnet.measures.metrics import METRICS
 from dataset_builder.lightnet.results.clustered_means import ONE_OBJECT, ClusteredMean
 from dataset_builder.report.budget_figures import budget_figure
 from dataset_builder.report.page_parts import Section, heading, png, rounded, write_study
-from dataset_builder.studies.budget.arms import PASSES
+from dataset_builder.studies.budget.arms import LOSSES, PASSES, PLAIN
 from dataset_builder.studies.budget.budget_results import PSNR, ArmResult, BudgetResults
 from dataset_builder.studies.budget.budget_study import BudgetStudy
 from dataset_builder.studies.budget.render_costs import CostRow, cores_had, costs_of
@@ -17,7 +17,7 @@ from dataset_builder.studies.budget.render_costs import CostRow, cores_had, cost
 def write_page(study: BudgetStudy, found: BudgetResults, costs: Sequence[CostRow], backend: str) -> None:
     """Write `report.html` and its figure. Raises OutputError."""
     figure = png(budget_figure(found, study.sentence))
-    sections = [_best(found, figure), _denoised(found), _passes(found), _costs(study, list(costs))]
+    sections = [_best(found, figure), _denoised(found), _passes(found), _losses(found), _costs(study, list(costs))]
     write_study(study.out, f"What to spend render time on: {study.dataset.name}", _lead(study, found, backend),
                 [section for section in sections if section.rows], figures={"budget": figure})
 
@@ -31,8 +31,8 @@ def _sentence(found: BudgetResults, budget: float) -> str:
     best, near = found.best(budget), found.as_good(budget)
     others = [one for one in found.at(budget) if one not in near]
     text = (f"Budget x{budget:g} ({best.arm.seconds:.0f} s): best is {best.arm.title}, {best.mean(PSNR):.2f} dB; "
-            f"not told apart from it: {', '.join(one.arm.mix.title for one in near[1:]) or 'none'}")
-    return text + (f"; worse: {', '.join(one.arm.mix.title for one in others)}." if others else "; worse: none.")
+            f"not told apart from it: {', '.join(one.arm.way for one in near[1:]) or 'none'}")
+    return text + (f"; worse: {', '.join(one.arm.way for one in others)}." if others else "; worse: none.")
 
 
 def _lead(study: BudgetStudy, found: BudgetResults, backend: str) -> list[str]:
@@ -54,7 +54,7 @@ def _lead(study: BudgetStudy, found: BudgetResults, backend: str) -> list[str]:
 
 
 def _best(found: BudgetResults, figure: bytes) -> Section:
-    rows = [[f"x{budget:g}", one.arm.mix.title, f"{one.learnt} of {one.arm.examples}",
+    rows = [[f"x{budget:g}", one.arm.way, f"{one.learnt} of {one.arm.examples}",
              *(rounded(one.mean(metric.name), metric.name) for metric in METRICS),
              "best" if one is found.best(budget) else _difference(found.less(one, found.best(budget)))]
             for budget in found.budgets for one in sorted(found.at(budget), key=lambda one: -one.mean(PSNR))]
@@ -65,7 +65,7 @@ def _best(found: BudgetResults, figure: bytes) -> Section:
 
 def _denoised(found: BudgetResults) -> Section:
     raw = {(one.arm.budget, one.arm.mix.spp): one for one in found.arms
-           if not (one.arm.mix.denoised or one.arm.mix.raised)}
+           if one.arm.even and not one.arm.mix.denoised}
     pairs = [(one, raw[one.arm.budget, one.arm.mix.spp]) for one in found.arms if one.arm.mix.denoised]
     rows = [[f"x{one.arm.budget:g}", f"{one.arm.mix.spp} spp", f"{one.learnt}", f"{other.learnt}",
              _difference(found.less(one, other))] for one, other in pairs]
@@ -86,7 +86,15 @@ def _passes(found: BudgetResults) -> Section:
 def _beside(found: BudgetResults, one: ArmResult) -> ArmResult | None:
     """The arm of the same budget whose passes all have what those have that were not raised."""
     return next((other for other in found.at(one.arm.budget) if other.arm.mix.spp == one.arm.mix.spp
-                 and not (other.arm.mix.denoised or other.arm.mix.raised)), None)
+                 and other.arm.even and not other.arm.mix.denoised), None)
+
+
+def _losses(found: BudgetResults) -> Section:
+    rows = [[one.arm.mix.title, LOSSES[one.arm.noise], f"{one.learnt}", _difference(found.less(one, found.plain(one)))]
+            for one in found.arms if one.arm.noise != PLAIN]
+    return Section(question="Do losses that expect noise pay?", rows=rows, answer="The same examples as with a plain "
+                   "loss: what these losses need beyond them, standard errors and I_t of half of the samples, costs no "
+                   "rendering.", head=("rendered with", "loss", "examples", "PSNR, less that of a plain loss"))
 
 
 def _costs(study: BudgetStudy, rows: list[CostRow]) -> Section:

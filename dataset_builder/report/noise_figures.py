@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 from dataset_builder.lightnet.measures.metrics import METRICS
 from dataset_builder.lightnet.results.clustered_means import ClusteredMean
 from dataset_builder.report.example_sheet import SheetRow, sheet
+from dataset_builder.report.noise_lines import CEILING
 from dataset_builder.report.page_parts import COLOURS, PALE, heading, panels
 from dataset_builder.studies.noise.axes import NoiseAxis
 from dataset_builder.studies.noise.level_trainings import MIXED
@@ -36,6 +37,9 @@ def quality_figure(levels: Sequence[Level], settings: str, axis: NoiseAxis) -> F
         for method in LINES:
             _draw(one, levels, axis, method, lambda level, method=method, metric=metric: level.mean(
                 method, metric.name))  # type: ignore[misc]
+        if levels[0].noise_known:
+            _points(one, noise_of(levels), axis, lambda level, metric=metric: level.ceiling[  # type: ignore[misc]
+                metric.name], color="black", marker="", linestyle=":", label=CEILING)
         one.set(title=heading(metric))
         _over_roughness(one, levels, axis)
     _legend(figure, axes[0], levels)

@@ -1,8 +1,10 @@
 """What pages say of the truth's noise: the figures of a perfect prediction, and those of methods without noise."""
 
+from collections.abc import Mapping
 from math import isfinite
 from typing import TYPE_CHECKING
 
+from dataset_builder.lightnet.measures.metrics import METRICS
 from dataset_builder.report.page_parts import plus_minus, rounded
 
 if TYPE_CHECKING:
@@ -18,6 +20,14 @@ four draws of noise, L1 and Lab angles without noise are extrapolated."""
 def unknown(reason: str) -> str:
     """A sentence on why there are no such figures."""
     return f"Noise ceiling unknown: {reason}."
+
+
+def ceiling_line(ceiling: Mapping[str, "ClusteredMean"], unknown_noise: str = "") -> str:
+    """What a perfect prediction would get, by names of metrics; `unknown_noise` says why where nobody knows."""
+    if not isfinite(ceiling["psnr"].mean):
+        return unknown(unknown_noise or "nobody says it")
+    return f"{CEILING}: " + ", ".join(f"{metric.symbol} {plus_minus(ceiling[metric.name], metric.name)}"
+                                      for metric in METRICS)
 
 
 def beside(found: "ClusteredMean", corrected: "ClusteredMean", metric: str) -> str:

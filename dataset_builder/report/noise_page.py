@@ -5,11 +5,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from dataset_builder.errors import count_of
+from dataset_builder.lightnet.data.truth import noise_unknown
 from dataset_builder.lightnet.measures.metrics import METRICS
 from dataset_builder.lightnet.results.clustered_means import ONE_OBJECT, ClusteredMean
 from dataset_builder.report.example_sheet import png_of
 from dataset_builder.report.noise_figures import LINES, PSNR, changes_figure, crop_pictures, quality_figure
+from dataset_builder.report.noise_lines import CEILING, NOISE, ceiling_line, with_interval
 from dataset_builder.report.page_parts import Section, plus_minus, png, write_study
+from dataset_builder.shards.reader import load_manifest
 from dataset_builder.studies.noise.axes import axis_of
 from dataset_builder.studies.noise.level_trainings import MIXED
 from dataset_builder.studies.noise.levels import OWN, TRIVIAL, Crop, Level, noise_of
@@ -42,10 +45,16 @@ def write_page(found: NoiseResults) -> None:
     figures = {"quality": png(quality_figure(found.levels, sentence, axis)),
                "changes": png(changes_figure(found.levels, sentence, axis)),
                **{f"crops-{what}": png_of(pixels) for what, pixels in pictures.items()}}
-    sections = [_quality(found, figures["quality"]), *_likeness(found), _mending(found, figures["changes"]),
-                *(_crops(what, figures[f"crops-{what}"]) for what in pictures), _cross(found), _passes(found)]
+    sections = [_quality(found, figures["quality"]), *_without_noise(found), *_likeness(found),
+                _mending(found, figures["changes"]), *(_crops(what, figures[f"crops-{what}"]) for what in pictures),
+                _cross(found), _passes(found)]
     write_study(found.study.out, f"How smooth rough meshes must be: {found.study.loaded.dataset.name}", _lead(found),
                 sections, figures=figures)
+
+
+def noise_sentence(study: NoiseStudy, levels: Sequence[Level]) -> str:
+    """What a perfect prediction would get at the first level. I_t is the same at all; its exposure differs a little."""
+    return ceiling_line(levels[0].ceiling, noise_unknown(load_manifest(study.dataset)))
 
 
 def sentences(levels: Sequence[Level], found: Sequence[Likeness] = ()) -> list[str]:
@@ -98,6 +107,7 @@ def _lead(found: NoiseResults) -> list[str]:
         "labels). A rough mesh is not quite the clean one at sigma 0, where subdivision rounds it.",
         "The exposure of an example follows the mean of its S', so that the truth is exposed a little differently at "
         "each level; the curve of I_s, which no noise reaches, shows the effect of that alone.",
+        *([] if found.levels[0].noise_known else [noise_sentence(study, found.levels)]),
         *[f"{ONE_OBJECT}."] * (first.objects == 1),
         "Standard errors are clustered by object. All curves share their examples, so that differences along a curve "
         "and between curves are known better than the bars suggest; the tables below have them.",
@@ -111,6 +121,20 @@ def _quality(found: NoiseResults, figure: bytes) -> Section:
             for level in found.levels for method in LINES if method in level.methods]
     return Section(question="How much does the roughness of the mesh cost?", answer=" ".join(sentences(found.levels)),
                    figure=figure, head=("level", axis.heading, "by", *(metric.symbol for metric in METRICS)), rows=rows)
+
+
+def _without_noise(found: NoiseResults) -> list[Section]:
+    """The same figures without the truth's noise, and what a perfect prediction would get, where that is known."""
+    if not found.levels[0].noise_known:
+        return []
+    rows = []
+    for level in found.levels:
+        title = level.asked.title
+        rows += [[title, LINES[method][0], *(with_interval(level.mean(method, metric.name, "corrected"), metric.name)
+                                             for metric in METRICS)] for method in LINES if method in level.methods]
+        rows.append([title, CEILING, *(plus_minus(one, name) for name, one in level.ceiling.items())])
+    return [Section(question="How much of it is noise of the truth?", answer=" ".join(NOISE.replace("*", "").split()),
+                    head=("level", "by, without noise", *(metric.symbol for metric in METRICS)), rows=rows)]
 
 
 def _likeness(found: NoiseResults) -> list[Section]:

@@ -13,7 +13,7 @@ from dataset_builder.lightnet.data.truth import noise_unknown
 from dataset_builder.lightnet.measures.metrics import METRICS, Metric
 from dataset_builder.lightnet.results.clustered_means import ONE_OBJECT, ClusteredMean
 from dataset_builder.lightnet.settings import differences
-from dataset_builder.report.noise_lines import CEILING, NOISE, unknown, with_interval
+from dataset_builder.report.noise_lines import CEILING, NOISE, ceiling_line, with_interval
 from dataset_builder.report.page_parts import COLOURS, heading, markdown_table, panels, plus_minus, png, rounded
 from dataset_builder.shards.reader import load_manifest
 from dataset_builder.studies.tables.paper import SOURCE, Printed, Table
@@ -122,10 +122,7 @@ def _rows_table(results: Sequence[RowResult]) -> str:
 
 def noise_line(results: Sequence[RowResult], unknown_noise: str) -> str:
     """What a perfect prediction would get, for the terminal."""
-    if not results[0].noise_known:
-        return unknown(unknown_noise or "nobody says it")
-    means = {metric: results[0].mean(metric.name, "ceiling") for metric in METRICS}
-    return f"{CEILING}: " + ", ".join(f"{one.symbol} {plus_minus(mean, one.name)}" for one, mean in means.items())
+    return ceiling_line({metric.name: results[0].mean(metric.name, "ceiling") for metric in METRICS}, unknown_noise)
 
 
 def _noise_parts(results: Sequence[RowResult], unknown_noise: str) -> list[str]:

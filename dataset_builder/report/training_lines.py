@@ -1,6 +1,6 @@
 """What the terminal shows of a training: a bar of steps, and lines that stay."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import chain, islice
 from math import isfinite
 from typing import TypeVar
@@ -12,6 +12,7 @@ from rich.text import Text
 from dataset_builder.errors import count_of
 from dataset_builder.lightnet.training.events import Checked, Event, Finished, Started, Stepped
 from dataset_builder.report.console import duration
+from dataset_builder.report.noise_lines import CEILING
 from dataset_builder.studies.trial_times import STEPS, Forecast, TimeLeft
 
 News = TypeVar("News")
@@ -78,9 +79,15 @@ def lines_of(event: Event) -> list[str]:
     if isinstance(event, Checked):
         if not event.examples:
             return [f"step {event.step}: checkpoint"]
-        found = ", ".join(f"{name} {value:.4f}" for name, value in event.metrics.items())
-        return [f"step {event.step}, {event.examples} held-out examples: {found}" + (" (best)" if event.best else "")]
+        line = f"step {event.step}, {event.examples} held-out examples: {_figures(event.metrics)}"
+        noise = [f"{what}: {_figures(found)}" for what, found in (("without noise", event.corrected),
+                                                                  (CEILING, event.ceiling)) if found]
+        return ["; ".join([line + (" (best)" if event.best else ""), *noise])]
     return finished_lines(event)
+
+
+def _figures(found: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {value:.4f}" for name, value in found.items())
 
 
 def started_lines(event: Started) -> list[str]:

@@ -38,11 +38,12 @@ def check_gates(layers: Mapping[str, np.ndarray], gates: GatesSpec, evidence: Ma
     if "s_prime" in known:
         found += s_prime_energy(known["s_prime"], known["mask"], gates.s_prime_energy)
     if set(SPLIT_NEEDS) <= set(known):
-        d_se = known["sd_d"] * (sampling_error(*spp) if spp else 0.0)
+        sd_d = one_more(known["sd_d"], known["d"], known["mask"], spp[0]) if spp else known["sd_d"]
+        d_se = sd_d * (sampling_error(*spp) if spp else 0.0)
         error = combined_error(d=known["d"], s=known["s"], d_se=d_se, i_t_se=known["i_t_se"], s_se=known["s_se"],
                                spec_se=known["spec_se"] + known.get("air_se", 0.0))
         found += radiance_split(i_t=known["i_t"] - known.get("air", 0.0), d=known["d"], s=known["s"],
-                                spec=known["spec"], error=error, sd_d=known["sd_d"], sd_s=known["sd_s"])
+                                spec=known["spec"], error=error, sd_d=sd_d, sd_s=known["sd_s"])
     return found
 
 
@@ -88,6 +89,25 @@ def means(layers: Sequence[LayerAccuracy], gates: GatesSpec) -> list[Violation]:
             reason = f"expected a Pareto shape <= {gates.tail:g} of {layer.name}'s contributions, got {layer.tail:.3g}"
             found.append(Violation(identity=TAIL, reason=reason))
     return found
+
+
+def one_more(sd_d: np.ndarray, d: np.ndarray, mask: np.ndarray, first_hit: int) -> np.ndarray:
+    """(H, W, C) deviations of d inside pixels, of `first_hit` samples and one more: one that meets what differs most
+    among the eight pixels around, or any d in [0, 1] where one of them is off the mask.
+
+    Samples that all miss a sliver of what is next to it say that nothing varies in the pixel; the target pass, of more
+    samples, meets it. With n samples of deviation s and one more that is c off their mean, the deviation is
+    sqrt(n / (n + 1) (s^2 + c^2 / (n + 1))).
+    """
+    rows, columns = mask.shape[:2]
+    inside = np.pad(mask > 0, ((1, 1), (1, 1), (0, 0)), mode="edge")
+    around = np.pad(d, ((1, 1), (1, 1), (0, 0)), mode="edge")
+    off = np.zeros_like(d)
+    for place in ((row, column) for row in range(3) for column in range(3)):
+        cut = slice(place[0], place[0] + rows), slice(place[1], place[1] + columns)
+        off = np.maximum(off, np.where(inside[cut], np.abs(around[cut] - d), np.maximum(d, 1 - d)))
+    n = first_hit
+    return np.sqrt(n / (n + 1) * (sd_d.astype(np.float64) ** 2 + off**2 / (n + 1)))
 
 
 def sampling_error(first_hit: int, target: int) -> float:

@@ -212,6 +212,9 @@ def test_lines_that_stay() -> None:
     assert lines_of(STEPPED) == []
     assert lines_of(BAD) == ["step 9 skipped: main: not finite"]
     assert lines_of(CHECKED) == ["step 10, 16 held-out examples: l1 0.0500, psnr 23.5000 (best)"]
+    known = replace(CHECKED, corrected={"psnr": 24.0}, ceiling={"psnr": 30.0}, best=False)
+    assert lines_of(known) == ["step 10, 16 held-out examples: l1 0.0500, psnr 23.5000; without noise: psnr 24.0000; "
+                               "noise ceiling: psnr 30.0000"]
     assert lines_of(FINISHED) == ["no better check within the patience at step 20, 1 steps skipped; best on held-out "
                                   "examples: 23.50 dB at step 10", "last: a/last.pt", "best: a/best.pt"]
 

@@ -15,7 +15,7 @@ from dataset_builder.label.example_label import ExampleLabel
 from dataset_builder.lightnet.data.assemble import ExamplePart, lighting_of, whole
 from dataset_builder.lightnet.data.batch import Batch
 from dataset_builder.lightnet.data.ranges import target_exposure
-from dataset_builder.lightnet.data.truth import problem_of
+from dataset_builder.lightnet.data.truth import noise_layers, problem_of
 from dataset_builder.lightnet.settings import DataSpec
 from dataset_builder.remote.address import title_of
 from dataset_builder.shards import reader
@@ -131,6 +131,12 @@ class LightingDataset(Dataset[Batch]):
         named = ", ".join(self.left_out[:NAMED]) + (", ..." if len(self.left_out) > NAMED else "")
         return (f": {len(self.left_out)} of {len(self.left_out) + len(self.keys)} examples left out because their mask "
                 f"is below {self.spec.inside:g} everywhere: {named}")
+
+
+def measured(folder: Path | str, split: str, data: DataSpec, levels: Sequence[int] = ()) -> LightingDataset:
+    """The examples of a split to measure on, with the noise of their truth where it is known. Raises as
+    `LightingDataset` does."""
+    return LightingDataset(folder, split, data, levels=levels, extra=noise_layers(load_manifest(folder)))
 
 
 def opened(folder: Path | str, layers: Sequence[str], spec: DataSpec, *, label: bool = True) -> reader.Dataset:

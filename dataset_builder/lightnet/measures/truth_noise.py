@@ -18,9 +18,11 @@ from math import nan, sqrt
 import numpy as np
 import torch
 
+from dataset_builder.lightnet.data.batch import Batch
 from dataset_builder.lightnet.data.ranges import mean_inside, tone_map
 from dataset_builder.lightnet.measures.colour import lab, lab_angle
 from dataset_builder.lightnet.measures.metrics import Metrics, box_about, psnr_of, ssim_map
+from dataset_builder.seeding import derive_seed
 
 DRAWS = 4
 """Pictures of noise that the Lab angle is taken over."""
@@ -197,3 +199,10 @@ class NoisyTruth:
         shown, inside = lab(found), self._cut[2]
         return at_no_noise([sum(float(mean_inside(lab_angle(shown, one, inside), inside)) for one in several)
                             / len(several) for several in self._lab_noisier])
+
+
+def noise_of(batch: Batch) -> NoisyTruth | None:
+    """The truth of a batch of one with its noise; None where that is not known."""
+    truth = batch.truth
+    return None if truth.i_t_se is None else NoisyTruth(
+        i_t=truth.i_t, error=truth.i_t_se, inside=batch.inputs.inside, seed=derive_seed(0, "noise", batch.keys[0]) >> 1)

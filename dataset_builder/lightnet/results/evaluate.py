@@ -19,14 +19,11 @@ from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.lightnet.data.batch import Batch, Prediction
 from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
 from dataset_builder.lightnet.data.loader import whole_images
-from dataset_builder.lightnet.data.truth import noise_layers
 from dataset_builder.lightnet.measures.metrics import Metrics, measure
-from dataset_builder.lightnet.measures.truth_noise import UNKNOWN, NoisyTruth
+from dataset_builder.lightnet.measures.truth_noise import UNKNOWN, NoisyTruth, noise_of
 from dataset_builder.lightnet.methods.checkpoint import Trained, load_trained
 from dataset_builder.lightnet.methods.method import TRIVIAL, count_parameters, predict
 from dataset_builder.lightnet.settings import DataSpec
-from dataset_builder.seeding import derive_seed
-from dataset_builder.shards.reader import load_manifest
 
 CPU = torch.device("cpu")
 FORMULAS = {"copy_i_s": "I_s as it is", "d_s_prime": "D S' with the true D",
@@ -77,19 +74,6 @@ class ScoreRow:
     def noise_known(self) -> bool:
         """Whether the noise of the truth is known."""
         return not isnan(self.ceiling.psnr)
-
-
-def measured(folder: Path | str, split: str, data: DataSpec) -> LightingDataset:
-    """The examples of a split to measure on, with the noise of their truth where it is known. Raises as
-    `LightingDataset` does."""
-    return LightingDataset(folder, split, data, extra=noise_layers(load_manifest(folder)))
-
-
-def noise_of(batch: Batch) -> NoisyTruth | None:
-    """The truth of a batch of one with its noise; None where that is not known."""
-    truth = batch.truth
-    return None if truth.i_t_se is None else NoisyTruth(
-        i_t=truth.i_t, error=truth.i_t_se, inside=batch.inputs.inside, seed=derive_seed(0, "noise", batch.keys[0]) >> 1)
 
 
 def trivial() -> list[Contender]:

@@ -25,7 +25,8 @@ from dataset_builder.label.example_plan import ExamplePlan
 from dataset_builder.label.sequence_plan import SequencePlan
 from dataset_builder.lightnet.data.lighting_dataset import LightingDataset, opened
 from dataset_builder.lightnet.data.ranges import inside_only, tone_map
-from dataset_builder.lightnet.results.evaluate import Contender, ScoreRow, noise_of, row
+from dataset_builder.lightnet.measures.truth_noise import noise_of
+from dataset_builder.lightnet.results.evaluate import Contender, ScoreRow, row
 from dataset_builder.remote.address import title_of
 from dataset_builder.shards.reader import load_manifest, open_dataset
 

@@ -1,6 +1,6 @@
 """What a training reports while it runs, and TensorBoard's event files of it, beside the checkpoints."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -53,11 +53,21 @@ class Checked:
 
     step: int
     metrics: dict[str, float]
+    corrected: dict[str, float] = field(default_factory=dict)
+    """Estimate of what `metrics` would be against truth without noise; none where nobody knows the noise."""
+    ceiling: dict[str, float] = field(default_factory=dict)
+    """Of a perfect prediction, against the truth as it is; none as `corrected`."""
     examples: int
     best: bool
     """Whether its PSNR is the highest so far."""
     stale: int
     """Checks since the best."""
+
+    @property
+    def figures(self) -> dict[str, float]:
+        """All of them, by the names that columns of tables have: `psnr`, `psnr_corrected`, `psnr_ceiling`."""
+        return {name + end: value for end, found in (("", self.metrics), ("_corrected", self.corrected),
+                                                     ("_ceiling", self.ceiling)) for name, value in found.items()}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,8 +109,8 @@ class Board:
         self._write(values, stepped.step)
 
     def check(self, checked: Checked) -> None:
-        """Metrics on held-out examples."""
-        self._write({f"held_out/{name}": value for name, value in checked.metrics.items()}, checked.step)
+        """Figures of held-out examples."""
+        self._write({f"held_out/{name}": value for name, value in checked.figures.items()}, checked.step)
 
     def close(self) -> None:
         """Flush what is left."""

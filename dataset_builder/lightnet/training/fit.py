@@ -6,7 +6,7 @@ its last checkpoint to the same weights, bit by bit on one CPU with the same num
 
 from collections.abc import Iterator
 from contextlib import closing
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -19,8 +19,7 @@ from dataset_builder.errors import OutputError, Problem, UserError
 from dataset_builder.files import write_atomic
 from dataset_builder.lightnet.data import loader
 from dataset_builder.lightnet.data.batch import Batch
-from dataset_builder.lightnet.data.lighting_dataset import LightingDataset, splits_of
-from dataset_builder.lightnet.measures.metrics import mean_metrics, measure
+from dataset_builder.lightnet.data.lighting_dataset import LightingDataset, measured, splits_of
 from dataset_builder.lightnet.methods.checkpoint import build_method, load_state, load_weights, save_state, spec_of
 from dataset_builder.lightnet.methods.method import (
     Method,
@@ -28,17 +27,16 @@ from dataset_builder.lightnet.methods.method import (
     autocast,
     choose,
     precision_on,
-    predict,
     running_statistics,
 )
 from dataset_builder.lightnet.methods.vgg import file_digest
 from dataset_builder.lightnet.settings import TrainingSpec, differences, flat
 from dataset_builder.lightnet.training.events import Board, Checked, Event, Finished, Started, Stepped
+from dataset_builder.lightnet.training.held_out_checks import HeldOutChecks
 from dataset_builder.lightnet.training.optimise import Optimisers
 from dataset_builder.lock import locked
 from dataset_builder.seeding import derive_seed
 from dataset_builder.shards.reader import load_manifest
-from dataset_builder.spread import spread_indices
 
 LAST, BEST, LOG, SPEC, LOCK = "last.pt", "best.pt", "log.csv", "training.json", ".lock"
 FREE = ("data.workers", "data.verify", "data.cache", "data.cache_gb", "most_bad_steps")
@@ -119,7 +117,8 @@ class _Training:
             torch.set_num_threads(job.threads)
         self.train = LightingDataset(job.dataset, spec.data.train, spec.data, levels=job.levels, i_s=spec.data.i_s,
                                      keys=job.keys, extra=spec.extra)
-        self.held_out = LightingDataset(job.dataset, data.held_out, data, levels=job.levels) if data.held_out else None
+        self.held_out = measured(job.dataset, data.held_out, data, job.levels) if data.held_out else None
+        self.checks = HeldOutChecks(self.held_out, spec.check.examples) if self.held_out is not None else None
         self.method: Method = build_method(spec, job.vgg_weights).to(self.device)
         self.optimisers, self.running = Optimisers(self.method, spec), running_statistics(self.method)
         self.progress, self.first = _Progress(), 0
@@ -202,19 +201,16 @@ class _Training:
     def _check(self) -> Checked:
         """Measure on held-out examples, where there are some, and write the checkpoint."""
         progress = self.progress
-        if self.held_out is None:
+        if self.checks is None:
             self._save(False)
             return Checked(step=progress.step, metrics={}, examples=0, best=False, stale=0)
-        indices = spread_indices(len(self.held_out), self.spec.check.examples)
-        found = [measure(predict(self.method, batch.inputs, self.precision).i_t, batch.truth.i_t, batch.inputs.inside)
-                 for batch in (whole.to(self.device) for whole in loader.whole_images(self.held_out, indices))]
-        metrics = asdict(mean_metrics([one for several in found for one in several]))
-        better = (psnr := metrics["psnr"]) > progress.best[1]
+        found = self.checks.measure(self.method, self.precision, self.device)
+        better = (psnr := found["metrics"]["psnr"]) > progress.best[1]
         progress.stale = 0 if better else progress.stale + 1
         progress.best = (progress.step, psnr) if better else progress.best
-        progress.history.append({"step": float(progress.step), **metrics})
+        checked = Checked(step=progress.step, examples=len(self.checks), best=better, stale=progress.stale, **found)
+        progress.history.append({"step": float(progress.step), **checked.figures})
         self._save(better)
-        checked = Checked(step=progress.step, metrics=metrics, examples=len(indices), best=better, stale=progress.stale)
         self.board.check(checked)
         return checked
 

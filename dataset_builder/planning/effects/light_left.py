@@ -43,6 +43,8 @@ RAW = ("s", "s_prime")
 """Layers of raw lighting."""
 LONG, WORTH, MORE = 24, 1.5, 4
 """Edges, and times those expected, beyond which it is worth while to trace so many times the paths."""
+WIDTHS = (128, 256)
+"""Edges, counted from 0, up to which the light of short paths is looked through."""
 MET = 10
 """Paths that show what an event brings."""
 LOOKS = 8
@@ -80,18 +82,22 @@ class LightLeft:
 
 def _one(light: np.ndarray, most: float) -> tuple[np.ndarray, np.ndarray]:
     """Share and bound of one picture. Light that surfaces or lamps send to the camera directly does not count."""
-    count, traced = len(light), np.where(np.arange(light.shape[1]) < 2, 0, light)
-    beyond = _beyond(traced)
+    count, longest, columns = len(light), int(np.flatnonzero(light.any(axis=0))[-1]), light.shape[1]
+    # Few paths are long. NumPy adds up rows in runs of 128, so that the sums are those of whole rows to the last bit
+    width = next((cut for cut in WIDTHS if longest < cut < columns), columns)
+    traced = np.where(np.arange(width) < 2, 0, light[:, :width])
+    beyond = _beyond(traced) if width == columns else np.zeros(count)
     # Column n: what has gone more than n edges
     later = beyond[:, None] + np.cumsum(traced[:, ::-1], axis=1)[:, ::-1] - traced
     total = traced.sum(axis=1) + beyond
     mean = total.mean()
     if not np.isfinite(mean):
-        return np.ones(light.shape[1]), np.ones(light.shape[1])
+        return np.ones(columns), np.ones(columns)
     share = later.mean(axis=0) / mean
     error = np.sqrt(np.mean((later - share * total[:, None]) ** 2, axis=0) / count) / mean
     carrying = (later > 0).sum(axis=0)
     brings = later.sum(axis=0) / np.maximum(carrying, 1) / mean
+    share, error, carrying, brings = (np.pad(each, (0, columns - width)) for each in (share, error, carrying, brings))
     last = int(np.flatnonzero(carrying >= min(MET, carrying[0]))[-1])
     further = np.maximum(np.arange(len(brings)) - last, 0)
     brings = np.where(further > 0, brings[last] * most**further, brings)

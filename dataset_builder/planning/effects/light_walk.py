@@ -108,9 +108,10 @@ def joined(parts: Sequence[Walkers]) -> Walkers:
 
 
 def _add(found: np.ndarray, walkers: Walkers, edges: np.ndarray, light: np.ndarray) -> None:
-    """Count light (N, 3) at its number of edges (N,), as far as these are counted."""
+    """Count light (N, 3) at its number of edges (N,), as far as these are counted. No path is there twice."""
+    sent = walkers.weight * light
     kept = edges < found.shape[1]
-    np.add.at(found, (walkers.number[kept], edges[kept]), (walkers.weight * light).mean(axis=1)[kept])
+    found[walkers.number[kept], edges[kept]] += ((sent[:, 0] + sent[:, 1] + sent[:, 2]) / 3)[kept]
 
 
 def _survivors(walkers: Walkers, draws: np.random.Generator) -> Walkers:
@@ -131,27 +132,23 @@ def _step(scene: WalkScene, walkers: Walkers, found: np.ndarray, draws: np.rando
         near, far = scene.through(walkers.at, walkers.ahead, end)
         flight = near + draws.exponential(1 / scene.fog.extinction, len(end))
         in_air = flight < far
-    seen = ~in_air & (lamp < met.distance)
-    _add(found, walkers.of(seen & walkers.narrow), walkers.edges[seen & walkers.narrow],
-         radiance[seen & walkers.narrow])
-    left = ~in_air & np.isinf(end)
-    _add(found, walkers.of(left), walkers.edges[left], np.broadcast_to(scene.lamps.sky, (int(left.sum()), 3)))
+    seen, left = ~in_air & (lamp < met.distance), ~in_air & np.isinf(end)
+    for ended, light in ((seen & walkers.narrow, radiance),
+                         (left, np.broadcast_to(scene.lamps.sky, (len(left), 3)))):
+        if ended.any():
+            _add(found, walkers.of(ended), walkers.edges[ended], light[ended])
     on = ~in_air & ~seen & ~left
-    ahead = [_on_surface(scene, walkers.of(on), _some(met, on), found, draws)]
+    ahead = [_on_surface(scene, walkers.of(on), met.of(on), found, draws)]
     if in_air.any():
         ahead.append(_in_fog(scene, walkers.of(in_air), flight[in_air], found, draws))
     return Walkers(**{name: np.concatenate([getattr(one, name) for one in ahead]) for name in vars(walkers)})
 
 
-def _some(met: Met, keep: np.ndarray) -> Met:
-    return Met(there=met.there[keep], distance=met.distance[keep], normal=met.normal[keep], target=met.target[keep],
-               factors={name: values[keep] for name, values in met.factors.items()})
-
-
 def _on_surface(scene: WalkScene, walkers: Walkers, met: Met, found: np.ndarray,
                 draws: np.random.Generator) -> Walkers:
     """Paths that a surface scatters."""
-    _add(found, walkers, walkers.edges, met.factors["emission"])
+    if scene.surfaces.glow:
+        _add(found, walkers, walkers.edges, met.factors["emission"])
     chosen = scatter(met, walkers.ahead, draws)
     normal = _against(met.normal, -chosen.direction)
     after = Walkers(number=walkers.number, at=walkers.at + met.distance[:, None] * walkers.ahead + LIFT * normal,

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -30,18 +31,42 @@ class WalkPart:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Met:
-    """The first surfaces along N rays; of rays that met none, values mean nothing."""
+    """The first surfaces along N rays; of rays that met none, values mean nothing. What the materials are there is
+    looked up when it is asked for."""
 
-    there: np.ndarray
-    """(N,) whether there is one."""
+    surfaces: "WalkSurfaces"
+    face: np.ndarray
+    """(N,) number of the face; -1 where there is none."""
     distance: np.ndarray
     """(N,) metres; inf where there is none."""
-    normal: np.ndarray
-    """(N, 3) unit, out of the face as it winds."""
-    target: np.ndarray
-    """(N,) whether it is the target's."""
-    factors: dict[str, np.ndarray]
-    """(N,) or (N, 3) by name of FACTORS, with `ior`, `thin` and `coverage`."""
+    share: np.ndarray
+    """(N, 3) of the face's corners."""
+
+    @property
+    def there(self) -> np.ndarray:
+        """(N,) whether there is one."""
+        return self.face >= 0
+
+    @property
+    def target(self) -> np.ndarray:
+        """(N,) whether it is the target's."""
+        found: np.ndarray = self.surfaces.targets[self.face]
+        return found
+
+    @property
+    def normal(self) -> np.ndarray:
+        """(N, 3) unit, out of the face as it winds."""
+        found: np.ndarray = self.surfaces.normals[self.face]
+        return found
+
+    @cached_property
+    def factors(self) -> dict[str, np.ndarray]:
+        """(N,) or (N, 3) by name of FACTORS, with `ior`, `thin` and `coverage`."""
+        return self.surfaces.factors(np.maximum(self.face, 0), self.share)
+
+    def of(self, keep: np.ndarray) -> "Met":
+        """Some of them."""
+        return Met(surfaces=self.surfaces, face=self.face[keep], distance=self.distance[keep], share=self.share[keep])
 
 
 class WalkSurfaces:
@@ -63,15 +88,18 @@ class WalkSurfaces:
         self._colours = None if all(each is None for each in colours) else np.concatenate(
             [np.ones((len(own), 3, 4), np.float32) if each is None else each
              for own, each in zip(corners, colours, strict=True)])
-        self._targets, clear_faces = np.concatenate(targets), np.concatenate(clear)
+        self.targets, clear_faces = np.concatenate(targets), np.concatenate(clear)
         edge = self._corners[:, 1:] - self._corners[:, :1]
         normals = np.cross(edge[:, 0], edge[:, 1])
-        self._normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+        self.normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
         self._table = {name: np.array([getattr(each, name) for each in materials], dtype=np.float64)
                        for name in (*FACTORS, "ior", "thin")}
         self._table["ior"] = np.maximum(self._table["ior"], 1.0)
         self._cutoff = np.array([np.nan if each.alpha_cutoff is None else cutoff_in_half(each.alpha_cutoff)
                                  for each in materials])
+        self._textured = np.array([each.texture is not None for each in materials])
+        self.glow = any(any(each.emission) for each in materials)
+        """Whether some surface sends out light."""
         self._solid = np.array([is_solid(each) for each in materials])
         self._all = _rays(self._corners)
         self._opaque = _rays(self._corners[~clear_faces]) if clear_faces.any() else self._all
@@ -91,9 +119,7 @@ class WalkSurfaces:
     def meet(self, origins: np.ndarray, directions: np.ndarray) -> Met:
         """The first surfaces along rays from (N, 3) origins along unit directions (N, 3)."""
         face, distance, share = self._all.met(origins, directions)
-        factors = self._factors(np.maximum(face, 0), share)
-        return Met(there=face >= 0, distance=distance, normal=self._normals[face], target=self._targets[face],
-                   factors=factors)
+        return Met(surfaces=self, face=face, distance=distance, share=share)
 
     def between(self, origins: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Of straight ways from (N, 3) to (N, 3): (N,) share of light that nothing keeps back, as if glass bent none;
@@ -107,7 +133,7 @@ class WalkSurfaces:
         ray, face, at, share = self._clear.hits_within(origins[open_ways], along)
         within = (at > 0) & (at < 1)
         ray, face, share = open_ways[ray[within]], self._clear_faces[face[within]], share[within]
-        factors = self._factors(face, share)
+        factors = self.factors(face, share)
         solid = self._solid[self._chosen[face]]
         reflected = ((factors["ior"] - 1) / (factors["ior"] + 1)) ** 2
         through = factors["transmission"] * (1 - factors["metallic"]) * (1 - reflected)
@@ -115,20 +141,22 @@ class WalkSurfaces:
         np.add.at(crossed, ray[solid & (through > 0)], 1)
         return passed, crossed
 
-    def _factors(self, face: np.ndarray, share: np.ndarray) -> dict[str, np.ndarray]:
+    def factors(self, face: np.ndarray, share: np.ndarray) -> dict[str, np.ndarray]:
         """What the material is on faces (N,) at shares (N, 3) of their corners."""
         chosen = self._chosen[face]
         found = {name: values[chosen] for name, values in self._table.items()}
         if self._colours is not None:
             colour = np.einsum("nk,nkc->nc", share, self._colours[face])
             found["base_color"], found["alpha"] = found["base_color"] * colour[:, :3], found["alpha"] * colour[:, 3]
-        for index in np.unique(chosen).tolist():
-            if (texture := self._materials[index].texture) is not None:
-                own = np.flatnonzero(chosen == index)
-                row, column = _texel(texture, np.einsum("nk,nkc->nc", share[own], self._uvs[face[own]]))
-                for name in FACTORS:
-                    if (texels := getattr(texture, name)) is not None:
-                        found[name][own] *= np.clip(np.nan_to_num(texels[row, column], nan=1.0), 0, 1)
+        textured = np.flatnonzero(self._textured[chosen])
+        for index in np.unique(chosen[textured]).tolist():
+            texture = self._materials[index].texture
+            own = textured[chosen[textured] == index]
+            row, column = _texel(texture, np.einsum("nk,nkc->nc", share[own], self._uvs[face[own]]))
+            for name in FACTORS:
+                if (texels := getattr(texture, name)) is not None:
+                    # What is not a number counts as 1
+                    found[name][own] *= np.maximum(np.fmin(texels[row, column], 1), 0)
         cutoff = self._cutoff[chosen]
         found["coverage"] = np.where(np.isnan(cutoff), found["alpha"], found["alpha"] >= cutoff)
         return found

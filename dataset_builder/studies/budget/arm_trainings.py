@@ -18,7 +18,7 @@ from dataset_builder.shards.reader import load_manifest
 from dataset_builder.spec.load import load_dataset
 from dataset_builder.studies.budget.arms import Arm, Mix
 from dataset_builder.studies.budget.budget_study import BudgetStudy, first_examples
-from dataset_builder.studies.trainings import SCORES, about, claim, read_scores, train, write_scores
+from dataset_builder.studies.trainings import SCORES, about, changed, claim, read_scores, train, write_scores
 
 CACHE_SIZE = 32 * 10**9
 """Bytes of passes that mixes share: one with a pass raised takes all three from others."""
@@ -80,7 +80,7 @@ def work_of(study: BudgetStudy, arms: Sequence[Arm]) -> list[ArmTraining]:
     seeds = range(study.training.seed, study.training.seed + study.size.seeds)
     return [ArmTraining(arm=arm, seed=seed, held_out=study.held_out, split=study.splits[1],
                         scores=study.out / "scores" / arm.name / f"seed-{seed}",
-                        job=TrainingJob(dataset=study.folder(arm.mix), spec=_on_one_split(study.training, seed),
+                        job=TrainingJob(dataset=study.folder(arm.mix), spec=_spec_of(study.training, arm, seed),
                                         out=study.out / "trainings" / arm.name / f"seed-{seed}", device=study.device,
                                         keys=keys[arm.name], threads=threads))
             for seed in seeds for arm in arms]
@@ -110,9 +110,10 @@ def train_one(one: ArmTraining) -> ArmTraining:
     return one
 
 
-def _on_one_split(spec: TrainingSpec, seed: int) -> TrainingSpec:
-    """Without a split to check on, which datasets of mixes do not have, and with one checkpoint, at the end."""
+def _spec_of(spec: TrainingSpec, arm: Arm, seed: int) -> TrainingSpec:
+    """With the arm's loss, without a split to check on, which datasets of mixes do not have, and with one checkpoint,
+    at the end."""
     plain = spec.model_dump(exclude_unset=True)
     plain["data"] = {key: value for key, value in plain.get("data", {}).items() if key != "held_out"}
     plain |= {"seed": seed, "check": {"every": spec.steps, "patience": 0}}
-    return TrainingSpec.model_validate(plain)
+    return changed(TrainingSpec.model_validate(plain), objective={"noise": arm.noise})

@@ -25,12 +25,12 @@ from dataset_builder.lightnet.measures.metrics import METRICS
 from dataset_builder.lightnet.results.clustered_means import ClusteredMean, estimate, reach
 from dataset_builder.lightnet.results.evaluate import ScoreRow
 from dataset_builder.studies.budget.arm_trainings import ArmTraining
-from dataset_builder.studies.budget.arms import Arm
+from dataset_builder.studies.budget.arms import PLAIN, Arm
 from dataset_builder.studies.comma_separated import write_csv
 
 PSNR = "psnr"
-COLUMNS = ("arm", "budget", "render_seconds", "target_spp", "rough_spp", "source_spp", "denoised", "examples", "learnt",
-           "seeds", *(metric.name for metric in METRICS), "psnr_less_best", "half_width", "told_apart")
+COLUMNS = ("arm", "budget", "render_seconds", "target_spp", "rough_spp", "source_spp", "denoised", "noise", "examples",
+           "learnt", "seeds", *(metric.name for metric in METRICS), "psnr_less_best", "half_width", "told_apart")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,6 +115,10 @@ class BudgetResults:
         return replace(found, error=hypot(found.error, error), naive=hypot(found.naive, error),
                        half_width=hypot(found.half_width, reach(self._freedom) * error))
 
+    def plain(self, one: ArmResult) -> ArmResult:
+        """The arm with the same examples and a plain loss."""
+        return next(other for other in self.at(one.arm.budget) if other.arm == replace(one.arm, noise=PLAIN))
+
     def as_good(self, budget: float) -> list[ArmResult]:
         """The best arm of a budget and all that are not told apart from it, best first."""
         best = self.best(budget)
@@ -132,5 +136,5 @@ def _line(found: BudgetResults, one: ArmResult) -> list[object]:
     gap = found.less(one, best)
     width = 0.0 if one is best else gap.half_width
     return [arm.name, arm.budget, arm.seconds, arm.mix.target, arm.mix.rough, arm.mix.source, int(arm.mix.denoised),
-            arm.examples, one.learnt, found.seeds, *(one.mean(metric.name) for metric in METRICS), gap.mean,
+            arm.noise, arm.examples, one.learnt, found.seeds, *(one.mean(metric.name) for metric in METRICS), gap.mean,
             width if width < inf else nan, int(one is not best and gap.told_apart)]

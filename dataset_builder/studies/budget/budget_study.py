@@ -17,7 +17,7 @@ from dataset_builder.rendering import oidn
 from dataset_builder.spec.dataset import DatasetSpec, SplitSpec
 from dataset_builder.spec.load import load_dataset
 from dataset_builder.spec.resolve import LoadedSpec
-from dataset_builder.studies.budget.arms import Mix, mixes_of
+from dataset_builder.studies.budget.arms import PLAIN, Mix, even, mixes_of
 from dataset_builder.studies.trainings import settings_of
 
 
@@ -90,6 +90,11 @@ class BudgetStudy:
     def mixes(self) -> tuple[Mix, ...]:
         """Ways to render an example."""
         return mixes_of(self.size.grid, self.size.base, denoise=self.denoise)
+
+    @property
+    def noisy(self) -> tuple[Mix, ...]:
+        """Those of low and middle spp, with whose examples losses that expect noise are tried, too."""
+        return tuple(map(even, sorted({self.size.grid[0], self.size.base})))
 
     @property
     def splits(self) -> tuple[str, str]:
@@ -168,3 +173,9 @@ def _lacking(study: BudgetStudy) -> Iterator[Problem]:
     if wrong := [spp for spp in grid if spp % dataset.render.batches]:
         yield Problem(where="", path="render.batches", rule=f"expected a divisor of {', '.join(map(str, wrong))}, the "
                       f"spp of the study, got {dataset.render.batches}")
+    if dataset.render.batches % 2:
+        yield Problem(where="", path="render.batches", rule="expected an even number, for samples in two halves, got "
+                      f"{dataset.render.batches}")
+    if study.training.objective.noise != PLAIN:
+        yield Problem(where="", path="objective.noise", rule=f"expected {PLAIN}, which the study compares with the "
+                      f"others, got {study.training.objective.noise}", hint="leave it out")

@@ -7,7 +7,7 @@ from functools import cached_property
 from pathlib import Path
 
 from dataset_builder.digest import digest
-from dataset_builder.lightnet.data.lighting_dataset import LightingDataset, splits_of
+from dataset_builder.lightnet.data.lighting_dataset import LightingDataset, measured, splits_of
 from dataset_builder.lightnet.methods.checkpoint import load_trained
 from dataset_builder.lightnet.results.evaluate import Contender, ScoreRow, contender, evaluate, trivial
 from dataset_builder.lightnet.settings import TrainingSpec
@@ -87,7 +87,7 @@ def train_all(study: NoiseStudy) -> Iterator[LevelNews]:
 def held_out(study: NoiseStudy) -> HeldOut:
     """The held-out split, and what can be compared in it. Raises UserError where a label lacks the study's axis."""
     data = study.training.data.among(splits_of(study.dataset))
-    dataset = LightingDataset(study.dataset, data.held_out, data)
+    dataset = measured(study.dataset, data.held_out, data)
     axis = axis_of(study.axis)
     every = [_example(dataset, index, axis) for index in range(len(dataset))]
     levels = defaultdict[tuple[str, int], set[int]](set)
@@ -102,7 +102,8 @@ def measure(study: NoiseStudy, split: HeldOut) -> Sequence[ScoreRow]:
     """Every example by every training and by what learns nothing; the table of an earlier run is taken where it is of
     the same trainings."""
     folder = study.out / "scores"
-    claim(folder, digest({name: job.identity() for name, job in jobs(study).items()}))
+    claim(folder, digest({"trainings": {name: job.identity() for name, job in jobs(study).items()},
+                          "layers": list(split.dataset.extra)}))
     if kept := read_scores(folder / SCORES):
         return kept
     rows = list(evaluate(contenders(study), split.dataset, [example.index for example in split.examples]))

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import nan
+from math import isfinite, nan
 from pathlib import Path
 from statistics import fmean
 
@@ -19,13 +19,14 @@ from dataset_builder.studies.noise.axes import AXES, NoiseAxis
 from dataset_builder.studies.noise.level_trainings import MIXED, HeldOut, contenders
 from dataset_builder.studies.noise.noise_study import NoiseStudy, level_name
 from dataset_builder.studies.noise.study_levels import StudyLevel
+from dataset_builder.studies.trainings import PARTS
 
 OWN = "own level"
 """Whoever was trained on the level at hand."""
 TRIVIAL = "dr_s_prime"
 HEADINGS = {TRIVIAL: "(D + R) S', true D, R", MIXED: "trained on all noise", OWN: "trained on this level"}
 COLUMNS = ("examples", "objects", "by", "trained_on",
-           *(f"{metric.name}{end}" for metric in METRICS for end in ("", "_error")))
+           *(f"{metric.name}{part}{end}" for part in PARTS.values() for metric in METRICS for end in ("", "_error")))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,10 +51,21 @@ class Level:
         """Rows of one method; `OWN` is the one that was trained on this level."""
         return self.scores[level_name(self.number) if method == OWN else method]
 
-    def mean(self, method: str, metric: str) -> ClusteredMean:
-        """Mean of a metric over the level's examples."""
+    def mean(self, method: str, metric: str, part: str = "metrics") -> ClusteredMean:
+        """Mean of a metric over the level's examples. part: a key of `PARTS`; NaN of others than `metrics` where nobody
+        knows the truth's noise."""
         rows = self.rows(method)
-        return estimate([getattr(row.metrics, metric) for row in rows], [row.object for row in rows])
+        return estimate([getattr(getattr(row, part), metric) for row in rows], [row.object for row in rows])
+
+    @property
+    def ceiling(self) -> dict[str, ClusteredMean]:
+        """What a perfect prediction would get against the truth as it is, by metric."""
+        return {metric.name: self.mean(next(iter(self.scores)), metric.name, "ceiling") for metric in METRICS}
+
+    @property
+    def noise_known(self) -> bool:
+        """Whether the noise of the truth is known."""
+        return isfinite(self.ceiling["psnr"].mean)
 
     def less(self, method: str, other: str, metric: str, at: "Level | None" = None) -> ClusteredMean:
         """A method less another one, or less the other one at another level, case by case."""
@@ -108,9 +120,10 @@ def _line(level: Level, method: str) -> list[object]:
     sigma = level.asked.sigma if level.asked.noise else nan
     cells: list[object] = [level.number, level.asked.title, sigma, level.measured, level.mean(method, "psnr").examples,
                            level.mean(method, "psnr").objects, method, trained_on(method)]
-    for metric in METRICS:
-        found = level.mean(method, metric.name)
-        cells += [found.mean, found.error]
+    for part in PARTS:
+        for metric in METRICS:
+            found = level.mean(method, metric.name, part)
+            cells += [found.mean, found.error]
     return cells
 
 

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from dataset_builder.digest import digest
-from dataset_builder.lightnet.data.lighting_dataset import require, splits_of
+from dataset_builder.lightnet.data.lighting_dataset import measured, require, splits_of
 from dataset_builder.lightnet.methods.checkpoint import load_trained
 from dataset_builder.lightnet.methods.vgg import check_file
-from dataset_builder.lightnet.results.evaluate import Contender, ScoreRow, contender, evaluate, measured, trivial
+from dataset_builder.lightnet.results.evaluate import Contender, ScoreRow, contender, evaluate, trivial
 from dataset_builder.lightnet.settings import DataSpec, TrainingSpec
 from dataset_builder.lightnet.training.events import Event
 from dataset_builder.lightnet.training.fit import LAST, TrainingJob

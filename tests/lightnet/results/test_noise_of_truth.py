@@ -10,10 +10,10 @@ from dataset_builder.cli.main import main
 from dataset_builder.errors import UserError
 from dataset_builder.label.example_label import Denoised
 from dataset_builder.lightnet.data import loader
-from dataset_builder.lightnet.data.lighting_dataset import LightingDataset
+from dataset_builder.lightnet.data.lighting_dataset import LightingDataset, measured
 from dataset_builder.lightnet.data.truth import noise_layers, noise_unknown
 from dataset_builder.lightnet.measures.metrics import METRICS
-from dataset_builder.lightnet.results.evaluate import evaluate, measured, trivial
+from dataset_builder.lightnet.results.evaluate import evaluate, trivial
 from dataset_builder.lightnet.settings import DataSpec, ObjectiveSpec, TrainingSpec
 from dataset_builder.lightnet.training.fit import TrainingJob, fit
 from dataset_builder.release.training_checks import compare

@@ -1,7 +1,7 @@
 """The training loop: exact resume, checks, early stop, steps that are not finite, folders of something else."""
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import asdict, replace
 from itertools import islice
 from pathlib import Path
 
@@ -10,10 +10,13 @@ import torch
 
 from dataset_builder.errors import OutputError, UserError
 from dataset_builder.lightnet.data.batch import Batch, Prediction
+from dataset_builder.lightnet.data.lighting_dataset import measured
+from dataset_builder.lightnet.measures.metrics import mean_metrics
 from dataset_builder.lightnet.methods.baselines.pix2pix import Pix2Pix
 from dataset_builder.lightnet.methods.checkpoint import build_method, load_state, load_trained, save_state
 from dataset_builder.lightnet.methods.lightnet import LighTNet
 from dataset_builder.lightnet.methods.method import Loss
+from dataset_builder.lightnet.results.evaluate import contender, evaluate
 from dataset_builder.lightnet.settings import load_training
 from dataset_builder.lightnet.training.events import Checked, Event, Finished, Started, Stepped
 from dataset_builder.lightnet.training.fit import TrainingJob, fit
@@ -120,6 +123,22 @@ def test_files_and_news(dataset: Path, tmp_path: Path) -> None:
     assert len((made.out / "log.csv").read_text().splitlines()) == 1 + 3
     again = run(made)
     assert one(again, Finished).reason == "already" and not [event for event in again if isinstance(event, Stepped)]
+
+
+def test_checks_say_what_noise_of_the_truth_does(tmp_path: Path) -> None:
+    """By the same code as evaluations, for the same examples; the log has all figures."""
+    data = write_synthetic(tmp_path / "set", train=4, held_out=2, size=40, layers=(*PAPER_AND_ROUGH, "i_t_se"))
+    made = job(data, tmp_path / "out", "steps=2", "check={every: 2, examples: 0}")
+    checked = one(run(made), Checked)
+    held_out = measured(data, "evaluation", made.spec.data)
+    rows = list(evaluate([contender("", load_trained(made.out / "last.pt", "cpu"))], held_out, range(len(held_out))))
+    for part in ("metrics", "corrected", "ceiling"):
+        wanted = asdict(mean_metrics([getattr(row, part) for row in rows]))
+        assert getattr(checked, part) == pytest.approx(wanted, rel=1e-5)
+    names, values = (made.out / "log.csv").read_text().split()
+    logged = dict(zip(names.split(","), map(float, values.split(",")), strict=True))
+    assert logged == pytest.approx({"step": 2.0, **checked.figures}, rel=1e-5)
+    assert logged["psnr_ceiling"] > logged["psnr_corrected"] > logged["psnr"]
 
 
 def test_noise_levels_are_chosen(dataset: Path, tmp_path: Path) -> None:

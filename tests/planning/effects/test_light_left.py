@@ -8,6 +8,7 @@ import pytest
 from dataset_builder.assets.asset import Asset, Material
 from dataset_builder.geometry.mesh import TriangleMesh
 from dataset_builder.label.scene_plan import FogPlan, LightPlan
+from dataset_builder.planning.effects import light_left
 from dataset_builder.planning.effects.light_left import MAX_DEPTH, LightLeft
 from dataset_builder.planning.effects.light_walk import WalkScene, arrivals, from_camera, from_white, joined
 from dataset_builder.planning.effects.materials_used import glass_share
@@ -147,3 +148,14 @@ def test_what_no_path_met_is_bounded_by_hand() -> None:
     assert not left.share[2:].any()
     assert left.bound[2:5] == pytest.approx(np.log(1000) / 1000 * np.array([0.5, 0.25, 0.125]))
     assert left.least(0.001) == 4
+
+
+@pytest.mark.parametrize("longest", [5, 127, 128, 255, 256, 400])
+def test_short_paths_are_looked_through_as_whole_rows_are(longest: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    light = np.zeros((300, MAX_DEPTH + 1))
+    light[:, 1:longest + 1] = rng(longest, "light").exponential(size=(300, longest)) * 0.9 ** np.arange(longest)
+    short = LightLeft.of([light], 0.8)
+    monkeypatch.setattr(light_left, "WIDTHS", ())
+    whole = LightLeft.of([light], 0.8)
+    assert np.array_equal(short.share, whole.share) and np.array_equal(short.bound, whole.bound)
+    assert short.share[longest - 1] > 0 and (longest >= 256) == bool(short.share[longest])

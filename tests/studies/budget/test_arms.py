@@ -25,7 +25,7 @@ from dataset_builder.studies.budget.budget_study import (
 )
 from dataset_builder.studies.budget.render_costs import CostRow, RenderCost, _planning, cores_had
 from dataset_builder.studies.sampled import StudySpec
-from dataset_builder.studies.trainings import base_of
+from dataset_builder.studies.trainings import base_of, changed
 from tests.small_specs import write_spec
 
 MANY = ("splits.train.objects.count=4", "splits.train.scenes.count=3")
@@ -57,6 +57,25 @@ def test_every_arm_of_a_budget_costs_the_same() -> None:
     assert {arm.seconds for arm in found.values()} == {6.0, 18.0}
     for arm in found.values():
         assert arm.examples * costs[arm.mix] <= arm.seconds < (arm.examples + 1) * costs[arm.mix]
+
+
+def test_losses_that_expect_noise_are_tried_on_the_examples_of_plain_ones() -> None:
+    costs = {even(4): 0.5, even(16): 1.0, even(16, denoised=True): 1.5}
+    found = {arm.name: arm for arm in arms_of(costs, (1, 3), 6, (even(4),))}
+    assert set(found) - {arm.name for arm in arms_of(costs, (1, 3), 6)} == {"4-weighted-x3", "4-two_samples-x3"}
+    for name in ("4-weighted-x3", "4-two_samples-x3"):
+        assert replace(found[name], noise="plain") == found["4-x3"] and not found[name].even
+    assert found["4-two_samples-x3"].title == "4 spp raw, loss of two samples, 36 examples"
+
+
+def test_losses_that_expect_noise_find_what_they_need(small_spec: Path) -> None:
+    """At low and middle spp; mixes share their passes only if they ask for the same layers."""
+    made = study(small_spec)
+    assert made.noisy == (even(4), even(16))
+    assert replace(made, size=replace(made.size, grid=(4, 16))).noisy == (even(4),)
+    for mix in made.mixes:
+        there = load_dataset(small_spec, made.train_settings(mix, 4)).dataset
+        assert there.storage.standard_errors and ("i_t_half" in there.layers) is not mix.denoised
 
 
 def test_a_budget_of_one_example_is_refused() -> None:
@@ -92,7 +111,9 @@ def test_mixes_change_samples_and_denoising_alone(small_spec: Path) -> None:
     assert (other.render.spp.target, other.render.spp.rough, other.render.spp.first_hit) == (64, 16, 16)
     assert other.render.denoise.layers == ("i_t", "s_prime", "i_s") and not plain.render.denoise.layers
     same = {"spp": plain.render.spp, "denoise": plain.render.denoise}
-    assert other.model_copy(update={"render": other.render.model_copy(update=same)}) == plain
+    # A denoised I_t has no halves
+    assert other.model_copy(update={"render": other.render.model_copy(update=same), "layers": plain.layers}) == plain
+    assert set(plain.layers) - set(other.layers) == {"i_t_half"}
     assert (plain.image.width, plain.image.height) == (64, 64), "the small study's size"
     held_out = load_dataset(small_spec, made.held_out_settings()).dataset
     assert [split.name for split in held_out.splits] == ["test"] and held_out.render.spp.first_hit == 512
@@ -102,11 +123,18 @@ def test_mixes_change_samples_and_denoising_alone(small_spec: Path) -> None:
     (("layers={i_s: object, mask: object}",), "has no d, r, i_t, s_prime"),
     (("splits.test.name=other",), "expected a split test, got train, other"),
     (("render.batches=8", "render.spp=16"), "expected a divisor of 4, the spp of the study, got 8"),
+    (("render.batches=3", "render.spp=12"), "expected an even number, for samples in two halves, got 3"),
 ])
 def test_what_cannot_be_studied_is_refused_before_anything_is_rendered(small_spec: Path, overrides: tuple[str, ...],
                                                                        rule: str) -> None:
     with pytest.raises(UserError, match=rule):
         require(study(small_spec, *overrides))
+
+
+def test_the_study_chooses_losses_itself(small_spec: Path) -> None:
+    made = study(small_spec)
+    with pytest.raises(UserError, match=r"objective\.noise: expected plain, which the study compares .* got weighted"):
+        require(replace(made, training=changed(made.training, objective={"noise": "weighted"})))
 
 
 def test_denoised_arms_need_the_denoiser(small_spec: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -27,8 +27,8 @@ def scored(psnr: Sequence[float]) -> tuple[ScoreRow, ...]:
                  for n, value in enumerate(psnr))
 
 
-def result(mix: Mix, by_seed: Sequence[Sequence[float]], budget: float = 1.0) -> ArmResult:
-    arm = Arm(mix=mix, budget=budget, seconds=3600 * budget, examples=10)
+def result(mix: Mix, by_seed: Sequence[Sequence[float]], budget: float = 1.0, noise: str = "plain") -> ArmResult:
+    arm = Arm(mix=mix, budget=budget, seconds=3600 * budget, examples=10, noise=noise)
     return ArmResult(arm=arm, learnt=9, scores=tuple(map(scored, by_seed)))
 
 
@@ -73,22 +73,28 @@ def test_the_best_of_each_budget_is_named_with_what_it_is_not_told_apart_from(tm
                           for one in shift] for sign in (-1, 1)], budget)
             for budget in (1.0, 3.0) for number, mix in enumerate(mixes_of((4, 16, 64, 256), 16, denoise=True))
             if not mix.raised or budget == 3.0]
+    plain = next(one for one in arms if one.arm.name == "4-x3")
+    arms += [result(even(4), [[value + 0.5 for value in seed] for seed in plain.by_seed("psnr")], 3.0, noise)
+             for noise in ("weighted", "two_samples")]
     found = BudgetResults(tuple(arms))
     assert [found.best(budget).arm.mix.name for budget in found.budgets] == ["16", "16-target-64"]
     first, second = sentences(found)
     assert "best is 16 spp raw, 10 examples, 23.00 dB" in first
     assert "not told apart from it: 64 spp raw; worse: 4 spp raw, 256 spp raw, 4 spp denoised" in first
-    assert "not told apart from it: none; worse: 4 spp raw" in second
+    assert "not told apart from it: none; worse: 4 spp raw" in second and "4 spp raw, loss of two samples" in second
+    assert found.plain(arms[-1]) is plain and found.less(arms[-1], plain).mean == pytest.approx(0.5)
     write_arms(found, tmp_path / "arms.csv")
     with (tmp_path / "arms.csv").open(encoding="utf-8", newline="") as stream:
         lines = {line["arm"]: line for line in csv.DictReader(stream)}
     assert lines["16-x1"]["psnr_less_best"] == "0" and lines["16-x1"]["told_apart"] == "0"
     assert float(lines["256-x1"]["psnr_less_best"]) == pytest.approx(-4, abs=0.1)
     assert lines["256-x1"]["told_apart"] == "1" and lines["16-target-64-x3"]["target_spp"] == "64"
+    assert lines["4-two_samples-x3"]["noise"] == "two_samples"
     write_page(study, found, [CostRow(example="0", mix=mix.name, seconds=1.0, wall_seconds=2.0)
                               for mix in study.mixes], "LLVM")
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert all(text in page for text in ("Many examples with noise, or few without?", "Denoised or raw?",
                                          "Which layers deserve samples?", "9 of 10", "0.50 seconds of the processor",
-                                         "512 spp, I_s and S&#39; as well as I_t"))
+                                         "512 spp, I_s and S&#39; as well as I_t", "<td>weighted loss</td>",
+                                         "Do losses that expect noise pay?", "+0.50 ± "))
     assert (tmp_path / "figures" / "budget.png").stat().st_size > 20_000

@@ -1,6 +1,7 @@
 """The study of a budget from its spec to its report, at the smallest size; and what an interruption leaves."""
 
 import csv
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,7 +22,8 @@ TINY = StudySize(grid=(4, 16), budgets=(1, 2), least=2, timed=1, held_out=2, cle
                            "steps=2"))
 LAYERS = "layers={i_s: object, i_t: object, d: object, r: object, s_prime: object, mask: object, mask_rough: object}"
 SETTINGS = (LAYERS, "render.max_depth=2", "gates={mask_overlap: 0}", "splits.train.lights=1", "rough.sigma=0.004")
-ARMS = {"4-x1", "4-x2", "16-x1", "16-x2", "4-target-16-x2", "4-rough-16-x2", "4-source-16-x2"}
+ARMS = {"4-x1", "4-x2", "16-x1", "16-x2", "4-target-16-x2", "4-rough-16-x2", "4-source-16-x2", "4-weighted-x2",
+        "4-two_samples-x2"}
 
 
 @pytest.fixture(scope="module")
@@ -66,6 +68,16 @@ def test_passes_that_mixes_share_are_rendered_once(studied: tuple[Path, Path]) -
     target = [line for line in spent if line["step"] == "target"]
     assert len(target) == max(counts["4-target-16-x2"] - counts["16-x2"], 0)
     assert not [line for line in spent if line["step"] in ("rough", "source", "first_hit")]
+
+
+def test_losses_that_expect_noise_learn_from_what_plain_ones_have(studied: tuple[Path, Path]) -> None:
+    _, out = studied
+    mixes = {"4", "16", "4-target-16", "4-rough-16", "4-source-16"}
+    assert {path.name for path in (out / "datasets").iterdir()} == {*mixes, "held-out"}
+    trained = {path.parent.parent.name: json.loads(path.read_text())["objective"]["noise"]
+               for path in (out / "trainings").glob("*/*/training.json")}
+    others = {"4-weighted-x2": "weighted", "4-two_samples-x2": "two_samples"}
+    assert trained == {name: "plain" for name in ARMS} | others
 
 
 def test_a_second_run_makes_nothing_again(studied: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:

@@ -13,25 +13,25 @@ from dataset_builder.cli.main import main
 from dataset_builder.errors import UserError
 from dataset_builder.label.example_label import RenderRecord
 from dataset_builder.label.roughness_record import RoughnessRecord
-from dataset_builder.lightnet.measures.metrics import Metrics
-from dataset_builder.lightnet.results.evaluate import ScoreRow
+from dataset_builder.lightnet.measures.metrics import METRICS, Metrics
+from dataset_builder.lightnet.results.evaluate import ScoreRow, evaluate, trivial
 from dataset_builder.lightnet.settings import load_training
-from dataset_builder.report.noise_page import quality_figure, sentences
+from dataset_builder.report.noise_page import noise_sentence, quality_figure, sentences
 from dataset_builder.studies.noise.axes import AXES, axis_of
 from dataset_builder.studies.noise.level_trainings import MIXED, HeldOut, held_out, jobs
 from dataset_builder.studies.noise.levels import OWN, Level, chosen, levels_of, trained_on, write_table
 from dataset_builder.studies.noise.noise_study import NoiseStudy, count_passes, pass_lines, require
 from dataset_builder.studies.noise.study_levels import parse_levels
 from dataset_builder.studies.trainings import base_of
-from tests.lightnet.synthetic import write_synthetic
+from tests.lightnet.synthetic import PAPER_AND_ROUGH, write_synthetic
 from tests.plans import render_record
 from tests.small_specs import write_spec
 
 TINY = ("model={width: 4, downs: 2}", "data={crop: 16, batch: 2, workers: 0, held_out: test}",
         "check={every: 2, examples: 1}", "steps=2")
 LAYERS = "layers={i_s: object, i_t: object, d: object, r: object, s_prime: object, mask: object, mask_rough: object}"
-SETTINGS = (LAYERS, "render.spp=4", "render.max_depth=2", "gates.mask_overlap=0.2", "splits.test.lights=2",
-            "splits.train.objects.count=1")
+SETTINGS = (LAYERS, "storage.standard_errors=true", "render.spp=4", "render.max_depth=2", "gates.mask_overlap=0.2",
+            "splits.test.lights=2", "splits.train.objects.count=1")
 LEVELS = "0,0.008,0.016"
 FIELD = ("views=8", "size=16", "held_out=1", "spp=4", "resolution=32", "steps=10", "gates={psnr: 0, opacity_iou: 0}")
 WITH_FIELD = f"{LEVELS},density"
@@ -149,6 +149,30 @@ def test_levels_are_compared_on_what_all_kept(uneven: tuple[NoiseStudy, HeldOut]
     assert "not told apart" in text, "one object tells nothing of others"
 
 
+def test_the_noise_of_the_truth_is_told_where_it_is_known(uneven: tuple[NoiseStudy, HeldOut], tmp_path: Path) -> None:
+    """By the same code as evaluations: (D + R) S' on made examples with errors of a tenth."""
+    study, split = uneven
+    assert "ceiling unknown: the dataset has no i_t_se" in noise_sentence(study, levels_of(study, split,
+                                                                                           scores(split, PSNR)))
+    known = replace(study, out=tmp_path)
+    write_synthetic(known.dataset, train=3, held_out=6, size=40, levels=3, layers=(*PAPER_AND_ROUGH, "i_t_se"))
+    split = held_out(known)
+    rows = list(evaluate(trivial(), split.dataset, range(6)))
+    levels = levels_of(known, split, rows)
+    for level in levels:
+        own = [row for row in rows if row.method == "dr_s_prime" and row.level == level.number]
+        assert level.noise_known and len(own) == 2
+        for metric in METRICS:
+            ceiling, corrected = (np.mean([getattr(getattr(row, part), metric.name) for row in own])
+                                  for part in ("ceiling", "corrected"))
+            assert level.ceiling[metric.name].mean == pytest.approx(ceiling)
+            assert level.mean("dr_s_prime", metric.name, "corrected").mean == pytest.approx(corrected)
+    assert noise_sentence(known, levels).startswith("noise ceiling: L1 ")
+    write_table(levels, tmp_path / "levels.csv", axis_of(known.axis))
+    written = {(row["level"], row["by"]): float(row["psnr_ceiling"]) for row in lines(tmp_path / "levels.csv")}
+    assert written["2", "copy_i_s"] == pytest.approx(levels[2].ceiling["psnr"].mean, rel=1e-5)
+
+
 def test_a_study_without_a_case_at_all_levels_ends_in_words(uneven: tuple[NoiseStudy, HeldOut]) -> None:
     study, split = uneven
     with pytest.raises(UserError, match=r"got none: lower the largest level, or widen gates\.mask_overlap"):
@@ -226,6 +250,7 @@ def test_the_report_has_its_figures(studied: tuple[Path, Path]) -> None:
     page = (out / "report.html").read_text(encoding="utf-8")
     assert page.count("data:image/png;base64,") >= 2 and "once per view and light" in page
     assert "not the paper" in page and "told apart" in page
+    assert "How much of it is noise of the truth?" in page and "<td>noise ceiling</td>" in page
     assert (out / "figures" / "quality.png").stat().st_size > 20_000
     assert (out / "figures" / "crops-median.png").stat().st_size > 5_000
 
