@@ -24,8 +24,8 @@ def add_options(accuracy: argparse.ArgumentParser) -> None:
                           help="relative error that 95%% of the examples are to stay below, such as i_t=0.05 "
                                "(default: 0.1 of each layer)")
     accuracy.add_argument("--hours", type=common.positive_number,
-                          help="hours that a build may take here: the least errors that they buy, in the ratios of "
-                               "--error")
+                          help="hours that a build may take here: the least errors that they surely buy, in the "
+                               "ratios of --error")
     accuracy.add_argument("--count", type=common.positive, metavar="N",
                           help="examples to predict hours and bytes of (default: as many as the spec has)")
     accuracy.add_argument("--within", type=common.positive_number, default=0.1, metavar="SHARE",

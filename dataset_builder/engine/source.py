@@ -88,7 +88,7 @@ def _tree(text: str) -> ast.Module:
 
 @cache
 def _imports(text: str, typing: bool) -> tuple[ast.Import | ast.ImportFrom, ...]:
-    """Of a module, once for all roots that import it; so is `_code`."""
+    """Of a module's text; found once for all roots that import it, as `_code` is."""
     return tuple(node for node in _statements(_tree(text), typing) if isinstance(node, (ast.Import, ast.ImportFrom)))
 
 
@@ -134,7 +134,7 @@ def _does_nothing(node: Any, *, declares: bool) -> bool:
 
 
 def _statements(node: ast.AST, typing: bool) -> Iterator[ast.AST]:
-    """All below a node; expressions, most of a tree, have none inside."""
+    """All below a node. Expressions, most of a tree, are not searched: they hold no statements."""
     for child in ast.iter_child_nodes(node):
         if isinstance(child, (ast.stmt, ast.ExceptHandler, ast.match_case)) and (typing or not _is_typing(child)):
             yield child

@@ -45,8 +45,8 @@ def around(axes: np.ndarray, turns: np.ndarray) -> np.ndarray:
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:
-    """(N, 3) vectors brought to length 1. As NumPy has it, which takes three times as long for the few paths of most
-    steps; `_cross` likewise."""
+    """(N, 3) vectors brought to length 1. NumPy's own functions for this and for `_cross` take three times as long
+    where paths are few, as in most steps."""
     x, y, z = (vectors * vectors).T
     unit: np.ndarray = vectors / np.sqrt(x + y + z)[:, None]
     return unit

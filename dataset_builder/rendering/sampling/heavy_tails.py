@@ -31,10 +31,10 @@ FEWEST = 25
 CLOSEST = 0.9
 """Shape beyond which the mean of what has not come is no longer worked out: it has none from 1."""
 TOGETHER, PRIOR = 1.4, 1.0
-"""Where pixels share light paths: the standard error of their mean over what they would give if they were independent,
-to begin with; and the degrees of freedom that this counts for beside the two of what halves of the batches differ by.
-It depends on the scene and grows with the number of pixels: in the mini dataset 0.8 to 3.3 at 32x32, and up to 4.4 at
-96x96."""
+"""Where pixels share light paths: the standard error of their mean over that of independent pixels, as it is assumed
+before batches are looked at; and the degrees of freedom that this counts for, beside two from the batches. The true
+ratio depends on the scene and grows with the number of pixels: in the mini dataset 0.8 to 3.3 at 32x32, and up to 4.4
+at 96x96."""
 
 
 @dataclass(frozen=True, kw_only=True)

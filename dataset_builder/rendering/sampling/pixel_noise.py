@@ -87,8 +87,8 @@ def _of_sides(means: np.ndarray, own: np.ndarray, outline: np.ndarray, between: 
 
 def moderated(found: Estimate, pixels: np.ndarray, width: int) -> Estimate:
     """The estimate with each pixel's variance drawn towards what is to be expected there: what it is on 5 x 5 pixels
-    about it, outlines left out, and what an outline across the pixel itself makes. Where there is one, it is what the
-    pixel's two sides have by its share of them.
+    about it, outlines left out, and what an outline across the pixel itself makes. Where there is one, the noise of its
+    two sides, each by its share of the pixel, takes the place of that on 5 x 5 pixels.
 
     s^2 = (f s_own^2 + g (s_around^2 + s_outline^2)) / (f + g) with f + g degrees of freedom (Smyth, Statistical
     Applications in Genetics and Molecular Biology 3(1), 2004, section 3), s^2 being the variance of one sample and g

@@ -2,8 +2,8 @@
 
 Samples and goals for an asked error follow from errors and counts of samples alone; times price them, and choose
 between goals and one number for all. Hours are turned into an error of a coarse series, the least whose hours are
-surely within those asked for: their 95% interval and all. Both choices have steps. No rule without steps turns times
-into settings that do not follow every change of a time; steps are few, and at one either answer is as good.
+surely within those asked for: their 95% interval and all. Both choices have steps: without steps, settings would follow
+every change of a time. Steps are few, and at one either answer is as good.
 """
 
 import math

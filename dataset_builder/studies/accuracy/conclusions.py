@@ -103,7 +103,7 @@ class Conclusions:
 def write_about(folder: Path, work: DatasetWork, setup: Setup, asked: AskedAccuracy) -> None:
     """Write what conclusions need besides the table. Raises OutputError."""
     write_atomic(folder / ANSWER, canonical_json({"asked": asdict(asked), "setup": asdict(setup),
-                                                 "work": asdict(work)}))
+                                                  "work": asdict(work)}))
 
 
 def read_conclusions(rows: Sequence[AccuracyRow], spec: Path, folder: Path) -> Conclusions:

@@ -55,13 +55,13 @@ def test_longer_tails_to_both_sides_take_none_of_it(count: int) -> None:
     assert np.mean(shares >= sure_share(count)) >= SURE - BOUND
 
 
-@pytest.mark.parametrize(("count", "least"), [(3, 0.77), (8, 0.74), (16, 0.72)])
-def test_a_tail_to_the_noisy_side_alone_takes_some(count: int, least: float) -> None:
+@pytest.mark.parametrize(("count", "share"), [(3, 0.77), (8, 0.74), (16, 0.72)])
+def test_a_tail_to_the_noisy_side_alone_takes_some(count: int, share: float) -> None:
     """Noise of Pareto's law: logarithms are exponential. The page says so."""
     shares = held(count, lambda random, size: random.exponential(1, size), lambda x: 1 - math.exp(-max(x, 0)))
     kept = float(np.mean(shares >= sure_share(count)))
     print(f"{count} examples, Pareto: {shares.mean():.1%} on average, the sure share in {kept:.1%}")
-    assert kept == pytest.approx(least, abs=1.5 * BOUND)
+    assert kept == pytest.approx(share, abs=1.5 * BOUND)
 
 
 def test_sure_shares_by_hand() -> None:
