@@ -69,10 +69,10 @@ def imports_of(name: str, sources: Mapping[str, str], *, typing: bool = False) -
     typing: with what stands under `if TYPE_CHECKING`, which never runs.
     """
     found = set[str]()
-    for node in _walk(_tree(sources[name]), typing=typing):
+    for node in _imports(sources[name], typing):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
+        else:
             base = node.module or ""
             if node.level:
                 folder = [ROOT.name, *name.split(".")][:-node.level]
@@ -87,8 +87,13 @@ def _tree(text: str) -> ast.Module:
 
 
 @cache
+def _imports(text: str, typing: bool) -> tuple[ast.Import | ast.ImportFrom, ...]:
+    """Of a module, once for all roots that import it; so is `_code`."""
+    return tuple(node for node in _statements(_tree(text), typing) if isinstance(node, (ast.Import, ast.ImportFrom)))
+
+
+@cache
 def _code(text: str) -> str:
-    """Of a module, once for all roots that import it."""
     return code(_tree(text))
 
 
@@ -128,11 +133,12 @@ def _does_nothing(node: Any, *, declares: bool) -> bool:
     return _is_typing(node) or (isinstance(node, ast.AnnAssign) and node.value is None and not declares)
 
 
-def _walk(node: ast.AST, *, typing: bool) -> Iterator[ast.AST]:
-    yield node
+def _statements(node: ast.AST, typing: bool) -> Iterator[ast.AST]:
+    """All below a node; expressions, most of a tree, have none inside."""
     for child in ast.iter_child_nodes(node):
-        if typing or not _is_typing(child):
-            yield from _walk(child, typing=typing)
+        if isinstance(child, (ast.stmt, ast.ExceptHandler, ast.match_case)) and (typing or not _is_typing(child)):
+            yield child
+            yield from _statements(child, typing)
 
 
 def _is_typing(node: Any) -> bool:

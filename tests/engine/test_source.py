@@ -66,7 +66,10 @@ def test_what_is_imported_anywhere_counts_and_what_is_not_does_not() -> None:
 
 
 @pytest.mark.parametrize("how", ["from dataset_builder.folder import d", "import dataset_builder.folder.d",
-                                 "from dataset_builder.folder.d import Y", "def g():\n    from .folder.d import Y"])
+                                 "from dataset_builder.folder.d import Y", "def g():\n    from .folder.d import Y",
+                                 "try:\n    A = 1\nexcept OSError:\n    import dataset_builder.folder.d",
+                                 "match 1:\n    case 1:\n        with f():\n            from .folder import d",
+                                 "class C:\n    if f():\n        A = 1\n    else:\n        from .folder import d"])
 def test_a_new_import_brings_a_module_in(how: str) -> None:
     wider = {**SMALL, "b": f"{SMALL['b']}{how}\n"}
     assert closure(["a"], wider) - closure(["a"], SMALL) == {"folder.d"}

@@ -13,7 +13,7 @@ from scipy.stats import t
 FLOOR = 0.1
 """Share of a layer's mean below which a pixel's error counts in absolute terms."""
 
-FIGURES = ("mean", "error", "freedom", "half", "peak")
+FIGURES = ("mean", "error", "freedom", "half", "odd", "peak")
 """Arrays (P, C) of an estimate."""
 
 
@@ -32,6 +32,9 @@ class Estimate:
     half: np.ndarray
     """(P, C) mean of the first half of the batches, rounded down; of the first of two halves that judge each other.
     With an even number of batches, 2 `mean` - `half` is independent of it. `mean` where there is one batch."""
+    odd: np.ndarray
+    """(P, C) mean of every other batch, from the first; of two halves that judge each other, mean of what each has as
+    `half`. Where four divides the number of batches, its difference to `mean` is independent of that of `half`."""
     peak: np.ndarray
     """(P, C) the largest contribution of one batch to the sum of all `spp` samples: |batch mean| x its samples."""
 
@@ -40,19 +43,19 @@ class Estimate:
         """No pixels, enough channels for any pass."""
         nothing = np.zeros((0, channels))
         return cls(mean=nothing, error=nothing, spp=np.zeros(0, dtype=np.int64), freedom=nothing,
-                   half=nothing, peak=nothing)
+                   half=nothing, odd=nothing, peak=nothing)
 
     @classmethod
     def exact(cls, values: np.ndarray) -> "Estimate":
         """(P, C) values known without noise, from one sample."""
         values = values.astype(np.float64)
         return cls(mean=values, error=np.zeros_like(values), spp=np.ones(len(values), dtype=np.int64),
-                   freedom=np.full(values.shape, np.inf), half=values, peak=np.abs(values))
+                   freedom=np.full(values.shape, np.inf), half=values, odd=values, peak=np.abs(values))
 
     def padded(self, channels: int) -> "Estimate":
         """With further channels that are exactly 0."""
         more = ((0, 0), (0, channels - self.mean.shape[1]))
-        values = {name: np.pad(getattr(self, name), more) for name in ("mean", "error", "half", "peak")}
+        values = {name: np.pad(getattr(self, name), more) for name in ("mean", "error", "half", "odd", "peak")}
         return Estimate(**values, spp=self.spp, freedom=np.pad(self.freedom, more, mode="edge"))
 
     def rounded(self) -> "Estimate":
@@ -74,11 +77,12 @@ def of_batches(means: np.ndarray, spp: int) -> Estimate:
     error = np.sqrt(squares / (batches * (batches - 1))) if batches > 1 else np.full_like(mean, np.inf)
     first = max(batches // 2, 1)
     half = sum(means[:, b] for b in range(first)) / first
+    odd = sum(means[:, b] for b in range(0, batches, 2)) / ((batches + 1) // 2)
     peak = np.abs(means[:, 0])
     for b in range(1, batches):
         peak = np.maximum(peak, np.abs(means[:, b]))
     return Estimate(mean=mean, error=error, spp=np.full(len(mean), spp, dtype=np.int64),
-                    freedom=np.full_like(mean, batches - 1), half=half, peak=peak * (spp / batches))
+                    freedom=np.full_like(mean, batches - 1), half=half, odd=odd, peak=peak * (spp / batches))
 
 
 def pooled(estimates: Sequence[Estimate]) -> Estimate:
@@ -97,9 +101,11 @@ def pooled(estimates: Sequence[Estimate]) -> Estimate:
     most = sum(np.where(share > 0, found.freedom, 0) for share, found in zip(shares, estimates, strict=True))
     with np.errstate(divide="ignore", invalid="ignore"):
         freedom = np.where(doubt > 0, variance**2 / doubt, most)
-    half = sum(share * found.half for share, found in zip(shares, estimates, strict=True))
+    half, odd = (sum(share * getattr(found, name) for share, found in zip(shares, estimates, strict=True))
+                 for name in ("half", "odd"))
     peak = np.max([found.peak for found in estimates], axis=0)
-    return Estimate(mean=mean, error=np.sqrt(variance), spp=spp, freedom=freedom, half=half, peak=peak)
+    return Estimate(mean=mean, error=np.sqrt(variance), spp=spp, freedom=freedom, half=half, odd=odd,
+                    peak=peak)
 
 
 def averaged(halves: Sequence[Estimate]) -> Estimate:
@@ -114,7 +120,8 @@ def averaged(halves: Sequence[Estimate]) -> Estimate:
     # In samples of the average, where those of a half that took fewer weigh more
     peak = np.max([found.peak * (spp / (n * np.maximum(found.spp, 1)))[:, None] for found in halves], axis=0)
     return Estimate(mean=np.sum([found.mean for found in halves], axis=0) / n, error=np.sqrt(variance), spp=spp,
-                    freedom=freedom, half=halves[0].mean, peak=peak)
+                    freedom=freedom, half=halves[0].mean, odd=np.sum([found.half for found in halves], axis=0) / n,
+                    peak=peak)
 
 
 def gathered(found: Estimate, entries: np.ndarray, count: int) -> Estimate:
@@ -136,7 +143,7 @@ def gathered(found: Estimate, entries: np.ndarray, count: int) -> Estimate:
     n = np.maximum(number, 1)[:, None]
     return Estimate(mean=total(found.mean) / n, error=np.sqrt(total(found.error**2)) / n,
                     spp=total(found.spp).astype(np.int64), freedom=total(found.freedom),
-                    half=total(found.half) / n, peak=total(found.peak, np.maximum))
+                    half=total(found.half) / n, odd=total(found.odd) / n, peak=total(found.peak, np.maximum))
 
 
 def relative(mean: np.ndarray, error: np.ndarray) -> np.ndarray:

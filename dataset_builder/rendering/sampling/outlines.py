@@ -5,6 +5,8 @@ number, though the truth lies between two of them. Their spread then says nothin
 outline. What the spread should be follows from the contrast between a pixel's neighbours.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from dataset_builder.rendering.sampling.moments import Estimate
@@ -18,6 +20,10 @@ UNSEEN = 0.25
 """Samples added on either side: one sample's width is two standard errors, so that the interval of a pixel beside an
 outline holds a share that no sample may have met."""
 
+ALONE = 2.0
+"""The same where a batch is one sample, and nothing is stratified (Agresti and Coull, The American Statistician 52,
+1998). In batches of n it is this times n^-1.5, as the variance of shares is, and never less than UNSEEN."""
+
 CHANCE = 10.0
 """Squared range of nine independent means over their variance, about as expected of normal ones (9.5): contrast that
 noise makes by itself."""
@@ -29,21 +35,49 @@ def share_variance(share: np.ndarray, samples: np.ndarray) -> np.ndarray:
     return np.minimum(share * (1 - share), STRATA / np.sqrt(samples))
 
 
-def outline_variance(found: Estimate, noise: np.ndarray, pixels: np.ndarray, width: int) -> np.ndarray:
-    """(P, C) variance of one sample of each pixel that an outline across it would make, 0 where there is no contrast.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sides:
+    """(P, C) each: what lies on either side of an outline that may cross a pixel."""
 
-    The lowest and the highest mean among a pixel and its up to eight neighbours are taken for the two sides, and its
-    own mean between them for the share; a mean that lies outside its neighbours' may have any. noise: (P, C) variance
-    of one sample about each pixel, which makes contrast too. pixels: (P,) indices row * width + column.
-    """
+    low: np.ndarray
+    """The lowest mean among the pixel and its up to eight neighbours."""
+    high: np.ndarray
+    """The highest."""
+    outside: np.ndarray
+    """Of truth: whether either is the pixel's own alone."""
+    told: np.ndarray
+    """Share of (high - low)^2 that noise does not make by itself, 0 to 1."""
+
+    @property
+    def contrast(self) -> np.ndarray:
+        """(P, C) difference of the two."""
+        return self.high - self.low
+
+
+def sides(found: Estimate, noise: np.ndarray, pixels: np.ndarray, width: int) -> Sides:
+    """Sides by the means of pixels and their neighbours. noise: (P, C) variance of one sample about each pixel. pixels:
+    (P,) indices row * width + column."""
     low, high = _extremes(found.mean, pixels, width)
     outside = (found.mean < low) | (found.mean > high)
     low, high = np.minimum(low, found.mean), np.maximum(high, found.mean)
-    contrast, spp = high - low, found.spp[:, None]
-    share = np.divide(found.mean - low, contrast, out=np.zeros_like(contrast), where=contrast > 0)
-    share = (np.where(outside, 0.5, share) * spp + UNSEEN) / (spp + 2 * UNSEEN)
-    squared = np.maximum(contrast**2 - CHANCE * noise / spp, 0)
-    return squared * share_variance(share, spp / (found.freedom + 1))
+    squared = (high - low) ** 2
+    told = np.maximum(squared - CHANCE * noise / found.spp[:, None], 0)
+    return Sides(low=low, high=high, outside=outside,
+                 told=np.divide(told, squared, out=np.zeros_like(told), where=squared > 0))
+
+
+def outline_variance(found: Estimate, between: Sides) -> np.ndarray:
+    """(P, C) variance of one sample of each pixel that an outline across it would make, 0 where there is no contrast.
+
+    A pixel's mean between its two sides is taken for its share of them; one that lies outside its neighbours' may have
+    any.
+    """
+    contrast, spp = between.contrast, found.spp[:, None]
+    samples = spp / (found.freedom + 1)
+    share = np.divide(found.mean - between.low, contrast, out=np.zeros_like(contrast), where=contrast > 0)
+    unseen = np.maximum(UNSEEN, ALONE * samples**-1.5)
+    share = (np.where(between.outside, 0.5, share) * spp + unseen) / (spp + 2 * unseen)
+    return between.told * contrast**2 * share_variance(share, samples)
 
 
 def _extremes(values: np.ndarray, pixels: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:

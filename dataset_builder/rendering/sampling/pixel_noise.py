@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from dataset_builder.rendering.sampling.moments import Estimate, relative
-from dataset_builder.rendering.sampling.outlines import outline_variance
+from dataset_builder.rendering.sampling.outlines import Sides, outline_variance, sides
 
 PRIOR = 12.0
 """Degrees of freedom that the neighbours' noise counts for at most. Intervals of real scenes cover best so,
@@ -18,6 +18,13 @@ PRIOR = 12.0
 
 EXPLAINED = 4.0
 """Variances up to this multiple of an outline's own are the outline's, and say nothing about the pixels around."""
+
+SURE = 3.0
+"""Squared contrast, in those that noise is expected to make, above which a pixel begins to count as crossed: normal
+means have as much at one pixel in 300."""
+
+TINY = 1e-9
+"""Weight of a side, in shares of its brightness, that is rounding."""
 
 MIN_DEVIATION = 0.15
 """Deviation at least, in root mean squares over the layer: few samples may have missed what makes a pixel noisy."""
@@ -57,9 +64,31 @@ def _smoothed(values: np.ndarray, pixels: np.ndarray, width: int) -> np.ndarray:
     return values
 
 
+def _of_sides(means: np.ndarray, own: np.ndarray, outline: np.ndarray, between: Sides, pixels: np.ndarray,
+              width: int) -> np.ndarray:
+    """(P, C) variance of one sample that the two sides of an outline give each pixel, by its share of them.
+
+    A lamp or a black wall has no noise of its own beside one that is lit: the mean of all around is that of neither. So
+    each neighbour counts for a side by how near it is to it, unless its variance is an outline's. A pixel outside its
+    neighbours has more in it than they can tell, such as a lamp smaller than a pixel: its own variance counts there,
+    if it is more. own: (P, C) variance of one sample, by batches; outline: (P, C) `outline_variance`.
+    """
+    least, counted = means.min(axis=0), own >= EXPLAINED * outline
+    level, low, high = means - least, between.low - least, between.high - least
+    count, levels, noise, product = np.split(around(np.concatenate(
+        [counted, counted * level, counted * own, counted * own * level], axis=1), pixels, width), 4, axis=1)
+    of_each = []
+    for weight, total in ((levels - low * count, product - low * noise),
+                          (high * count - levels, high * noise - product)):
+        of_each.append(np.divide(total, weight, out=np.zeros_like(total), where=weight > TINY * high))
+    mixed = ((level - low) * of_each[0] + (high - level) * of_each[1]) / np.maximum(high - low, np.finfo(float).tiny)
+    return np.maximum(mixed, between.outside * np.maximum(own - outline, 0))
+
+
 def moderated(found: Estimate, pixels: np.ndarray, width: int) -> Estimate:
     """The estimate with each pixel's variance drawn towards what is to be expected there: what it is on 5 x 5 pixels
-    about it, outlines left out, and what an outline across the pixel itself makes.
+    about it, outlines left out, and what an outline across the pixel itself makes. Where there is one, it is what the
+    pixel's two sides have by its share of them.
 
     s^2 = (f s_own^2 + g (s_around^2 + s_outline^2)) / (f + g) with f + g degrees of freedom (Smyth, Statistical
     Applications in Genetics and Molecular Biology 3(1), 2004, section 3), s^2 being the variance of one sample and g
@@ -70,8 +99,11 @@ def moderated(found: Estimate, pixels: np.ndarray, width: int) -> Estimate:
         return found
     spp = found.spp[:, None]
     own = found.error**2 * spp
-    outline = outline_variance(found, _smoothed(own, pixels, width), pixels, width)
+    between = sides(found, _smoothed(own, pixels, width), pixels, width)
+    outline = outline_variance(found, between)
     smooth = _smoothed(np.where(own <= EXPLAINED * outline, 0, own), pixels, width)
+    crossed = np.where(outline > 0, np.maximum(1 - SURE * (1 - between.told), 0), 0)
+    smooth = (1 - crossed) * smooth + crossed * _of_sides(found.mean, own, outline, between, pixels, width)
     prior = np.minimum(PRIOR, found.freedom * _neighbours(pixels, width)[:, None])
     freedom = found.freedom + prior
     variance = (found.freedom * own + prior * (smooth + outline)) / freedom

@@ -43,6 +43,9 @@ def test_the_first_half_and_the_largest_contribution_by_hand():
     halves = averaged([a, b])
     # Half of the mean is b's, and half of that its first batch's 8: 2 of the mean, 40 of twenty samples
     assert halves.half[0, 0] == a.mean[0, 0] and halves.peak[0, 0] == pytest.approx(40)
+    # The first and third of a, the first of b; where they judge each other, both first halves
+    assert a.odd[0, 0] == 0.5 and b.odd[0, 0] == 8.0 and both.odd[0, 0] == pytest.approx((16 * 0.5 + 4 * 8) / 20)
+    assert halves.odd[0, 0] == (1 + 8) / 2
     alone = of_batches(np.array([[[5.0]]]), spp=2)
     assert alone.half[0, 0] == 5.0 and alone.peak[0, 0] == 10.0
     exact = Estimate.exact(np.array([[-2.0]])).padded(2)
@@ -53,6 +56,7 @@ def test_entries_keep_the_largest_contribution():
     entries = of_batches(np.array([[[1.0], [2.0]], [[4.0], [0.0]], [[1.0], [1.0]]]), spp=8)
     found = gathered(entries, np.array([0, 0, 2]), 3)
     assert found.peak[:, 0].tolist() == [16.0, 0.0, 4.0] and found.half[:, 0].tolist() == [2.5, 0.0, 1.0]
+    assert found.odd[:, 0].tolist() == [2.5, 0.0, 1.0]
 
 
 def test_rounds_weigh_by_their_samples():

@@ -2,12 +2,15 @@
 
 import re
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from PIL import Image
 
+from dataset_builder.report.accuracy_answers import asked_sentence, trust_sentences
 from dataset_builder.studies.accuracy.conclusions import Conclusions
+from dataset_builder.studies.accuracy.rows import OTHERS
 from tools import accuracy_docs
 
 PAGE = accuracy_docs.PAGE.read_text(encoding="utf-8")
@@ -45,3 +48,24 @@ def _stamps(files: Iterable[Path]) -> Iterator[str]:
 
 def test_the_advice_does_not_follow_the_noise_of_timings(found: Conclusions) -> None:
     assert found.changed == 0
+
+
+def test_asked_hours_name_what_they_may_just_miss(found: Conclusions) -> None:
+    asked = replace(found.asked, hours=found.answers.uniform(found.errors).core_hours / 2)  # type: ignore[union-attr]
+    bought = Conclusions.of(found.rows, found.spec, found.work, found.setup, asked)
+    _, finer = bought.answers.of_hours(asked, found.setup.workers)
+    said = asked_sentence(bought)
+    assert finer is not None and f"i_t {finer.errors['i_t'][1]:.2g}, " in said.partition("The next errors down")[2]
+    assert said.endswith("not surely within what was asked.") and "next errors" not in asked_sentence(found)
+
+
+@pytest.mark.parametrize(("layer", "count", "said"), [
+    ("i_t", 1, "WARNING: how examples differ is known from 1 of them: 95% are expected below these errors, and no "),
+    ("i_t", 7, "and 86% surely (with a confidence of 90%, where noise is log-normal); measure more"),
+    ("i_t", 8, "How examples differ is known from 8 of them: 95% are expected below these errors, and 87% surely")])
+def test_what_is_sure_is_said_of_the_examples_that_there_are(found: Conclusions, layer: str, count: int,
+                                                             said: str) -> None:
+    dropped = [row for row in found.rows if (row.question, row.layer) == (OTHERS, layer) and row.unknown != 1][count:]
+    rows = [row for row in found.rows if not any(row is other for other in dropped)]
+    told = trust_sentences(Conclusions.of(rows, found.spec, found.work, found.setup, found.asked))
+    assert sum(said in one for one in told) == 1
