@@ -54,6 +54,17 @@ def test_the_error_of_even_noise_by_hand():
     assert said.top_share == pytest.approx(error / PIXELS) and said.tail == 0.0
 
 
+@pytest.mark.parametrize(("batches", "halves"), [([2.1, 1.9, 2.1, 1.9], (0, 0.1)), ([2.1, 2.1, 1.9, 1.9], (0.1, 0)),
+                                                 ([2.3, 2.1, 1.9, 1.7], (0.2, 0.1))])
+def test_the_error_of_what_batches_share_by_hand(batches: list[float], halves: tuple[float, float]):
+    """What the first half of the batches is off the mean of 2, and every other batch, beside what pixels say."""
+    found = layer(np.tile(batches, (PIXELS, 1)))
+    said = layer_mean(found, ALL, EVERYWHERE, together=True)
+    pixels = found.error[0, 0] / np.sqrt(PIXELS)
+    error = np.sqrt(((1.4 * pixels) ** 2 + halves[0] ** 2 + halves[1] ** 2) / 3)
+    assert said.error == pytest.approx(np.hypot(error / 2, said.expected))
+
+
 def test_a_bright_lamp_without_noise_is_no_tail():
     rng = np.random.default_rng(4)
     means = rng.normal(1, 0.1, (PIXELS, BATCHES))

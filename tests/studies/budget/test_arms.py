@@ -3,19 +3,19 @@
 from dataclasses import replace
 from pathlib import Path
 from time import process_time
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
 
 from dataset_builder.errors import UserError
-from dataset_builder.lightnet.settings import load_training
+from dataset_builder.lightnet.settings import ObjectiveSpec, load_training
 from dataset_builder.planning.catalogue import examples, pairs_of
 from dataset_builder.planning.effects import light_left
 from dataset_builder.rendering import oidn
 from dataset_builder.spec.dataset import DatasetSpec
 from dataset_builder.spec.load import load_dataset
-from dataset_builder.studies.budget.arms import Mix, arms_of, even, mixes_of
+from dataset_builder.studies.budget.arms import LOSSES, Mix, arms_of, even, mixes_of
 from dataset_builder.studies.budget.budget_study import (
     SIZES,
     BudgetStudy,
@@ -66,6 +66,10 @@ def test_losses_that_expect_noise_are_tried_on_the_examples_of_plain_ones() -> N
     for name in ("4-weighted-x3", "4-two_samples-x3"):
         assert replace(found[name], noise="plain") == found["4-x3"] and not found[name].even
     assert found["4-two_samples-x3"].title == "4 spp raw, loss of two samples, 36 examples"
+
+
+def test_all_that_losses_can_make_of_noise_is_tried() -> None:
+    assert tuple(LOSSES) == get_args(ObjectiveSpec.model_fields["noise"].annotation)
 
 
 def test_losses_that_expect_noise_find_what_they_need(small_spec: Path) -> None:
