@@ -16,11 +16,11 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 MEMORY = 3 * 2**30
 """Bytes that a process of tests may need: it imports every library there is."""
-FIRST = ("tests/engine/test_ray_", "tests/engine/test_local.py", "tests/test_docs.py", "tests/whole/", "tests/studies/",
-         "tests/rendering/", "tests/lightnet/", "tests/engine/")
-"""What starts first where several processes share the tests, so that none waits for another's long file at the end."""
-CLUSTERS = FIRST[:2]
+CLUSTERS = ("tests/engine/test_ray_", "tests/engine/test_local.py")
 """Files that start Ray clusters, each of several machines: one after the other, in one process."""
+FIRST = (*CLUSTERS, "tests/test_docs.py", "tests/whole/", "tests/studies/", "tests/rendering/", "tests/lightnet/",
+         "tests/engine/")
+"""What starts first where several processes share the tests, so that none waits for another's long file at the end."""
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
