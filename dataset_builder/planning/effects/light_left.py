@@ -40,7 +40,7 @@ SIGMAS, DOUBT = 3.09, 1e-3
 PATHS, GLASS_PATHS, FOG_PATHS, MOST_PATHS = 5.0, 10.0, 40.0, 8192
 """Paths of each kind per 1 / bias; with solid glass and in thick fog, where a few carry much; at most."""
 THICK = 0.5
-"""Fog is thick where it scatters light so many times per metre or more: long paths bring most where they pass a lamp."""
+"""Times per metre that fog must scatter light to be thick: long paths then bring most where they pass a lamp."""
 RAW = ("s", "s_prime")
 """Layers of raw lighting."""
 LONG, WORTH, MORE = 24, 1.5, 4
