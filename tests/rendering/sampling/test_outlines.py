@@ -11,9 +11,9 @@ from dataset_builder.rendering.passes import RADIANCE_CHANNELS, primary_ray, rad
 from dataset_builder.rendering.sampling.adaptive import Goal, more_samples, refine
 from dataset_builder.rendering.sampling.estimate import Samplers
 from dataset_builder.rendering.sampling.moments import Estimate, of_batches
-from dataset_builder.rendering.sampling.outlines import STRATA, outline_variance, share_variance, sides
+from dataset_builder.rendering.sampling.outlines import STRATA, Sides, outline_variance, share_variance, sides
 from dataset_builder.rendering.sampling.owen_sobol import OwenSobol
-from dataset_builder.rendering.sampling.pixel_noise import moderated
+from dataset_builder.rendering.sampling.pixel_noise import _of_sides, moderated
 from dataset_builder.rendering.scene.open_scene import OpenScene
 from dataset_builder.rendering.view_sensor import ViewSensor
 from tests.rendering.transport.joined_bench import lit, room, view_of
@@ -151,6 +151,17 @@ def test_sides_keep_their_noise() -> None:
     outline = outline_variance(found, sides(found, np.ones((len(PIXELS), 1)), PIXELS, WIDTH))
     border = PIXELS % WIDTH == 6
     assert (variance - 12 / 15 * outline)[border & (PIXELS // WIDTH > 1)].mean() == pytest.approx(1, rel=0.1)
+
+
+def test_each_side_counts_by_its_share_by_hand() -> None:
+    """A quarter of the pixel between is bright, where noise is 1, and the rest dark, where it is 0.2: 0.4."""
+    means = np.tile([0.0, 25.0, 100.0], 3)[:, None]
+    between = Sides(low=np.zeros((9, 1)), high=np.full((9, 1), 100.0), outside=np.zeros((9, 1), bool),
+                    told=np.ones((9, 1)))
+    noise = np.where(means == 100, 1.0, 0.2)
+    noise[1::3] = 0
+    outline = np.where(means == 25, 1.0, 0.0)
+    assert _of_sides(means, noise, outline, between, np.arange(9), 3)[4, 0] == pytest.approx(0.4)
 
 
 def test_noise_alone_is_no_outline() -> None:
