@@ -1,7 +1,7 @@
 """What the planned path depths lose of the light, and what planning them costs.
 
     python -m benchmarks.path_depths                              ten sheets of glass, an onion, fog of 3/m, mini rooms
-    python -m benchmarks.path_depths --only fog --fog 1 3 5 --size 24
+    python -m benchmarks.path_depths --only fog --fog 1 3 5 --set 'image={width: 24, height: 24}'
     python -m benchmarks.path_depths --spec FILE --passes 0s 0t --set render.bias=0.05
 
 Every pass is rendered twice along the same camera paths, cut at the planned number of edges and much longer ones: what

@@ -86,12 +86,14 @@ NO_MEMORY = PassMemory(None, {})
 
 
 def to_bytes(found: PassFound) -> bytes:
-    """A pass as an npz file without pickles; values that are one number throughout are stored once."""
+    """A pass as an npz file without pickles; values that are one number throughout are stored once, and figures that
+    are the mean not at all."""
     arrays: dict[str, Any] = {"pixels": found.pixels.astype(np.int64), "iterations": np.array(found.sampled.iterations),
               "stopped": _pairs(found.sampled.stopped), "facts": np.array(list(found.facts)),
               "values": np.array(list(found.facts.values()), dtype=np.float64)}
     for number, half in enumerate(found.sampled.halves):
-        arrays |= {f"{name}{number}": _narrow(_once(getattr(half, name))) for name in FIGURES}
+        arrays |= {f"{name}{number}": _narrow(_once(getattr(half, name))) for name in FIGURES
+                   if name == "mean" or getattr(half, name) is not half.mean}
         arrays[f"spp{number}"] = _once(half.spp.astype(np.int64))
         arrays[f"shape{number}"] = np.array(half.mean.shape)
     stream = io.BytesIO()
@@ -114,8 +116,10 @@ def from_bytes(data: bytes) -> PassFound | None:
 
 def _half(arrays: Mapping[str, np.ndarray], number: int) -> Estimate:
     shape = tuple(arrays[f"shape{number}"])
-    figures = {name: np.broadcast_to(arrays[f"{name}{number}"], shape).astype(np.float64) for name in FIGURES}
-    return Estimate(**figures, spp=np.broadcast_to(arrays[f"spp{number}"], shape[:1]).copy())
+    mean = np.broadcast_to(arrays[f"mean{number}"], shape).astype(np.float64)
+    figures = {name: np.broadcast_to(arrays[key], shape).astype(np.float64)
+               if (key := f"{name}{number}") in arrays else mean for name in FIGURES[1:]}
+    return Estimate(mean=mean, **figures, spp=np.broadcast_to(arrays[f"spp{number}"], shape[:1]).copy())
 
 
 def _once(values: np.ndarray) -> np.ndarray:

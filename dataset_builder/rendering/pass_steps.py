@@ -48,8 +48,7 @@ class PassSteps:
             elif sample:
                 found = replace(found, sampled=more_samples(sample, pixels, known, spp=parts[step], part=step,
                                                             batches=batches, seed=seed))
-            if name in LIT:
-                found = replace(found, sampled=found.sampled.rounded())
+            found = replace(found, sampled=found.sampled.rounded() if name in LIT else found.sampled.without_parts())
             self.memory.keep(plan, name, step + 1, found)
         return found
 

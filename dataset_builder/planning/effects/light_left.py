@@ -37,8 +37,10 @@ MAX_DEPTH = 512
 """Edges of the longest paths that are planned."""
 SIGMAS, DOUBT = 3.09, 1e-3
 """Standard errors that a normal number exceeds with this probability."""
-PATHS, GLASS_PATHS, MOST_PATHS = 5.0, 10.0, 8192
-"""Paths of each kind per 1 / bias, without solid glass and with it, where a few carry much; at most."""
+PATHS, GLASS_PATHS, FOG_PATHS, MOST_PATHS = 5.0, 10.0, 40.0, 8192
+"""Paths of each kind per 1 / bias; with solid glass and in thick fog, where a few carry much; at most."""
+THICK = 0.5
+"""Times per metre that fog scatters light from which on it is thick: long paths bring most where they pass a lamp."""
 RAW = ("s", "s_prime")
 """Layers of raw lighting."""
 LONG, WORTH, MORE = 24, 1.5, 4
@@ -125,7 +127,8 @@ def light_left(*, room: RoomPlan, target: PlacedObject, furniture: Sequence[Plac
     """
     kinds = tuple(dict.fromkeys(_pictures(render, passes)))
     where = (room, target, tuple(furniture), light.open, mesh_root)
-    paths = min(ceil((GLASS_PATHS if glass else PATHS) / bias), MOST_PATHS)
+    thick = fog.extinction * fog.albedo >= THICK
+    paths = min(ceil((FOG_PATHS if thick else GLASS_PATHS if glass else PATHS) / bias), MOST_PATHS)
     key = (where, tuple(kept), fog, camera, render.width, render.height, render.seed, kinds, paths, share, bias)
 
     def trace(paths: int) -> LightLeft:

@@ -80,6 +80,10 @@ class Sampled:
         """In single precision, as it is kept: the same bits, kept or not."""
         return replace(self, halves=tuple(half.rounded() for half in self.halves))
 
+    def without_parts(self) -> "Sampled":
+        """Without what parts of the samples found."""
+        return replace(self, halves=tuple(half.without_parts() for half in self.halves))
+
     @property
     def together(self) -> Estimate:
         """All samples together, each pixel's error as it was found."""

@@ -5,7 +5,7 @@ depend on what it found there, so that pooling by number of samples is unbiased 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import t
@@ -62,6 +62,10 @@ class Estimate:
         """In single precision."""
         return Estimate(spp=self.spp, **{name: getattr(self, name).astype(np.float32).astype(np.float64)
                                          for name in FIGURES})
+
+    def without_parts(self) -> "Estimate":
+        """As of one batch: for layers without light, which nobody asks for parts of their samples."""
+        return replace(self, half=self.mean, odd=self.mean, peak=np.zeros_like(self.mean))
 
     def interval(self, level: float = 0.95) -> np.ndarray:
         """(P, C) half width of the confidence interval of each mean (Student's t)."""
