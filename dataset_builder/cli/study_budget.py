@@ -80,7 +80,7 @@ def _study(options: argparse.Namespace) -> "BudgetStudy":
 
     size = SIZES[options.budget]
     asked = {"least": options.least, "seeds": options.seeds, "held_out": options.held_out,
-             "grid": options.spp and _whole_numbers(options.spp)}
+             "grid": None if options.spp is None else _whole_numbers(options.spp)}
     size = replace(size, **{name: value for name, value in asked.items() if value})
     own = [] if options.config else size.training
     training = common.lightnet(options.config, [*own, *options.train_set], options.steps)
@@ -94,7 +94,7 @@ def _whole_numbers(text: str) -> tuple[int, ...]:
     try:
         return tuple(int(part) for part in text.split(","))
     except ValueError as error:
-        raise UserError(f"--spp: expected whole numbers with commas between them, got {text}") from error
+        raise UserError(f"--spp: expected whole numbers with commas between them, got {text or 'nothing'}") from error
 
 
 def _build(study: "BudgetStudy", arms: "Sequence[Arm]") -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from dataset_builder.digest import digest
-from dataset_builder.lightnet.data.lighting_dataset import measured, require, splits_of
+from dataset_builder.lightnet.data.lighting_dataset import LAYERS, measured, require, splits_of
 from dataset_builder.lightnet.methods.checkpoint import load_trained
 from dataset_builder.lightnet.methods.vgg import check_file
 from dataset_builder.lightnet.results.evaluate import Contender, ScoreRow, contender, evaluate, trivial
@@ -98,7 +98,8 @@ def _checked(study: TableStudy) -> DataSpec:
     if study.vgg_weights:
         check_file(study.vgg_weights)
     data = study.base.data.among(splits_of(study.dataset))
-    require(study.dataset, data.held_out)
+    noisy = dict.fromkeys(name for row in study.table.rows if row.spec for name in row.spec.extra)
+    require(study.dataset, data.held_out, (*LAYERS, *noisy))
     return data
 
 

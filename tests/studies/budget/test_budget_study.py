@@ -101,3 +101,10 @@ def test_a_training_may_see_some_examples_alone(tmp_path: Path) -> None:
     job = TrainingJob(dataset=tmp_path / "dataset", out=tmp_path / "out", spec=load_training())
     assert job.identity() != replace(job, keys=keys[:1]).identity()
     assert job.identity() == replace(job, threads=1).identity()
+
+
+@pytest.mark.parametrize(("spp", "got"), [("", "nothing"), ("4.5,8", "4.5,8")])
+def test_spp_are_whole_numbers(tmp_path: Path, capsys: pytest.CaptureFixture[str], spp: str, got: str) -> None:
+    assert main(["study", "budget", str(write_spec(tmp_path)), "--spp", spp, "--out", str(tmp_path / "out")]) == 2
+    assert f"--spp: expected whole numbers with commas between them, got {got}" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

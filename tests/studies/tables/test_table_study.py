@@ -168,6 +168,13 @@ def test_a_training_that_somebody_is_at_is_not_cleared_away(dataset: Path, tmp_p
     theirs.close()
 
 
+def test_what_a_later_row_lacks_is_told_before_the_first_is_trained(dataset: Path, tmp_path: Path,
+                                                                    capsys: pytest.CaptureFixture[str]) -> None:
+    assert tabled(dataset, tmp_path / "out", "noise") == 2
+    assert "the dataset has no i_t_se, i_t_half" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
 def test_an_interrupted_row_alone_is_measured_again(dataset: Path, tmp_path: Path) -> None:
     base = base_of(load_training(None, TINY))
     table = table_kinds.objectives(base)
