@@ -36,7 +36,7 @@ def share_variance(share: np.ndarray, samples: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Sides:
+class OutlineSides:
     """(P, C) each: what lies on either side of an outline that may cross a pixel."""
 
     low: np.ndarray
@@ -54,7 +54,7 @@ class Sides:
         return self.high - self.low
 
 
-def sides(found: Estimate, noise: np.ndarray, pixels: np.ndarray, width: int) -> Sides:
+def sides(found: Estimate, noise: np.ndarray, pixels: np.ndarray, width: int) -> OutlineSides:
     """Sides by the means of pixels and their neighbours. noise: (P, C) variance of one sample about each pixel. pixels:
     (P,) indices row * width + column."""
     low, high = _extremes(found.mean, pixels, width)
@@ -62,11 +62,11 @@ def sides(found: Estimate, noise: np.ndarray, pixels: np.ndarray, width: int) ->
     low, high = np.minimum(low, found.mean), np.maximum(high, found.mean)
     squared = (high - low) ** 2
     told = np.maximum(squared - CHANCE * noise / found.spp[:, None], 0)
-    return Sides(low=low, high=high, outside=outside,
+    return OutlineSides(low=low, high=high, outside=outside,
                  told=np.divide(told, squared, out=np.zeros_like(told), where=squared > 0))
 
 
-def outline_variance(found: Estimate, between: Sides) -> np.ndarray:
+def outline_variance(found: Estimate, between: OutlineSides) -> np.ndarray:
     """(P, C) variance of one sample of each pixel that an outline across it would make, 0 where there is no contrast.
 
     A pixel's mean between its two sides is taken for its share of them; one that lies outside its neighbours' may have

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from dataset_builder.rendering.sampling.moments import Estimate, relative
-from dataset_builder.rendering.sampling.outlines import Sides, outline_variance, sides
+from dataset_builder.rendering.sampling.outlines import OutlineSides, outline_variance, sides
 
 PRIOR = 12.0
 """Degrees of freedom that the neighbours' noise counts for at most. Intervals of real scenes cover best so,
@@ -64,7 +64,7 @@ def _smoothed(values: np.ndarray, pixels: np.ndarray, width: int) -> np.ndarray:
     return values
 
 
-def _of_sides(means: np.ndarray, own: np.ndarray, outline: np.ndarray, between: Sides, pixels: np.ndarray,
+def _of_sides(means: np.ndarray, own: np.ndarray, outline: np.ndarray, between: OutlineSides, pixels: np.ndarray,
               width: int) -> np.ndarray:
     """(P, C) variance of one sample that the two sides of an outline give each pixel, by its share of them.
 

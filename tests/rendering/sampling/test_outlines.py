@@ -11,7 +11,7 @@ from dataset_builder.rendering.passes import RADIANCE_CHANNELS, primary_ray, rad
 from dataset_builder.rendering.sampling.adaptive import Goal, more_samples, refine
 from dataset_builder.rendering.sampling.estimate import Samplers
 from dataset_builder.rendering.sampling.moments import Estimate, of_batches
-from dataset_builder.rendering.sampling.outlines import STRATA, Sides, outline_variance, share_variance, sides
+from dataset_builder.rendering.sampling.outlines import STRATA, OutlineSides, outline_variance, share_variance, sides
 from dataset_builder.rendering.sampling.owen_sobol import OwenSobol
 from dataset_builder.rendering.sampling.pixel_noise import _of_sides, moderated
 from dataset_builder.rendering.scene.open_scene import OpenScene
@@ -156,7 +156,7 @@ def test_sides_keep_their_noise() -> None:
 def test_each_side_counts_by_its_share_by_hand() -> None:
     """A quarter of the pixel between is bright, where noise is 1, and the rest dark, where it is 0.2: 0.4."""
     means = np.tile([0.0, 25.0, 100.0], 3)[:, None]
-    between = Sides(low=np.zeros((9, 1)), high=np.full((9, 1), 100.0), outside=np.zeros((9, 1), bool),
+    between = OutlineSides(low=np.zeros((9, 1)), high=np.full((9, 1), 100.0), outside=np.zeros((9, 1), bool),
                     told=np.ones((9, 1)))
     noise = np.where(means == 100, 1.0, 0.2)
     noise[1::3] = 0
