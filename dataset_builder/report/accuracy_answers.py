@@ -160,6 +160,9 @@ def trust_sentences(found: Conclusions) -> list[str]:
             f"deviation); hours are from {'wall' if found.setup.gpu else 'CPU'} time.",
             f"With timings off by {JITTER:.0%} the settings change in {found.changed:.0%} of {RESAMPLED} resamplings."
             + (_step(found) if found.changed else ""), _sure(measured)]
+    if not found.answers.goals_known:
+        said.append("Goals are not recommended: how errors follow them is not known, since some interval of a holds 0; "
+                    "measure more (--budget medium or full, more --examples).")
     said += [f"The mean of {layer} is not known in {spread.unknown} of {spread.measured} examples: rare bright paths "
              "follow no such law" + (", and what is said of 95% is said of the others."
                                      if spread.unknown < spread.measured else ", and these answers are guesses.")

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from dataset_builder.errors import count_of
 from dataset_builder.report.accuracy_answers import (
     Table,
     answer_table,
@@ -75,8 +76,8 @@ def _lead(found: Conclusions) -> list[str]:
     examples = list(dict.fromkeys(row.example for row in found.rows if row.question == UNIFORM))
     image, setup = found.spec.image, found.setup
     return [
-        f"{len(examples)} examples ({', '.join(examples)}), {image.width}x{image.height} pixels, {setup.machine}, "
-        f"{setup.day}.",
+        f"{count_of(len(examples), 'example')} ({', '.join(examples)}), {image.width}x{image.height} pixels, "
+        f"{setup.machine}, {setup.day}.",
         f"Errors are against references of {setup.reference_spp} spp and depth {REFERENCE_DEPTH} with "
         "independent samples, less the known noise of the references; where that noise hides the error, the point is "
         "hollow and an upper bound. Error is sqrt(relMSE), relMSE = mean((x - r)^2 / (r^2 + 0.01 m^2)), m the mean of "

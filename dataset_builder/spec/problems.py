@@ -121,7 +121,8 @@ def _rule(detail: ErrorDetails, context: dict[str, Any]) -> str:
     if kind == "value_error":
         return str(context["error"])
     if kind == "broken":
-        return context["rule"] + (f", got {value}" if context["known"] else "")
+        rule = context["rule"]
+        return rule + (f", got {value}" if context["known"] and ", got " not in rule else "")
     if kind == "branch":
         return f"{detail['msg']}, got {value}"
     expected = _EXPECTED.get(kind)

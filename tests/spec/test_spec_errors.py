@@ -73,6 +73,8 @@ def messages(path: Path) -> list[str]:
      "expected >= the spp of its pass, 64 of target, got 63"),
     ("render: {spp: 8000, accuracy: {i_s: {error: 0.1}}}",
      "tiny.yaml:6: render.accuracy.i_s.cap: expected >= the spp of its pass, 8000 of source, got 4096"),
+    ("render: {accuracy: {air: {error: 0.1}}}",
+     "render.accuracy.air: expected layers that the dataset holds, got air (known names: i_s, d, r, i_t, "),
     ("render:\n  denoise:\n    layers:\n    - i_t\n    - s\n    - i_t",
      "tiny.yaml:11: render.denoise.layers[2]: expected each layer once, got i_t again"),
     ("source:\n  environment: sky.exr", "tiny.yaml:7: source.environment: expected an image, found none at 'sky.exr'"),

@@ -133,6 +133,11 @@ class Answers:
         found = {layer: (error, error) for layer, error in errors.items()}
         return self._priced(ADAPTIVE, found, {name: max(means) for name, means in spp.items()}, asked, cap)
 
+    @property
+    def goals_known(self) -> bool:
+        """Whether every law of goals is known: the 95% interval of its slope does not hold 0."""
+        return all(law.error.slope > law.error.slope_within for law in self.laws if law.question == ADAPTIVE)
+
     def denoised(self, errors: Mapping[str, float]) -> Answer | None:
         """As `uniform`, with denoised layers; None where its bias is above what is asked."""
         shares = dict[str, float]()
@@ -147,9 +152,9 @@ class Answers:
         return self._priced(DENOISED, {layer: (math.nan, error) for layer, error in errors.items()}, spp)
 
     def of_errors(self, asked: AskedAccuracy, times: float = 1.0) -> Answer | None:
-        """Goals where they take clearly fewer hours than one number for all, else that number. times: the errors."""
+        """Goals where they are known and take clearly fewer hours than one number for all, else that. times: errors."""
         errors = {layer: times * asked.error_of(layer) for layer in self.layers}
-        goals, one = self.goals(errors), self.uniform(errors)
+        goals, one = self.goals(errors) if self.goals_known else None, self.uniform(errors)
         return goals if goals and not (one and goals.core_hours > CLEAR * one.core_hours) else one
 
     def of_hours(self, asked: AskedAccuracy, workers: int) -> tuple[Answer | None, Answer | None]:

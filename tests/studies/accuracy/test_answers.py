@@ -67,6 +67,16 @@ def test_goals_are_chosen_where_they_are_clearly_cheaper() -> None:
     assert getattr(answers(rows).of_errors(AskedAccuracy()), "way", "") == "uniform"
 
 
+def test_goals_whose_law_is_not_known_are_not_recommended() -> None:
+    """Two goals, run once each, and the error of one is half off: t(0.975, 1) is 12.7, so that the interval holds 0."""
+    rows = [row for row in study(NOISES, runs=1) if row.question != "adaptive" or row.value > 0.1]
+    off = [replace(row, relmse_measured=row.relmse_measured / 2) if row.question == "adaptive" and row.value == 0.2
+           else row for row in rows]
+    assert answers(rows).goals_known and not answers(off).goals_known
+    assert answers(off).goals({"i_t": 0.1}) is not None
+    assert getattr(answers(off).of_errors(AskedAccuracy()), "way", "") == "uniform"
+
+
 def test_hours_and_bytes_by_hand() -> None:
     # Per example: 1 s besides, three passes of 0.05 s, two of 100 spp at 1/100 s, source as it is, 64 spp
     answer = answers().fixed({"target": 100, "rough": 100})
