@@ -121,8 +121,8 @@ def _rule(detail: ErrorDetails, context: dict[str, Any]) -> str:
     if kind == "value_error":
         return str(context["error"])
     if kind == "broken":
-        rule = context["rule"]
-        return rule + (f", got {value}" if context["known"] and ", got " not in rule else "")
+        # Where a path leads on, the value holds the culprit, which the rule names
+        return context["rule"] + (f", got {value}" if context["known"] and not context["path"] else "")
     if kind == "branch":
         return f"{detail['msg']}, got {value}"
     expected = _EXPECTED.get(kind)

@@ -64,7 +64,7 @@ class Estimate:
                                          for name in FIGURES})
 
     def without_parts(self) -> "Estimate":
-        """As of one batch: for layers without light, which nobody asks for parts of their samples."""
+        """With the mean for parts of the samples and no peak: of layers without light nobody asks for them."""
         return replace(self, half=self.mean, odd=self.mean, peak=np.zeros_like(self.mean))
 
     def interval(self, level: float = 0.95) -> np.ndarray:

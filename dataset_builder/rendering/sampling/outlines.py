@@ -63,7 +63,7 @@ def sides(found: Estimate, noise: np.ndarray, pixels: np.ndarray, width: int) ->
     squared = (high - low) ** 2
     told = np.maximum(squared - CHANCE * noise / found.spp[:, None], 0)
     return OutlineSides(low=low, high=high, outside=outside,
-                 told=np.divide(told, squared, out=np.zeros_like(told), where=squared > 0))
+                        told=np.divide(told, squared, out=np.zeros_like(told), where=squared > 0))
 
 
 def outline_variance(found: Estimate, between: OutlineSides) -> np.ndarray:

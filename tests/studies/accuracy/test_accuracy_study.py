@@ -3,6 +3,7 @@
 import math
 import re
 import shlex
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
@@ -10,7 +11,7 @@ import pytest
 
 from dataset_builder.cli.main import main
 from dataset_builder.errors import UserError
-from dataset_builder.report.accuracy_answers import summary_lines
+from dataset_builder.report.accuracy_answers import summary_lines, trust_sentences
 from dataset_builder.report.accuracy_laws import law_figure
 from dataset_builder.spec.load import load_dataset
 from dataset_builder.studies.accuracy import accuracy_study
@@ -126,6 +127,15 @@ def test_the_answer_is_that_of_the_files(out: Path, found: Conclusions, rows: li
     # The layer whose mean is known in the fewest examples decides how far the answer can be trusted
     known = min(sum(row.unknown != 1 for row in of(rows, "other-examples", layer)) for layer in ("i_t", "s_prime"))
     assert 0 < known <= 3 and f"WARNING: how examples differ is known from {known} of them" in lines
+
+
+def test_the_layer_known_from_the_fewest_examples_is_told(out: Path, spec: Path, rows: list[AccuracyRow]) -> None:
+    first = of(rows, "other-examples", "s_prime")[0].example
+    changed = [replace(row, unknown=float((row.layer, row.example) == ("s_prime", first)))
+               if row.question == "other-examples" else row for row in rows]
+    said = "\n".join(trust_sentences(read_conclusions(changed, spec, out)))
+    assert "how examples differ is known from 2 of them" in said
+    assert "The mean of s_prime is not known in 1 of 3" in said and "The mean of i_t" not in said
 
 
 def test_hours_are_those_of_the_passes(rows: list[AccuracyRow], found: Conclusions) -> None:
